@@ -1,0 +1,1 @@
+"""ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""

@@ -1,0 +1,168 @@
+"""What a convergence study varies: mesh, element, integrator, step and output."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import DiscretisationError, MeshError, StepError
+from anctmm.scene import Beam, Scene
+from anctmm.validation import number, one_of, positive, within
+
+ELEMENTS = ("cable", "shear")
+QUADRATURES = ("full", "reduced", "lobatto")
+INTEGRATORS = ("zhai", "generalized-alpha")
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """How a scene is cut into elements and steps.
+
+    Parameters
+    ----------
+    mesh : int or mapping of body name to int
+        Elements of each body.
+    element : str or mapping of body name to str
+        "cable" (gradient-deficient, Euler-Bernoulli) or "shear" (the paper's).
+    quadrature : str
+        Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
+    integrator : str
+        "zhai" (explicit) or "generalized-alpha" (implicit).
+    dt, t_end : float
+        Step and run length, s; `t_end` a whole number of steps.
+    output_dt : float, optional
+        Interval of the output, s, a whole number of steps; every step without it.
+    psi, phi : float
+        Zhai's parameters ψ and φ (Rong 2014, eq. 38).
+    spectral_radius : float
+        ρ∞ of generalized-α, in [0, 1].
+    newton_tolerance : float
+        Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute.
+    check_stability : bool
+        Whether an explicit step above the stability limit is refused.
+
+    Raises
+    ------
+    DiscretisationError
+        Or one of its kinds, naming the option, its value and what is allowed.
+    """
+
+    mesh: Any
+    element: Any = "cable"
+    quadrature: str = "full"
+    integrator: str = "generalized-alpha"
+    dt: float = 1e-3
+    t_end: float = 1.0
+    output_dt: float | None = None
+    psi: float = 0.5
+    phi: float = 0.5
+    spectral_radius: float = 0.9
+    newton_tolerance: float = 1e-10
+    check_stability: bool = True
+    steps: int = field(init=False, compare=False)
+    stride: int = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("mesh", "element"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, FrozenMapping(value))
+        for count in _values(self.mesh):
+            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+                raise MeshError(f"mesh is {self.mesh!r}; whole numbers of elements from 1 on are needed")
+        for kind in _values(self.element):
+            one_of("element", kind, ELEMENTS)
+        one_of("quadrature", self.quadrature, QUADRATURES)
+        one_of("integrator", self.integrator, INTEGRATORS)
+        number("psi", self.psi, DiscretisationError)
+        number("phi", self.phi, DiscretisationError)
+        within("spectral_radius", self.spectral_radius, 0.0, 1.0, "[]", DiscretisationError)
+        within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
+        positive("dt (s)", self.dt, StepError)
+        positive("t_end (s)", self.t_end, StepError)
+        output_dt = self.dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
+        object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, self.dt))
+        object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, self.dt), self.steps))
+
+    @property
+    def output_steps(self) -> NDArray[np.int64]:
+        """Numbers of the steps whose result is kept: 0, the stride, … and the last."""
+        kept = np.arange(0, self.steps + 1, self.stride)
+        return kept if kept[-1] == self.steps else np.append(kept, self.steps)
+
+    def times(self, steps: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Times of numbered steps, s, exact at the end of the run."""
+        return steps * (self.t_end / self.steps)
+
+    def of(self, scene: Scene) -> dict[str, tuple[int, str]]:
+        """Number and kind of the elements of every body.
+
+        Raises
+        ------
+        MeshError
+            If a mapping misses a body of the scene or names one it does not have.
+        """
+        names = [b.name for b in scene.bodies]
+        for what in ("mesh", "element"):
+            value = getattr(self, what)
+            if isinstance(value, Mapping) and set(value) != set(names):
+                raise MeshError(
+                    f"{what} is {dict(value)!r}; every body of scene {scene.name!r} and no other is needed: "
+                    f"{', '.join(map(repr, names))}"
+                )
+        return {n: (int(_pick(self.mesh, n)), _pick(self.element, n)) for n in names}
+
+
+class FrozenMapping(dict[str, Any]):
+    """A mapping that can be hashed; nobody changes it."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(sorted(self.items())))
+
+
+def discretise(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
+    """A discretisation given whole, or as keywords.
+
+    Raises
+    ------
+    DiscretisationError
+        If both or neither are given, or a keyword is unknown.
+    """
+    if run is not None:
+        if options or not isinstance(run, Discretisation):
+            raise DiscretisationError(
+                f"run is {run!r} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
+            )
+        return run
+    allowed = [f.name for f in fields(Discretisation) if f.init]
+    unknown = sorted(set(options) - set(allowed))
+    if unknown:
+        raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
+    if "mesh" not in options:
+        raise MeshError("mesh is missing; a number of elements, or one for every body, is needed")
+    return Discretisation(**options)
+
+
+def element_length(body: Beam, elements: int) -> float:
+    """Undeformed length of each of a body's equal elements, m."""
+    return body.length / elements
+
+
+def _values(value: Any) -> list[Any]:
+    return list(value.values()) if isinstance(value, Mapping) else [value]
+
+
+def _pick(value: Any, name: str) -> Any:
+    return value[name] if isinstance(value, Mapping) else value
+
+
+def _multiple(name: str, value: float, dt: float) -> int:
+    count = round(value / dt)
+    if count < 1 or abs(count * dt - value) > 1e-6 * dt:
+        raise StepError(
+            f"{name} is {value!r}; a whole number of steps dt = {dt!r} s is needed, "
+            f"such as {max(count, 1) * dt!r}"
+        )
+    return count

@@ -1,0 +1,117 @@
+"""Histories in time: of a clamp's angle (angle, rate, acceleration) and of loads (one value)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import PropertyError
+from anctmm.validation import number, positive
+
+Angle = Callable[[Any], tuple[Any, Any, Any]]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Quintic:
+    """Rest-to-rest rotation θ(t) = turn · s(t/duration), s(x) = 10x³ − 15x⁴ + 6x⁵, then held.
+
+    Parameters
+    ----------
+    turn : float
+        Whole angle, rad.
+    duration : float
+        Time it takes, s.
+    """
+
+    turn: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        number("Quintic turn (rad)", self.turn)
+        positive("Quintic duration (s)", self.duration)
+
+    def __call__(self, t: Any) -> tuple[Any, Any, Any]:
+        """Angle (rad), rate (rad/s) and acceleration (rad/s²) at the time(s) `t` (s)."""
+        x = np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
+        y = 1.0 - x
+        angle = self.turn * (x**3 * (10.0 + x * (6.0 * x - 15.0)))
+        rate = self.turn / self.duration * (30.0 * (x * y) ** 2)
+        acceleration = self.turn / self.duration**2 * (60.0 * x * y * (y - x))
+        return angle, rate, acceleration
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """Smooth load pulse amplitude · sin²(πt/duration) on [0, duration], then zero."""
+
+    amplitude: float
+    duration: float
+
+    def __post_init__(self) -> None:
+        number("Pulse amplitude", self.amplitude)
+        positive("Pulse duration (s)", self.duration)
+
+    def __call__(self, t: Any) -> Any:
+        """Value at the time(s) `t` (s)."""
+        x = np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
+        return self.amplitude * np.sin(np.pi * x) ** 2
+
+
+def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
+    """Values of a history at many times, by one array call where the callable allows it.
+
+    Parameters
+    ----------
+    name : str
+        What the history drives, for the message of an error.
+    history : callable
+        t (s) → one value (`width` 1) or a sequence of `width` values.
+    t : ndarray, shape (n,)
+        Times, s.
+    width : int
+        Values expected at each time.
+
+    Returns
+    -------
+    ndarray, shape (n, width)
+
+    Raises
+    ------
+    PropertyError
+        If the callable raises, or gives another number of values, or a value that is not finite.
+    """
+    def one(time: float) -> Array:
+        try:
+            return np.asarray(history(time), dtype=float).reshape(width)
+        except Exception as error:
+            raise PropertyError(
+                f"{name}: the history gave no {width} finite number(s) at t = {time!r} s: {error}"
+            ) from error
+
+    table = np.empty((len(t), width))
+    if len(t) == 0:
+        return table
+    ends = (0, len(t) // 2, len(t) - 1)
+    samples = {i: one(float(t[i])) for i in ends}
+    try:
+        with np.errstate(all="ignore"):
+            values = history(t)
+        columns = [values] if width == 1 else list(values)
+        table[:] = np.stack([np.broadcast_to(np.asarray(c, dtype=float), t.shape) for c in columns], axis=1)
+        vectorised = len(columns) == width and all(
+            np.allclose(table[i], v, rtol=1e-12, atol=0.0) for i, v in samples.items()
+        )
+    except Exception:  # a history of scalars only: whatever it raises on an array, ask it time by time
+        vectorised = False
+    if not vectorised:
+        for i, time in enumerate(t):
+            table[i] = one(float(time))
+    if not np.isfinite(table).all():
+        row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
+        raise PropertyError(
+            f"{name}: the history is {table[row].tolist()!r} at t = {t[row]!r} s; finite numbers are needed"
+        )
+    return table

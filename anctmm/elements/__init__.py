@@ -1,0 +1,1 @@
+"""Finite elements: energy, force, tangent and mass of one element, nothing of chains."""

@@ -1,0 +1,1 @@
+"""Who else answers: an ordinary global-DAE ANCF solver, Exudyn models and exact solutions."""
