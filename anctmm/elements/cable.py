@@ -1,0 +1,133 @@
+"""The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` is its fast twin.
+
+Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (method.md, section 1; to rounding those of Exudyn's
+ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|². No rotary inertia.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass, lobatto
+from anctmm.scene import Beam
+
+Array = NDArray[np.float64]
+
+#: Rules for the axial and the bending energy, by name.
+RULES = {
+    "full": (gauss, 5, gauss, 3),
+    "reduced": (gauss, 4, gauss, 2),
+    "lobatto": (lobatto, 3, gauss, 2),
+}
+#: a × b = a·(W b) in the plane.
+W = np.array([[0.0, 1.0], [-1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class CableElement:
+    """One element.
+
+    Parameters
+    ----------
+    l : float
+        Length, m.
+    EA, EI : float
+        Axial and bending stiffness, N, N m².
+    mass_per_length : float
+        kg/m.
+    quadrature : str
+        "full", "reduced" or "lobatto".
+    """
+
+    l: float  # noqa: E741
+    EA: float
+    EI: float
+    mass_per_length: float
+    quadrature: str = "full"
+
+    vectors_per_node = 2
+
+    @classmethod
+    def of(cls, body: Beam, elements: int, quadrature: str = "full") -> "CableElement":
+        """Each of a body's equal elements."""
+        s, m = body.section, body.material
+        return cls(body.length / elements, m.E * s.area, m.E * s.second_moment, m.density * s.area, quadrature)
+
+    @cached_property
+    def axial_rule(self) -> tuple[Array, Array]:
+        """B, (points, 4), with r' = B q, and the weights times l."""
+        rule, points, _, _ = RULES[self.quadrature]
+        xi, w = rule(points)
+        return hermite(xi, self.l, 1), w * self.l
+
+    @cached_property
+    def bending_rule(self) -> tuple[Array, Array, Array]:
+        """B and C, (points, 4), with r' = B q and r'' = C q, and the weights times l."""
+        _, _, rule, points = RULES[self.quadrature]
+        xi, w = rule(points)
+        return hermite(xi, self.l, 1), hermite(xi, self.l, 2), w * self.l
+
+    def energy(self, q: Array) -> float:
+        """Strain energy, J; complex-step safe."""
+        B, w = self.axial_rule
+        b = B @ q
+        strain = np.sqrt((b * b).sum(axis=1)) - 1.0
+        B, C, v = self.bending_rule
+        b, c = B @ q, C @ q
+        curvature = (b * (c @ W.T)).sum(axis=1) / (b * b).sum(axis=1)
+        return 0.5 * (self.EA * (w @ strain**2) + self.EI * (v @ curvature**2))  # type: ignore[no-any-return]
+
+    def force(self, q: Array) -> Array:
+        """Elastic force, the gradient of the energy, (4, 2); complex-step safe."""
+        B, w = self.axial_rule
+        b = B @ q
+        stretch = np.sqrt((b * b).sum(axis=1))
+        force = B.T @ ((self.EA * w * (stretch - 1.0) / stretch)[:, None] * b)
+        B, C, v = self.bending_rule
+        curvature, by_b, by_c, _ = self._curvature(B @ q, C @ q)
+        moment = (self.EI * v * curvature)[:, None]
+        return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+
+    def tangent(self, q: Array) -> Array:
+        """Hessian of the energy, (4, 2, 4, 2)."""
+        B, w = self.axial_rule
+        b = B @ q
+        stretch = np.sqrt((b * b).sum(axis=1))
+        t = b / stretch[:, None]
+        H = np.einsum("p,cd->pcd", 1.0 - 1.0 / stretch, np.eye(2))
+        H += np.einsum("p,pc,pd->pcd", 1.0 / stretch, t, t)
+        K = np.einsum("p,pi,pcd,pj->icjd", self.EA * w, B, H, B)
+
+        B, C, v = self.bending_rule
+        b, c = B @ q, C @ q
+        curvature, by_b, by_c, s = self._curvature(b, c)
+        gradient = np.einsum("pi,pc->pic", B, by_b) + np.einsum("pi,pc->pic", C, by_c)
+        K += np.einsum("p,pic,pjd->icjd", self.EI * v, gradient, gradient)
+        # second derivatives of κ = (b·W c)/s, s = b·b
+        bb = -2.0 * (np.einsum("pc,pd->pcd", b, by_b) + np.einsum("pc,pd->pcd", by_b, b))
+        bb = (bb - 2.0 * curvature[:, None, None] * np.eye(2)) / s[:, None, None]
+        bc = W / s[:, None, None] - 2.0 * np.einsum("pc,pd->pcd", b, by_c) / s[:, None, None]
+        moment = self.EI * v * curvature
+        K += np.einsum("p,pi,pcd,pj->icjd", moment, B, bb, B)
+        cross = np.einsum("p,pi,pcd,pj->icjd", moment, B, bc, C)
+        return K + cross + cross.transpose(2, 3, 0, 1)
+
+    @cached_property
+    def mass(self) -> Array:
+        """Scalar mass matrix m, (4, 4); the element's is m ⊗ I₂."""
+        return self.mass_per_length * hermite_mass(self.l)
+
+    @cached_property
+    def gravity(self) -> Array:
+        """∫ρN dV, (4,), kg: times the gravity vector it is the consistent force."""
+        return self.mass_per_length * hermite_load(self.l)
+
+    @staticmethod
+    def _curvature(b: Array, c: Array) -> tuple[Array, Array, Array, Array]:
+        """κ, ∂κ/∂r', ∂κ/∂r'' and |r'|² from b = r' and c = r''."""
+        s = (b * b).sum(axis=1)
+        curvature = (b * (c @ W.T)).sum(axis=1) / s
+        by_b = (c @ W.T - 2.0 * curvature[:, None] * b) / s[:, None]
+        return curvature, by_b, (b @ W) / s[:, None], s

@@ -1,0 +1,79 @@
+"""Shape functions and their exact integrals, shared by both elements (method, section 1).
+
+An element of length l has nodes I and O; ξ = x/l. Its coordinates are the rows of q, each a vector in the plane.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def hermite(xi: ArrayLike, l: float, order: int = 0) -> Array:  # noqa: E741
+    """Cubic Hermite functions of [r_I, r'_I, r_O, r'_O], or a derivative with respect to x.
+
+    Parameters
+    ----------
+    xi : array_like, shape (m,)
+    l : float
+        Element length, m.
+    order : int
+        Of the derivative: 0, 1 or 2.
+
+    Returns
+    -------
+    ndarray, shape (m, 4)
+        S1, l S2, S4, l S5 of Rong 2014, eq. 3 (S5 mended: −ξ² + ξ³), or their derivatives.
+    """
+    x = np.atleast_1d(np.asarray(xi, dtype=float))
+    if order == 0:
+        rows = [1 - 3 * x**2 + 2 * x**3, l * (x - 2 * x**2 + x**3), 3 * x**2 - 2 * x**3, l * (x**3 - x**2)]
+    elif order == 1:
+        rows = [6 * (x**2 - x) / l, 1 - 4 * x + 3 * x**2, 6 * (x - x**2) / l, 3 * x**2 - 2 * x]
+    else:
+        rows = [(12 * x - 6) / l**2, (6 * x - 4) / l, (6 - 12 * x) / l**2, (6 * x - 2) / l]
+    return np.stack(rows, axis=-1)
+
+
+@lru_cache
+def gauss(points: int) -> tuple[Array, Array]:
+    """Gauss points and weights on [0, 1], exact for polynomials of degree 2·points − 1."""
+    x, w = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+@lru_cache
+def lobatto(points: int) -> tuple[Array, Array]:
+    """Lobatto points and weights on [0, 1], both ends included, exact to degree 2·points − 3."""
+    inner = np.polynomial.legendre.Legendre.basis(points - 1)
+    x = np.concatenate([[-1.0], np.sort(inner.deriv().roots()), [1.0]])
+    w = 2.0 / (points * (points - 1) * inner(x) ** 2)
+    return 0.5 * (x + 1.0), 0.5 * w
+
+
+def hermite_mass(l: float) -> Array:  # noqa: E741
+    """∫ N N^T dx of the Hermite functions, (4, 4)."""
+    return (
+        np.array(
+            [
+                [156.0, 22 * l, 54.0, -13 * l],
+                [22 * l, 4 * l**2, 13 * l, -3 * l**2],
+                [54.0, 13 * l, 156.0, -22 * l],
+                [-13 * l, -3 * l**2, -22 * l, 4 * l**2],
+            ]
+        )
+        * l
+        / 420.0
+    )
+
+
+def hermite_load(l: float) -> Array:  # noqa: E741
+    """∫ N dx of the Hermite functions, (4,)."""
+    return np.array([l / 2, l**2 / 12, l / 2, -(l**2) / 12])
+
+
+def power(force: Array, velocity: Array) -> float:
+    """Power of nodal forces at nodal velocities, W; of elastic forces it is the strain energy's rate."""
+    return float(np.sum(force * velocity))
