@@ -96,7 +96,7 @@ class BodyMesh:
 
     def node(self, side: int) -> int:
         """Node at the body's start (0) or end (1)."""
-        return -1 % self.nodes if bool(side) != self.flipped else 0
+        return self.nodes - 1 if bool(side) != self.flipped else 0
 
     def unflipped(self, coordinates: Array) -> Array:
         """Coordinates (…, nodes, vectors, 2) in the body's own direction."""

@@ -1,0 +1,242 @@
+"""All bodies' coordinates in one array by component, and compiled sums over their elements.
+
+It knows bodies and elements, not how they are joined: the transfer-matrix solver and the global one both stand on it, so
+that comparing their times compares methods.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.compiling import kernel
+from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.elements.cable import CableElement
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.mesh import BodyMesh
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CABLE, SHEAR = 0, 1
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Bodies laid one after another.
+
+    Component k of node i is q[k, i]: 0, 1 position, 2, 3 r_x and, where there is a shear element, 4, 5 r_y. In a scene
+    with both kinds the nodes of cables have two components that nothing uses.
+
+    Parameters
+    ----------
+    meshes : sequence of BodyMesh
+    """
+
+    meshes: Sequence[BodyMesh]
+
+    @cached_property
+    def rows(self) -> int:
+        """Components of a node: 4, or 6 where there is a shear element."""
+        return 2 * max(m.vectors for m in self.meshes)
+
+    @cached_property
+    def first(self) -> Ints:
+        """First node of each body, and after them the number of all nodes."""
+        return np.cumsum([0, *(m.nodes for m in self.meshes)]).astype(np.int64)
+
+    @property
+    def nodes(self) -> int:
+        """Number of all nodes."""
+        return int(self.first[-1])
+
+    @cached_property
+    def elements(self) -> Ints:
+        """Number of elements of each body."""
+        return np.array([m.elements for m in self.meshes], dtype=np.int64)
+
+    @cached_property
+    def kinds(self) -> Ints:
+        """CABLE or SHEAR, of each body."""
+        return np.array([SHEAR if m.kind == "shear" else CABLE for m in self.meshes], dtype=np.int64)
+
+    @cached_property
+    def constants(self) -> Array:
+        """Constants of the element kernels, a row a body."""
+        rows = [
+            cable_kernel.constants(m.element)
+            if isinstance(m.element, CableElement)
+            else shear_kernel.constants(m.element)
+            for m in self.meshes
+        ]
+        table = np.zeros((len(rows), max(map(len, rows))))
+        for line, row in zip(table, rows, strict=True):
+            line[: len(row)] = row
+        return table
+
+    @cached_property
+    def masses(self) -> Array:
+        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in the rows r, r_x, r_y of I and O."""
+        table = np.zeros((len(self.meshes), 6, 6))
+        for line, mesh in zip(table, self.meshes, strict=True):
+            at = [0, 1, 2, 3, 4, 5] if mesh.vectors == 3 else [0, 1, 3, 4]
+            line[np.ix_(at, at)] = mesh.element.mass
+        return table
+
+    def flat(self, fields: Sequence[Array]) -> Array:
+        """(nodes, vectors, 2) of every body → one array, (rows, nodes)."""
+        out = np.zeros((self.rows, self.nodes))
+        for i, (mesh, values) in enumerate(zip(self.meshes, fields, strict=True)):
+            out[: 2 * mesh.vectors, self.first[i] : self.first[i + 1]] = values.reshape(mesh.nodes, -1).T
+        return out
+
+    def by_body(self, flat: Array) -> dict[str, Array]:
+        """(…, rows, nodes) → (…, nodes, vectors, 2) of every body, in the body's own direction."""
+        out = {}
+        for i, mesh in enumerate(self.meshes):
+            part = flat[..., : 2 * mesh.vectors, self.first[i] : self.first[i + 1]]
+            part = np.moveaxis(part, -1, -2).reshape(*flat.shape[:-2], mesh.nodes, mesh.vectors, 2)
+            out[mesh.body.name] = mesh.unflipped(part)
+        return out
+
+    def reference(self) -> Array:
+        """Coordinates of the undeformed scene, (rows, nodes)."""
+        return self.flat([m.reference for m in self.meshes])
+
+    def initial_velocity(self) -> Array:
+        """Velocities at t = 0, (rows, nodes)."""
+        return self.flat([m.initial_velocity for m in self.meshes])
+
+    def weight(self) -> Array:
+        """Forces of gravity, (rows, nodes), N."""
+        return self.flat([m.weight for m in self.meshes])
+
+    def node(self, name: str, side: int) -> int:
+        """Node at the start (0) or end (1) of a body."""
+        i = next(k for k, m in enumerate(self.meshes) if m.body.name == name)
+        return int(self.first[i]) + self.meshes[i].node(side)
+
+    def turning_row(self, name: str) -> int:
+        """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
+        return 2 * next(m.vectors for m in self.meshes if m.body.name == name) - 2
+
+    def element_at(self, node: int) -> tuple[str, int]:
+        """Body and element, counted from the body's start, next to a node."""
+        i = int(np.searchsorted(self.first, node, side="right")) - 1
+        mesh = self.meshes[i]
+        element = min(node - int(self.first[i]), mesh.elements - 1)
+        return mesh.body.name, mesh.elements - 1 - element if mesh.flipped else element
+
+    def buffer(self) -> Array:
+        """Scratch of the force kernels."""
+        return np.zeros(12 * BLOCK)
+
+
+@kernel
+def elastic_forces(
+    q: Array, first: Ints, elements: Ints, kinds: Ints, constants: Array, buffer: Array, f: Array
+) -> None:
+    """Elastic forces on all nodes, the gradient of the strain energy.
+
+    Parameters
+    ----------
+    q : ndarray, shape (rows, nodes)
+    first, elements, kinds, constants
+        Of `Bodies`.
+    buffer : ndarray, shape (12 * BLOCK,)
+        Scratch.
+    f : ndarray, shape (rows, nodes)
+        Written.
+    """
+    f[:] = 0.0
+    for b in range(len(elements)):
+        rows = 6 if kinds[b] == SHEAR else 4
+        for start in range(0, elements[b], BLOCK):
+            count = min(BLOCK, elements[b] - start)
+            node = first[b] + start
+            if kinds[b] == SHEAR:
+                shear_kernel.forces(q, node, count, constants[b], buffer)
+            else:
+                cable_kernel.forces(q, node, count, constants[b], buffer)
+            for k in range(rows):
+                for j in range(count):
+                    f[k, node + j] += buffer[k * BLOCK + j]
+                for j in range(count):
+                    f[k, node + j + 1] += buffer[(6 + k) * BLOCK + j]
+
+
+@kernel
+def strain_energy(q: Array, first: Ints, elements: Ints, kinds: Ints, constants: Array) -> float:
+    """Strain energy of all bodies, J."""
+    total = 0.0
+    for b in range(len(elements)):
+        if kinds[b] == SHEAR:
+            total += shear_kernel.energy(q, first[b], elements[b], constants[b])
+        else:
+            total += cable_kernel.energy(q, first[b], elements[b], constants[b])
+    return total
+
+
+@kernel
+def mass_product(v: Array, first: Ints, elements: Ints, masses: Array, p: Array) -> None:
+    """Product of the mass matrix, joints apart, with v, (rows, nodes), written into p."""
+    p[:] = 0.0
+    vectors = v.shape[0] // 2
+    for b in range(len(elements)):
+        m = masses[b]
+        for i in range(first[b], first[b] + elements[b]):
+            for k in range(vectors):
+                for n in range(vectors):
+                    for c in range(2):
+                        s, t = v[2 * n + c, i], v[2 * n + c, i + 1]
+                        p[2 * k + c, i] += m[k, n] * s + m[k, 3 + n] * t
+                        p[2 * k + c, i + 1] += m[3 + k, n] * s + m[3 + k, 3 + n] * t
+
+
+@kernel
+def kinetic_energy(v: Array, first: Ints, elements: Ints, masses: Array) -> float:
+    """Kinetic energy of all bodies at velocities v, (rows, nodes), J."""
+    total = 0.0
+    vectors = v.shape[0] // 2
+    for b in range(len(elements)):
+        m = masses[b]
+        for i in range(first[b], first[b] + elements[b]):
+            for k in range(vectors):
+                for n in range(vectors):
+                    for c in range(2):
+                        total += 0.5 * m[k, n] * v[2 * k + c, i] * v[2 * n + c, i]
+                        total += m[k, 3 + n] * v[2 * k + c, i] * v[2 * n + c, i + 1]
+                        total += 0.5 * m[3 + k, 3 + n] * v[2 * k + c, i + 1] * v[2 * n + c, i + 1]
+    return total
+
+
+@kernel
+def element_tangent(q: Array, node: int, kind: int, constants: Array, small: Array, K: Array) -> None:
+    """Tangent of one element in the numbering of a chain, written into K, (2 rows, 2 rows).
+
+    Parameters
+    ----------
+    node : int
+        Its first node.
+    kind : int
+        CABLE or SHEAR.
+    constants : ndarray
+        Its row of `Bodies.constants`.
+    small : ndarray, shape (8, 8)
+        Scratch, used where a cable lies in a chain of six rows.
+    """
+    rows = q.shape[0]
+    if kind == SHEAR:
+        shear_kernel.tangent(q, node, constants, K)
+    elif rows == 4:
+        cable_kernel.tangent(q, node, constants, K)
+    else:
+        cable_kernel.tangent(q, node, constants, small)
+        K[:] = 0.0
+        for i in range(2):
+            for j in range(2):
+                for k in range(4):
+                    for m in range(4):
+                        K[rows * i + k, rows * j + m] = small[4 * i + k, 4 * j + m]

@@ -1,0 +1,184 @@
+"""Compiled twin of `shear`: the same numbers for a block of elements, laid out so that the compiler vectorises.
+
+Coordinates are stored by component, q[k, node]: k = 0, 1 position, 2, 3 r_x, 4, 5 r_y. Blocks have at most
+BLOCK elements; their forces lie in one flat buffer at constant distances, so that the compiler can prove that stores
+do not overlap and handles several elements in one instruction. Nothing is allocated. Notation: method.md, section 1.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.compiling import inlined, kernel
+from anctmm.elements.shapes import gauss, hermite
+from anctmm.elements.shear import POINTS, ShearElement
+
+Array = NDArray[np.float64]
+
+#: Elements handled at once; the buffer of their forces has 12 rows of this length: 6 for node I, 6 for node O.
+BLOCK = 64
+
+_XI, _W = gauss(POINTS)
+#: Each Gauss point: ξ, 1 − ξ, the derivatives l S1', S2', S5' of the Hermite functions (S4' = −S1') and the weight.
+TABLE = np.column_stack([_XI, 1.0 - _XI, hermite(_XI, 1.0, 1)[:, [0, 1, 3]], _W])
+P0, P1, P2, P3, P4 = (tuple(float(v) for v in row[:5]) for row in TABLE)
+W0, W1, W2, W3, W4 = (float(w) for w in _W)
+
+
+def constants(e: ShearElement) -> Array:
+    """What the kernels need of an element: l, ΛA, ΛI, ΛJ, λA, λI, GA, GI."""
+    L = e.lam + 2.0 * e.G
+    return np.array([e.l, L * e.A, L * e.I, L * e.J, e.lam * e.A, e.lam * e.I, e.G * e.A, e.G * e.I])
+
+
+@inlined
+def _stress(p, w, chord, a, b, d_I, d_O, e, k2, c):  # type: ignore[no-untyped-def]
+    """∂W/∂c', ∂W/∂d and ∂W/∂d' at a Gauss point p of weight w."""
+    x, y, A, B, C = p
+    _, LA, LI, LJ, lA, lI, GA, GI = c
+    cx, cy = B * a[0] + C * b[0] - A * chord[0], B * a[1] + C * b[1] - A * chord[1]
+    dx, dy = y * d_I[0] + x * d_O[0], y * d_I[1] + x * d_O[1]
+    e0 = 0.5 * (cx * cx + cy * cy) - 0.5
+    eyy = 0.5 * (dx * dx + dy * dy) - 0.5
+    N0 = w * (LA * e0 + LI * k2 + lA * eyy)
+    N1 = w * (LI * (cx * e[0] + cy * e[1]))
+    N2 = w * (LI * e0 + LJ * k2 + lI * eyy)
+    Ny = w * (LA * eyy + lA * e0 + lI * k2)
+    Q0 = w * (GA * (cx * dx + cy * dy))
+    Q1 = w * (GI * (e[0] * dx + e[1] * dy))
+    return (
+        (N0 * cx + N1 * e[0] + Q0 * dx, N0 * cy + N1 * e[1] + Q0 * dy),
+        (Ny * dx + Q0 * cx + Q1 * e[0], Ny * dy + Q0 * cy + Q1 * e[1]),
+        (N1 * cx + N2 * e[0] + Q1 * dx, N1 * cy + N2 * e[1] + Q1 * dy),
+    )
+
+
+@inlined
+def _weighted(k, f, c):  # type: ignore[no-untyped-def]
+    """Sum over the Gauss points of shape value k times component c of the stresses f."""
+    return (
+        P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
+    )
+
+
+@kernel
+def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
+    """Elastic forces of a block of elements on their nodes.
+
+    Parameters
+    ----------
+    q : ndarray, shape (6, nodes)
+    first, count : int
+        First node of the block, number of its elements, at most BLOCK.
+    constants : ndarray, shape (8,)
+    out : ndarray, shape (12 * BLOCK,)
+        Written: component k of the force of element j on node I at k BLOCK + j, on node O at (6 + k) BLOCK + j.
+    """
+    l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
+    lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
+    m = (l, LA, LI, LJ, lA, lI, GA, GI)
+    r = 1.0 / l
+    for j in range(count):
+        i = first + j
+        u = ((q[0, i + 1] - q[0, i]) * r, (q[1, i + 1] - q[1, i]) * r)
+        a, b = (q[2, i], q[3, i]), (q[2, i + 1], q[3, i + 1])
+        d, f = (q[4, i], q[5, i]), (q[4, i + 1], q[5, i + 1])
+        e = ((f[0] - d[0]) * r, (f[1] - d[1]) * r)
+        k2 = 0.5 * (e[0] * e[0] + e[1] * e[1])
+        p0, t0, s0 = _stress(P0, W0, u, a, b, d, f, e, k2, m)
+        p1, t1, s1 = _stress(P1, W1, u, a, b, d, f, e, k2, m)
+        p2, t2, s2 = _stress(P2, W2, u, a, b, d, f, e, k2, m)
+        p3, t3, s3 = _stress(P3, W3, u, a, b, d, f, e, k2, m)
+        p4, t4, s4 = _stress(P4, W4, u, a, b, d, f, e, k2, m)
+        p, t = (p0, p1, p2, p3, p4), (t0, t1, t2, t3, t4)
+        rx, ry = _weighted(2, p, 0), _weighted(2, p, 1)
+        sx = s0[0] + s1[0] + s2[0] + s3[0] + s4[0]
+        sy = s0[1] + s1[1] + s2[1] + s3[1] + s4[1]
+        out[0 * BLOCK + j] = rx
+        out[1 * BLOCK + j] = ry
+        out[2 * BLOCK + j] = l * _weighted(3, p, 0)
+        out[3 * BLOCK + j] = l * _weighted(3, p, 1)
+        out[4 * BLOCK + j] = l * _weighted(1, t, 0) - sx
+        out[5 * BLOCK + j] = l * _weighted(1, t, 1) - sy
+        out[6 * BLOCK + j] = -rx
+        out[7 * BLOCK + j] = -ry
+        out[8 * BLOCK + j] = l * _weighted(4, p, 0)
+        out[9 * BLOCK + j] = l * _weighted(4, p, 1)
+        out[10 * BLOCK + j] = l * _weighted(0, t, 0) + sx
+        out[11 * BLOCK + j] = l * _weighted(0, t, 1) + sy
+
+
+@kernel
+def energy(q: Array, first: int, count: int, constants: Array) -> float:
+    """Strain energy of a row of elements, J."""
+    l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
+    lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
+    total = 0.0
+    for i in range(first, first + count):
+        ex, ey = (q[4, i + 1] - q[4, i]) / l, (q[5, i + 1] - q[5, i]) / l
+        k2 = 0.5 * (ex * ex + ey * ey)
+        for p in range(POINTS):
+            x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
+            cx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) / l
+            cy = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) / l
+            dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
+            e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
+            k1, t0, t1 = cx * ex + cy * ey, cx * dx + cy * dy, ex * dx + ey * dy
+            density = LA * (e0 * e0 + eyy * eyy) + LI * (k1 * k1 + 2.0 * e0 * k2) + LJ * k2 * k2
+            density += 2.0 * eyy * (lA * e0 + lI * k2) + GA * t0 * t0 + GI * t1 * t1
+            total += 0.5 * l * TABLE[p, 5] * density
+    return total
+
+
+@kernel
+def tangent(q: Array, i: int, constants: Array, K: Array) -> None:
+    """Hessian of the energy of the element between nodes i and i + 1, written into K, (12, 12).
+
+    Rows and columns: the six components of node I, then those of node O. Each of the three vectors c', d', d is a
+    combination of a few nodal vectors; H holds the second derivatives by the three, in 2 × 2 blocks.
+    """
+    l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
+    lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
+    ex, ey = (q[4, i + 1] - q[4, i]) / l, (q[5, i + 1] - q[5, i]) / l
+    k2 = 0.5 * (ex * ex + ey * ey)
+    for k in range(12):
+        for m in range(12):
+            K[k, m] = 0.0
+    for p in range(POINTS):
+        x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
+        w = TABLE[p, 5] * l
+        cx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) / l
+        cy = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) / l
+        dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
+        e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
+        N0, N1 = LA * e0 + LI * k2 + lA * eyy, LI * (cx * ex + cy * ey)
+        N2, Ny = LI * e0 + LJ * k2 + lI * eyy, LA * eyy + lA * e0 + lI * k2
+        Q0, Q1 = GA * (cx * dx + cy * dy), GI * (ex * dx + ey * dy)
+        c, e, d = (cx, cy), (ex, ey), (dx, dy)
+        # shape values of the vectors c', d', d on the nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O
+        on_c, on_e, on_d = (A / l, B, 0.0, -A / l, C, 0.0), (-1.0 / l, 1.0 / l), (y, x)
+        for r in range(2):
+            for s in range(2):
+                cc = w * (LA * c[r] * c[s] + LI * e[r] * e[s] + GA * d[r] * d[s])
+                ce = w * (LI * (c[r] * e[s] + e[r] * c[s]))
+                cd = w * (lA * c[r] * d[s] + GA * d[r] * c[s])
+                ee = w * (LI * c[r] * c[s] + LJ * e[r] * e[s] + GI * d[r] * d[s])
+                ed = w * (lI * e[r] * d[s] + GI * d[r] * e[s])
+                dd = w * (LA * d[r] * d[s] + GA * c[r] * c[s] + GI * e[r] * e[s])
+                if r == s:
+                    cc, ce, cd = cc + w * N0, ce + w * N1, cd + w * Q0
+                    ee, ed, dd = ee + w * N2, ed + w * Q1, dd + w * Ny
+                de = w * (lI * e[s] * d[r] + GI * d[s] * e[r])
+                if r == s:
+                    de += w * Q1
+                for k in (0, 1, 3, 4):
+                    for m in (0, 1, 3, 4):
+                        K[2 * k + r, 2 * m + s] += on_c[k] * on_c[m] * cc
+                    for n in range(2):
+                        value = on_c[k] * (on_e[n] * ce + on_d[n] * cd)
+                        K[2 * k + r, 4 + 6 * n + s] += value
+                        K[4 + 6 * n + s, 2 * k + r] += value
+                for n in range(2):
+                    for o in range(2):
+                        value = on_e[n] * on_e[o] * ee + on_d[n] * on_d[o] * dd
+                        value += on_e[n] * on_d[o] * ed + on_d[n] * on_e[o] * de
+                        K[4 + 6 * n + r, 4 + 6 * o + s] += value
