@@ -1,0 +1,257 @@
+"""Run an Exudyn model at its best, time it and read its history: what both Exudyn peers share.
+
+One thread, fixed steps, modified Newton, a sparse solver that keeps its pattern, no files, internal sensors.
+The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretisation import Discretisation
+from anctmm.drives import tabulate
+from anctmm.errors import DiscretisationError
+from anctmm.scene import Clamp, Force, Load, Scene
+from anctmm.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.validation import positive
+from reference.exudyn_model import Beams, Model, Unsupported, load_exudyn, silence
+
+Array = NDArray[np.float64]
+
+#: Newton tolerances, relative and absolute. Exudyn's own 1e-8 and 1e-10 lie under round-off for fine meshes.
+TOLERANCES = (1e-7, 1e-9)
+#: Relative tolerances of statics, tried in turn: self-weight of fine meshes does not reach the first.
+STATIC_TOLERANCES = (1e-10, 1e-9, 1e-8)
+#: Gradients above this, or not finite, mean that a run has diverged: no material stretches a hundredfold.
+STRETCH = 100.0
+#: Coordinates from which on the sparse solver is the faster one.
+SPARSE_FROM = 20
+
+
+@dataclass(frozen=True)
+class History:
+    """What the sensors have kept: absolute coordinates and velocities by body, (n, nodes, width), and the
+    multipliers of the driven coordinates.
+    """
+
+    t: Array
+    coordinates: dict[str, Array]
+    velocities: dict[str, Array]
+    multipliers: list[Array]
+
+    def until(self, rows: int) -> "History":
+        """The first rows."""
+        q, v = ({n: a[:rows] for n, a in d.items()} for d in (self.coordinates, self.velocities))
+        return History(self.t[:rows], q, v, [m[:rows] for m in self.multipliers])
+
+
+def dynamics(
+    beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] = TOLERANCES
+) -> Solution:
+    """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
+    for name, value in zip(("relative", "absolute"), tolerances, strict=True):
+        positive(f"{name} tolerance", value, DiscretisationError)
+    times = run.times(run.output_steps)
+    loads = {load: _table(load, times) for load in scene.loads if callable(load.value)}
+    try:
+        _check_integrator(scene, run)
+        exu = load_exudyn()
+    except Unsupported as why:
+        return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
+    with silence(exu):
+        model = Model(exu, scene, beams)
+        if run.integrator == "zhai":
+            model.hold()
+        model.assemble()
+        settings = _settings(exu, model, run, tolerances)
+        message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
+        history = _read(model, times)
+    solver = model.mbs.sys["dynamicSolver"]
+    rows, status = _verdict(beams, run, history, message, solver)
+    counts = (0, 1) if run.integrator == "zhai" else (solver.it.newtonStepsCount, solver.it.newtonJacobiCount)
+    cost = Cost(cpu, wall, solver.it.currentStepIndex - 1, *counts)
+    return _solution(model, run, history.until(rows), loads, cost, status)
+
+
+def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) -> Solution:
+    """Equilibrium of a scene by Exudyn, with loads and drives as they are at t = 0."""
+    positive("load_steps", load_steps, DiscretisationError)
+    try:
+        exu = load_exudyn()
+    except Unsupported as why:
+        return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
+    for tolerance in STATIC_TOLERANCES:
+        with silence(exu):
+            model = Model(exu, scene, beams, static=True)
+            model.assemble()
+            settings = _static_settings(exu, model, load_steps, tolerance)
+            message, cpu, wall = _timed(exu, model.mbs.SolveStatic, settings)
+            history = _read(model, None)
+        if message is None:
+            break
+    it = model.mbs.sys["staticSolver"].it
+    status = Status()
+    if message is not None:
+        reached = float(history.t[-1])
+        told = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"
+        status = Status("failed", f"{told}; try more load_steps, and hold every body", reached)
+    cost = Cost(cpu, wall, it.currentStepIndex - 1, it.newtonStepsCount, it.newtonJacobiCount)
+    return _solution(model, run, history, {}, cost, status)
+
+
+def _check_integrator(scene: Scene, run: Discretisation) -> None:
+    if run.integrator != "zhai":
+        return
+    if (run.psi, run.phi) != (0.5, 0.5):
+        raise Unsupported(
+            f"Zhai's psi, phi are {run.psi!r}, {run.phi!r}; Exudyn has only VelocityVerlet, their case ½, ½"
+        )
+    for joint in scene.joints:
+        if len(joint.ends) == 2 or (isinstance(joint, Clamp) and joint.angle is not None):
+            raise Unsupported(
+                f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
+                f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
+            )
+
+
+def _common_settings(exu: Any, model: Model) -> Any:
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.restart.write = False
+    settings.parallel.numberOfThreads = 1
+    kinds = exu.LinearSolverType
+    sparse = model.mbs.systemData.ODE2Size() >= SPARSE_FROM
+    settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EXUdense
+    settings.linearSolver.reuseAnalyzedPattern = True
+    return settings
+
+
+def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float]) -> Any:
+    settings = _common_settings(exu, model)
+    settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
+    time, kinds = settings.timeIntegration, exu.DynamicSolverType
+    time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
+    time.solverType = kinds.VelocityVerlet if run.integrator == "zhai" else kinds.GeneralizedAlpha
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = tolerances
+    time.newton.useModifiedNewton = True
+    time.generalizedAlpha.spectralRadius = run.spectral_radius
+    time.explicit.computeEndOfStepAccelerations = False
+    return settings
+
+
+def _static_settings(exu: Any, model: Model, load_steps: int, tolerance: float) -> Any:
+    settings = _common_settings(exu, model)
+    settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
+    static = settings.staticSolver
+    static.numberOfLoadSteps = int(load_steps)
+    static.newton.relativeTolerance = tolerance
+    return settings
+
+
+def _timed(exu: Any, solve: Callable[[Any], Any], settings: Any) -> tuple[str | None, float, float]:
+    """Reason of a failure, CPU and wall time of the solver alone, s."""
+    message = None
+    wall, cpu = perf_counter(), process_time()
+    try:
+        solve(settings)
+    except exu.SolverError as error:
+        message = str(error)
+    return message, process_time() - cpu, perf_counter() - wall
+
+
+def _read(model: Model, expected: Array | None) -> History:
+    """Sensor rows at the expected times; all rows without them. Missing rows can only be the last."""
+    stored = model.mbs.GetSensorStoredData
+    data = {name: [[stored(s) for s in kind] for kind in kinds] for name, kinds in model.sensors.items()}
+    t = next(iter(data.values()))[0][0][:, 0]
+    if expected is not None:
+        rows = min(len(t), len(expected))
+        late = np.flatnonzero(np.abs(t[:rows] - expected[:rows]) > 1e-6 * np.diff(expected).min())
+        rows = int(late[0]) if late.size else rows
+        t = expected[:rows]
+    q, v = ({n: np.stack([s[: len(t), 1:] for s in d[k]], axis=1) for n, d in data.items()} for k in (0, 1))
+    for body in model.scene.bodies:
+        q[body.name] += model.beams.reference(body)
+    return History(t, q, v, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
+
+
+def _verdict(
+    beams: Beams, run: Discretisation, history: History, message: str | None, solver: Any
+) -> tuple[int, Status]:
+    """Rows of the history that can be kept, and how the run ended."""
+    worst = np.max([beams.stretched(q) for q in history.coordinates.values()], axis=0)
+    bad = np.flatnonzero(~(worst < STRETCH))
+    rows = int(bad[0]) if bad.size else len(history.t)
+    steps, expected = solver.it.currentStepIndex - 1, len(run.output_steps)
+    if bad.size:
+        time, step = float(run.times(run.output_steps)[rows]), int(run.output_steps[rows])
+        why = f"gradients not finite or above {STRETCH:g} at t = {time:.6g} s"
+        return rows, Status("diverged", f"{why}; a dt below {run.dt:g} s may help", time, step)
+    if message is not None or not (steps == run.steps and rows == expected):
+        time = float(solver.it.currentTime)
+        why = message or f"Exudyn took {steps} steps for {run.steps} and wrote {rows} of {expected} rows"
+        why = f"{why} (t = {time:.6g} s); a smaller dt or wider tolerances may help"
+        return rows, Status("failed", why, time, steps)
+    return rows, Status()
+
+
+def _table(load: Load, t: Array) -> Array:
+    width = 2 if isinstance(load, Force) else 1
+    return tabulate(f"{type(load).__name__.lower()} on {load.end!r}", load.value, t, width)  # type: ignore[arg-type]
+
+
+def _solution(
+    model: Model, run: Discretisation, history: History, loads: dict[Load, Array], cost: Cost, status: Status
+) -> Solution:
+    scene, beams = model.scene, model.beams
+    fields = {name: beams.field(scene.body(name), q) for name, q in history.coordinates.items()}
+    return Solution(
+        beams.solver, scene, run, history.t, fields, _energy(model, history, loads), cost, status,
+        model.mbs.systemData.ODE2Size(),
+    )  # fmt: skip
+
+
+def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy:
+    """Energies of the kept history.
+
+    The work of drives and of what varies in time is summed by the trapezoidal rule over the output times, so
+    it is as exact as these are dense.
+    """
+    n, scene = len(history.t), model.scene
+    kinetic, strain, potential, work = (np.zeros(n) for _ in range(4))
+    for body in scene.bodies:
+        q, v = history.coordinates[body.name], history.velocities[body.name]
+        T, U = model.beams.energies(body, q, v)
+        kinetic += T
+        strain += U
+        potential -= np.einsum("tij,ij->t", q - q[:1], model.beams.weight(body))
+    for load in scene.loads:
+        body, side = scene.body_end(load.end)
+        node = history.coordinates[body.name][:, -1 if side else 0]
+        if isinstance(load, Force) and load not in tables:
+            force = load.value(0.0) if callable(load.value) else load.value
+            potential -= (node[:, :2] - node[:1, :2]) @ np.array(force, dtype=float)
+        elif isinstance(load, Force):
+            work += _work(tables[load], node[:, :2])
+        else:
+            value = load.value(0.0) if callable(load.value) else load.value
+            moment = tables.get(load, np.full((n, 1), value))
+            work += _work(moment, model.beams.angle(node)[:, None])
+    for (name, side, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
+        work += _work(-multiplier[:, None], history.coordinates[name][:, -1 if side else 0, index, None])
+    if model.static:
+        nan = np.full(n, np.nan)
+        return Energy(kinetic, strain, nan, nan)
+    return Energy(kinetic, strain, potential, work)
+
+
+def _work(force: Array, place: Array) -> Array:
+    """∫ force · d(place) by the trapezoidal rule, (n,)."""
+    work = np.zeros(len(place))
+    mean = 0.5 * (force[1 : len(place)] + force[: len(place) - 1])
+    work[1:] = np.cumsum((mean * np.diff(place, axis=0)).sum(axis=1))
+    return work
