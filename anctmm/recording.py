@@ -1,0 +1,103 @@
+"""What a run keeps: coordinates and energies at the output steps, and how it ended."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.chain import Chain
+from anctmm.compiling import kernel
+from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
+
+Array = NDArray[np.float64]
+
+#: A gradient longer than this at an output is taken as divergence: no elastic beam stretches a thousandfold.
+STRETCH_LIMIT = 1e3
+#: Steps computed between two looks at Python (progress, Ctrl-C, tabulated drives), at least.
+BATCH = 20_000
+
+
+@dataclass
+class Record:
+    """Room for a run's output, filled by the kernels.
+
+    Parameters
+    ----------
+    chain : Chain
+    """
+
+    chain: Chain
+    q: Array = field(init=False)
+    energy: Array = field(init=False)
+    started: tuple[float, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        n = len(self.chain.run.output_steps)
+        self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
+        self.energy = np.zeros((n, 3))
+
+    def start(self) -> None:
+        """Start the clocks."""
+        self.started = time.process_time(), time.perf_counter()
+
+    def solution(self, kept: int, status: Status, steps: int, iterations: int = 0, factorizations: int = 1) -> Solution:
+        """The solution with the first `kept` outputs."""
+        cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
+        chain = self.chain
+        bodies, q = chain.bodies, self.q[:kept]
+        fields = {
+            name: HermiteField(coordinates, chain.scene.body(name).length)
+            for name, coordinates in bodies.by_body(q).items()
+        }
+        kinetic, strain, work = self.energy[:kept].T
+        moved = q - bodies.reference()
+        potential = -np.einsum("kn,okn->o", chain.dead_load, moved)
+        return Solution(
+            solver="anctmm",
+            scene=chain.scene,
+            run=chain.run,
+            t=chain.run.times(chain.run.output_steps[:kept]),
+            fields=fields,
+            energy=Energy(kinetic, strain, potential, work),
+            cost=Cost(cpu, wall, steps, iterations, factorizations),
+            status=status,
+            dofs=chain.dofs,
+        )
+
+
+def batches(steps: int, stride: int) -> list[tuple[int, int]]:
+    """Ranges of steps, whole outputs each, that together make 0 … steps."""
+    size = stride * max(1, BATCH // stride)
+    return [(n, min(n + size, steps + 1)) for n in range(0, steps + 1, size)]
+
+
+def worst_element(chain: Chain, size: Array) -> tuple[str, int]:
+    """Body and element next to the node of the largest (or first not finite) of sizes, (nodes,)."""
+    bad = np.flatnonzero(~np.isfinite(size))
+    return chain.bodies.element_at(int(bad[0]) if bad.size else int(np.argmax(size)))
+
+
+def gradient_size(q: Array) -> Array:
+    """Largest gradient component of each node, (nodes,)."""
+    return np.abs(q[2:]).max(axis=0)
+
+
+def run_batches(chain: Chain, one: Callable[[int, int], int]) -> int:
+    """Run batches until the end, or until one reports the step at which it failed; −1 without failure."""
+    for begin, end in batches(chain.run.steps, chain.run.stride):
+        failed = one(begin, end)
+        if failed >= 0:
+            return failed
+    return -1
+
+
+@kernel
+def too_large(q: Array, limit: float) -> bool:
+    """Whether a gradient is larger than the limit, or not a number."""
+    for k in range(2, q.shape[0]):
+        for i in range(q.shape[1]):
+            if not abs(q[k, i]) <= limit:
+                return True
+    return False

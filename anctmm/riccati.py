@@ -1,0 +1,382 @@
+"""The Riccati recursion along a chain, compiled (Rong 2014, eqs. 28-35, in the partition P = S δ̈ + e).
+
+At node i the forces transmitted from the inboard side are P = D δ̈ + e, D the condensed mass (or, in a Newton iteration, the
+condensed stiffness) of all that lies inboard: symmetric, never singular, whatever stands at the start. A link passes it
+on. With a the unknowns, b the loads and the constant matrices of each node
+
+    G_i = (D_i + M_II)⁻¹ on the free components,   L_i = M_OI G_i,   D_{i+1} = M_OO − L_i M_IO,
+
+the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i+1} backwards. A pin, a weld and a break have
+the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1, L_rg = D_rg D_gg⁻¹,
+G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
+
+Two forms are kept: `Split`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld at an
+angle), and `Block`, full 4 × 4 or 6 × 6 blocks.
+"""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.assembly import element_tangent
+from anctmm.chain import PIN, WELD, Chain
+from anctmm.compiling import inlined, kernel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Split:
+    """Factored mass in scalar blocks.
+
+    Parameters
+    ----------
+    L : ndarray, shape (5, nodes)
+        L_rr, L_rg, L_gr, L_gg, L_dd of each node.
+    G : ndarray, shape (4, nodes)
+        G_rr, G_rg, G_gg, G_dd.
+    D : ndarray, shape (4, nodes)
+        Condensed mass of all that lies inboard of the node.
+    """
+
+    L: Array
+    G: Array
+    D: Array
+
+
+def factorize_mass(chain: Chain) -> Split:
+    """Factor the mass of a chain without angled welds, once for a whole run."""
+    n = chain.bodies.nodes
+    result = Split(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)))
+    masks = np.ones((3, n), dtype=bool)
+    masks[: chain.bodies.rows // 2] = chain.prescribed[::2]
+    bodies = chain.bodies
+    _factorize_split(bodies.first, bodies.masses, chain.link, masks, result.L, result.G, result.D)
+    return result
+
+
+@kernel
+def _factorize_split(
+    first: Ints, masses: Array, link: Ints, masks: NDArray[np.bool_], L: Array, G: Array, D: Array
+) -> None:
+    rr = rg = gg = dd = 0.0
+    for b in range(len(link)):
+        m = masses[b]
+        last = first[b + 1] - 1
+        for i in range(first[b], last + 1):
+            D[0, i], D[1, i], D[2, i], D[3, i] = rr, rg, gg, dd
+            if i < last:
+                rr, rg, gg, dd = rr + m[0, 0], rg + m[0, 1], gg + m[1, 1], dd + m[2, 2]
+            if i == last and link[b] == WELD:
+                L[0, i] = L[3, i] = L[4, i] = -1.0
+                continue
+            pinned = i == last and link[b] == PIN
+            _invert_split(rr, rg, gg, dd, masks[0, i] or pinned, masks[1, i], masks[2, i], G[:, i])
+            if pinned:
+                L[0, i], L[1, i] = -1.0, rg * G[2, i]
+                rr, rg, gg, dd = rr - rg * G[2, i] * rg, 0.0, 0.0, 0.0
+            elif i == last:
+                rr = rg = gg = dd = 0.0
+            else:
+                for k in range(2):
+                    L[2 * k, i] = m[3 + k, 0] * G[0, i] + m[3 + k, 1] * G[1, i]
+                    L[2 * k + 1, i] = m[3 + k, 0] * G[1, i] + m[3 + k, 1] * G[2, i]
+                L[4, i] = m[5, 2] * G[3, i]
+                rr = m[3, 3] - L[0, i] * m[0, 3] - L[1, i] * m[1, 3]
+                rg = m[3, 4] - L[0, i] * m[0, 4] - L[1, i] * m[1, 4]
+                gg = m[4, 4] - L[2, i] * m[0, 4] - L[3, i] * m[1, 4]
+                dd = m[5, 5] - L[4, i] * m[2, 5]
+
+
+@kernel
+def _invert_split(
+    rr: float, rg: float, gg: float, dd: float, no_r: bool, no_g: bool, no_d: bool, G: Array
+) -> None:
+    """Inverse of [[rr, rg], [rg, gg]] ⊕ dd on the components that are not left out."""
+    G[:] = 0.0
+    if not no_r and not no_g:
+        det = rr * gg - rg * rg
+        G[0], G[1], G[2] = gg / det, -rg / det, rr / det
+    elif not no_r:
+        G[0] = 1.0 / rr
+    elif not no_g:
+        G[2] = 1.0 / gg
+    if not no_d:
+        G[3] = 1.0 / dd
+
+
+@dataclass(frozen=True)
+class Block:
+    """Factored full blocks, refilled by `factorize`.
+
+    Parameters
+    ----------
+    L, G : ndarray, shape (nodes, rows, rows)
+    unit : tuple of `rows` zeros
+        Its type tells the compiler the size of the blocks.
+    scratch : tuple of ndarray
+        D, (rows, rows), K, (2 rows, 2 rows), and an 8 × 8 matrix.
+    """
+
+    L: Array
+    G: Array
+    unit: tuple[int, ...]
+    scratch: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, chain: Chain) -> "Block":
+        """Room for the factors of a chain."""
+        n, d = chain.bodies.nodes, chain.bodies.rows
+        scratch = (np.zeros((d, d)), np.zeros((2 * d, 2 * d)), np.zeros((8, 8)))
+        return cls(np.zeros((n, d, d)), np.zeros((n, d, d)), (0,) * d, scratch)
+
+    def factorize(
+        self, chain: Chain, q: Array, mass: float, stiffness: float, loads: tuple[Ints, Ints, Array]
+    ) -> int:
+        """Factor mass · M + stiffness · K_T(q), the stiffness of torques included.
+
+        Parameters
+        ----------
+        chain : Chain
+        q : ndarray, shape (rows, nodes)
+        mass, stiffness : float
+        loads : (nodes, rows, values)
+            Varying loads at this moment, see `Actuation`; values (loads, 2).
+
+        Returns
+        -------
+        int
+            Number of negative pivots: 0 where the matrix is positive definite.
+        """
+        return int(
+            factorize(self.unit, q, *tables(chain), mass, stiffness, *loads, self.L, self.G, *self.scratch)
+        )
+
+    def solve(self, b: Array) -> Array:
+        """Unknowns, (rows, nodes), under the loads b, (rows, nodes); 0 for known components."""
+        a = np.empty_like(b)
+        sweep(self.unit, self.L, self.G, b.copy(), a)
+        return a
+
+
+def tables(chain: Chain) -> tuple[Any, ...]:
+    """Arrays of a chain in the order `factorize` takes them."""
+    b = chain.bodies
+    return b.first, b.kinds, b.constants, b.masses, chain.link, chain.turn, chain.prescribed
+
+
+@kernel
+def factorize(
+    unit: tuple[int, ...],
+    q: Array,
+    first: Ints,
+    kinds: Ints,
+    constants: Array,
+    masses: Array,
+    link: Ints,
+    turn: Array,
+    prescribed: NDArray[np.bool_],
+    mass: float,
+    stiffness: float,
+    load_nodes: Ints,
+    load_rows: Ints,
+    load_values: Array,
+    L: Array,
+    G: Array,
+    D: Array,
+    K: Array,
+    small: Array,
+) -> int:
+    """Compiled body of `Block.factorize`."""
+    d = len(unit)
+    negative = 0
+    D[:] = 0.0
+    for b in range(len(link)):
+        last = first[b + 1] - 1
+        for i in range(first[b], last + 1):
+            for n in range(len(load_nodes)):
+                if load_nodes[n] == i and load_rows[n] > 0:
+                    _add_torque_stiffness(D, q, i, load_rows[n], stiffness * load_values[n, 0])
+            if i < last:
+                if stiffness != 0.0:
+                    element_tangent(q, i, kinds[b], constants[b], small, K)
+                _combine(unit, mass, masses[b], stiffness, K)
+                for k in range(d):
+                    for m in range(d):
+                        D[k, m] += K[k, m]
+                negative += _invert(unit, D, prescribed[:, i], 0, G[i])
+                _eliminate(unit, K, G[i], L[i], D)
+            elif link[b] == WELD:
+                _turn(unit, turn[b, 0], turn[b, 1], L[i], G[i], D, K)
+            elif link[b] == PIN:
+                negative += _invert(unit, D, prescribed[:, i], 2, G[i])
+                _release(unit, G[i], L[i], D)
+            else:
+                negative += _invert(unit, D, prescribed[:, i], 0, G[i])
+                L[i] = 0.0
+                D[:] = 0.0
+    return negative
+
+
+@kernel
+def sweep(unit: tuple[int, ...], L: Array, G: Array, b: Array, a: Array) -> None:
+    """Forward and backward sweep.
+
+    Parameters
+    ----------
+    unit : tuple of `rows` ints
+    L, G : ndarray, shape (nodes, rows, rows)
+    b : ndarray, shape (rows, nodes)
+        Loads; the inboard ones are added to them on the way.
+    a : ndarray, shape (rows, nodes)
+        Written: the unknowns, 0 for known components.
+    """
+    d = len(unit)
+    nodes = b.shape[1]
+    for i in range(nodes - 1):
+        for m in range(d):
+            carry = 0.0
+            for k in range(d):
+                carry += L[i, m, k] * b[k, i]
+            b[m, i + 1] -= carry
+    for k in range(d):
+        s = 0.0
+        for m in range(d):
+            s += G[nodes - 1, k, m] * b[m, nodes - 1]
+        a[k, nodes - 1] = s
+    for i in range(nodes - 2, -1, -1):
+        for k in range(d):
+            s = 0.0
+            for m in range(d):
+                s += G[i, k, m] * b[m, i] - L[i, m, k] * a[m, i + 1]
+            a[k, i] = s
+
+
+@inlined
+def _combine(unit, mass, m, stiffness, K):  # type: ignore[no-untyped-def]
+    """K ← mass · (m ⊗ I₂) + stiffness · K, m in the six scalar rows of a shear element."""
+    d = len(unit)
+    if stiffness == 0.0:
+        K[:] = 0.0
+    elif stiffness != 1.0:
+        K *= stiffness
+    for side in range(2):
+        for other in range(2):
+            for k in range(d // 2):
+                for n in range(d // 2):
+                    value = mass * m[3 * side + k, 3 * other + n]
+                    K[d * side + 2 * k, d * other + 2 * n] += value
+                    K[d * side + 2 * k + 1, d * other + 2 * n + 1] += value
+
+
+@inlined
+def _invert(unit, D, known, start, G):  # type: ignore[no-untyped-def]
+    """G ← inverse of D on the components from `start` on that are not known, 0 elsewhere; count of negative pivots.
+
+    Gauss-Jordan without exchange of rows: D is symmetric, and positive definite in every stable state.
+    """
+    d = len(unit)
+    negative = 0
+    for k in range(d):
+        for m in range(d):
+            free = k >= start and m >= start and not known[k] and not known[m]
+            G[k, m] = D[k, m] if free else 0.0
+    for k in range(start, d):
+        if known[k]:
+            continue
+        if not G[k, k] > 0.0:
+            negative += 1
+        pivot = 1.0 / G[k, k]
+        G[k, k] = 1.0
+        for m in range(d):
+            G[k, m] *= pivot
+        for n in range(d):
+            if n != k:
+                f = G[n, k]
+                G[n, k] = 0.0
+                for m in range(d):
+                    G[n, m] -= f * G[k, m]
+    return negative
+
+
+@inlined
+def _eliminate(unit, K, G, L, D):  # type: ignore[no-untyped-def]
+    """Pass an element: L ← K_OI G, D ← K_OO − L K_IO."""
+    d = len(unit)
+    for m in range(d):
+        for k in range(d):
+            s = 0.0
+            for n in range(d):
+                s += K[d + m, n] * G[n, k]
+            L[m, k] = s
+    for m in range(d):
+        for k in range(m + 1):
+            s = K[d + m, d + k]
+            for n in range(d):
+                s -= L[m, n] * K[n, d + k]
+            D[m, k] = s
+            D[k, m] = s
+
+
+@inlined
+def _release(unit, G, L, D):  # type: ignore[no-untyped-def]
+    """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on."""
+    d = len(unit)
+    L[:] = 0.0
+    for m in range(2):
+        L[m, m] = -1.0
+        for k in range(2, d):
+            s = 0.0
+            for n in range(2, d):
+                s += D[m, n] * G[n, k]
+            L[m, k] = s
+    for m in range(2):
+        for k in range(2):
+            s = D[m, k]
+            for n in range(2, d):
+                s -= L[m, n] * D[n, k]
+            G[m, k] = s
+    for m in range(d):
+        for k in range(d):
+            D[m, k] = G[m, k] if m < 2 and k < 2 else 0.0
+    for m in range(2):
+        for k in range(2):
+            G[m, k] = 0.0
+
+
+@inlined
+def _turn(unit, c, s, L, G, D, K):  # type: ignore[no-untyped-def]
+    """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
+    d = len(unit)
+    G[:] = 0.0
+    L[:] = 0.0
+    for k in range(0, d, 2):
+        x, y = (1.0, 0.0) if k == 0 else (c, s)
+        L[k, k] = L[k + 1, k + 1] = -x
+        L[k, k + 1], L[k + 1, k] = y, -y
+    for m in range(d):
+        for k in range(d):
+            t = 0.0
+            for n in range(d):
+                t -= L[m, n] * D[n, k]
+            K[m, k] = t
+    for m in range(d):
+        for k in range(d):
+            t = 0.0
+            for n in range(d):
+                t -= K[m, n] * L[k, n]
+            D[m, k] = t
+
+
+@inlined
+def _add_torque_stiffness(D, q, i, row, moment):  # type: ignore[no-untyped-def]
+    """Subtract the derivative of M (−g_y, g_x)/|g|² by g: a torque has the potential −M θ(g)."""
+    x, y = q[row, i], q[row + 1, i]
+    f = moment / (x * x + y * y) ** 2
+    D[row, row] -= f * 2.0 * x * y
+    D[row, row + 1] -= f * (y * y - x * x)
+    D[row + 1, row] -= f * (y * y - x * x)
+    D[row + 1, row + 1] += f * 2.0 * x * y

@@ -1,0 +1,33 @@
+"""The ANC-TMM solver: (scene, discretisation) → solution."""
+
+from typing import Any
+
+from anctmm import explicit
+from anctmm.chain import Chain
+from anctmm.discretisation import Discretisation, discretise
+from anctmm.scene import Scene
+from anctmm.solution import Solution
+
+
+def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+    """Simulate a scene by ANC-TMM.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its fields as keywords.
+
+    Returns
+    -------
+    Solution
+        A run that diverges or fails is no exception: its status says when, where and what to try, and the history
+        up to then is kept.
+
+    Raises
+    ------
+    DiscretisationError
+        Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
+    """
+    chain = Chain(scene, discretise(run, options))
+    return explicit.integrate(chain)

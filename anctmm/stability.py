@@ -1,0 +1,112 @@
+"""Stability limit of the explicit integrator, from the highest frequency of the linearised scene."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+
+from anctmm.assembly import elastic_forces, mass_product
+from anctmm.chain import Chain, Joined
+from anctmm.discretisation import Discretisation
+from anctmm.errors import StabilityError
+from anctmm.riccati import Block
+
+Array = NDArray[np.float64]
+
+#: Step of the central difference of the elastic force; the force is a smooth function of gradients of size 1.
+DIFFERENCE = 1e-6
+
+
+def zhai_limit(psi: float, phi: float) -> float:
+    """Largest stable Δt·ω_max of undamped motion (method.md, section 3): √(2/ψ) for ψ = φ ≥ ½, else none, 0."""
+    return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
+
+
+def highest_frequency(chain: Chain, q: Array | None = None) -> float:
+    """Largest angular frequency ω_max of a scene linearised about a configuration, rad/s.
+
+    Lanczos on M⁻¹K_T; the product with M⁻¹ is the Riccati sweep, that with K_T a difference of elastic forces, so
+    that here, too, no global matrix is assembled.
+
+    Parameters
+    ----------
+    chain : Chain
+    q : ndarray, shape (rows, nodes), optional
+        The undeformed scene without it.
+    """
+    bodies = chain.bodies
+    q = bodies.reference() if q is None else q
+    none = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 2)))
+    inverse = Block.of(chain)
+    inverse.factorize(chain, q, 1.0, 0.0, none)
+    join = Joined(chain)
+    buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
+
+    def force(at: Array, out: Array) -> None:
+        elastic_forces(at, bodies.first, bodies.elements, bodies.kinds, bodies.constants, buffer, out)
+
+    def stiffness(x: Array) -> Array:
+        p = join.spread(x)
+        h = DIFFERENCE / max(float(np.abs(p[2:]).max()), float(np.abs(p[:2]).max()) / chain.length, 1e-300)
+        force(q + h * p, up)
+        force(q - h * p, down)
+        return join.gather((up - down) / (2.0 * h))
+
+    def mass(x: Array) -> Array:
+        out = np.empty_like(q)
+        mass_product(join.spread(x), bodies.first, bodies.elements, bodies.masses, out)
+        return join.gather(out)
+
+    def solve(f: Array) -> Array:
+        return join.unknowns(inverse.solve(join.load(f)))
+
+    n = join.size
+    if n < 3:
+        K, M = (np.stack([g(e) for e in np.eye(n)]) for g in (stiffness, mass))
+        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(np.linalg.solve(M, K)))))))
+    operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, solve)]
+    start = np.random.default_rng(0).standard_normal(n)
+    try:
+        value = eigsh(operators[0], 1, operators[1], Minv=operators[2], which="LM", v0=start, tol=1e-7,
+                      return_eigenvectors=False)[0]
+    except ArpackNoConvergence as error:
+        value = max(error.eigenvalues, default=0.0)
+    return sqrt(max(float(value), 0.0))
+
+
+def element_bound(chain: Chain) -> float:
+    """Largest frequency of any single free element, an upper bound of ω_max (Irons & Treharne 1971), rad/s."""
+    bound = 0.0
+    for mesh in chain.bodies.meshes:
+        q = mesh.reference[:2].reshape(-1, 2)
+        K = mesh.element.tangent(q).reshape(q.size, q.size)
+        values = eigh(K, np.kron(mesh.element.mass, np.eye(2)), eigvals_only=True)
+        bound = max(bound, sqrt(max(float(values[-1]), 0.0)))
+    return bound
+
+
+def check_step(chain: Chain) -> None:
+    """Refuse a step above the stability limit.
+
+    Raises
+    ------
+    StabilityError
+        Naming the step and the largest one allowed.
+    """
+    run: Discretisation = chain.run
+    limit = zhai_limit(run.psi, run.phi)
+    if limit == 0.0:
+        raise StabilityError(
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed, every other pair tried is unstable "
+            f"at any step (check_stability=False runs it all the same)"
+        )
+    if run.dt * element_bound(chain) <= limit:
+        return
+    frequency = highest_frequency(chain)
+    if run.dt * frequency > limit:
+        raise StabilityError(
+            f"dt is {run.dt!r} s; at most {limit / frequency:.6g} s is stable: the highest frequency of scene "
+            f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
+        )
