@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.mesh import BodyMesh, build
-from anctmm.scene import Beam, Clamp, Scene
+from anctmm.scene import Beam, Scene
 from anctmm.solution import HermiteField, Solution
-from reference.exudyn_model import Model
-from reference.exudyn_run import TOLERANCES, dynamics, statics
+from reference.exudyn_model import Model, clamped_rates
+from reference.exudyn_run import dynamics, statics
 
 Array = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ def solve(
     scene: Scene,
     run: Discretisation | None = None,
     *,
-    tolerances: tuple[float, float] = TOLERANCES,
+    tolerances: tuple[float, float] | None = None,
     **options: Any,
 ) -> Solution:
     """Motion of a scene by Exudyn with cables.
@@ -45,8 +45,9 @@ def solve(
         "generalized-alpha" is Exudyn's, with fixed steps and modified Newton; "zhai" with ψ = φ = ½ is its
         VelocityVerlet, which has the same positions, for beams without joints between them or drives.
         `newton_tolerance` is not used: Exudyn bounds residuals.
-    tolerances : (float, float)
-        Newton's, of the residual: relative to the first one of a step, and absolute.
+    tolerances : (float, float), optional
+        Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
+        1e-9 or what rounding leaves, if that is more.
     **options
         The fields of the discretisation, in its place.
 
@@ -100,11 +101,8 @@ class Cables:
     def velocity(self, body: Beam) -> Array:
         """Velocities at t = 0, (nodes, 4); a clamp decides about its node's gradient."""
         v = self.meshes[body.name].initial_velocity.reshape(-1, 4).copy()
-        for joint in self.scene.joints:
-            holder, side = self.scene.body_end(joint.ends[0])
-            if isinstance(joint, Clamp) and holder is body:
-                rate = float(joint.angle(0.0)[1]) if joint.angle else 0.0
-                v[-1 if side else 0, 2:] = rate * np.array([-sin(body.angle), cos(body.angle)])
+        for node, rate in clamped_rates(self.scene, body).items():
+            v[node, 2:] = -rate * sin(body.angle), rate * cos(body.angle)
         return v
 
     def weight(self, body: Beam) -> Array:
@@ -167,7 +165,7 @@ class Cables:
             strain[rows] = _strain(mesh, _by_element(coordinates[rows]))
         return kinetic, strain
 
-    def stretched(self, coordinates: Array) -> Array:
+    def stretched(self, body: Beam, coordinates: Array) -> Array:
         """Largest gradient of a node at each time, (n,)."""
         with np.errstate(all="ignore"):
             return np.hypot(coordinates[..., 2], coordinates[..., 3]).max(axis=1)

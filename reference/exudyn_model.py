@@ -72,7 +72,7 @@ class Beams(Protocol):
         """Kinetic and strain energy, each (n,), J."""
         ...
 
-    def stretched(self, coordinates: Array) -> Array:
+    def stretched(self, body: Beam, coordinates: Array) -> Array:
         """Largest gradient at each time, (n,); `coordinates` (n, nodes, width) are absolute."""
         ...
 
@@ -100,6 +100,16 @@ def silence(exu: Any) -> Iterator[None]:
         yield
     finally:
         exu.config.printToConsole, exu.config.suppressWarnings = before
+
+
+def clamped_rates(scene: Scene, body: Beam) -> dict[int, float]:
+    """Rates of turn at t = 0 that clamps give to a body's first (0) or last (-1) node, rad/s."""
+    rates = {}
+    for joint in scene.joints:
+        holder, side = scene.body_end(joint.ends[0])
+        if isinstance(joint, Clamp) and holder is body:
+            rates[-side] = float(joint.angle(0.0)[1]) if joint.angle else 0.0
+    return rates
 
 
 @dataclass

@@ -22,14 +22,15 @@ from reference.exudyn_model import Beams, Model, Unsupported, load_exudyn, silen
 
 Array = NDArray[np.float64]
 
-#: Newton tolerances, relative and absolute. Exudyn's own 1e-8 and 1e-10 lie under round-off for fine meshes.
+#: Newton tolerances of the residual, relative and absolute (N), the latter where round-off allows it.
+#: Exudyn's own, 1e-8 and 1e-10, lie under round-off for 128 elements and for the four-bar.
 TOLERANCES = (1e-7, 1e-9)
 #: Relative tolerances of statics, tried in turn: self-weight of fine meshes does not reach the first.
 STATIC_TOLERANCES = (1e-10, 1e-9, 1e-8)
 #: Gradients above this, or not finite, mean that a run has diverged: no material stretches a hundredfold.
 STRETCH = 100.0
-#: Coordinates from which on the sparse solver is the faster one.
-SPARSE_FROM = 20
+#: Coordinates from which on the sparse solver is the faster one, as measured.
+SPARSE_FROM = {"generalized-alpha": 20, "static": 20, "zhai": 50}
 
 
 @dataclass(frozen=True)
@@ -50,9 +51,11 @@ class History:
 
 
 def dynamics(
-    beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] = TOLERANCES
+    beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] | None = None
 ) -> Solution:
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
+    if tolerances is None:
+        tolerances = TOLERANCES[0], max(TOLERANCES[1], roundoff(beams, scene))
     for name, value in zip(("relative", "absolute"), tolerances, strict=True):
         positive(f"{name} tolerance", value, DiscretisationError)
     times = run.times(run.output_steps)
@@ -71,7 +74,7 @@ def dynamics(
         message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
         history = _read(model, times)
     solver = model.mbs.sys["dynamicSolver"]
-    rows, status = _verdict(beams, run, history, message, solver)
+    rows, status = _verdict(beams, scene, run, history, message, solver)
     counts = (0, 1) if run.integrator == "zhai" else (solver.it.newtonStepsCount, solver.it.newtonJacobiCount)
     cost = Cost(cpu, wall, solver.it.currentStepIndex - 1, *counts)
     return _solution(model, run, history.until(rows), loads, cost, status)
@@ -103,6 +106,22 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     return _solution(model, run, history, {}, cost, status)
 
 
+def roundoff(beams: Beams, scene: Scene) -> float:
+    """Estimate of the residual's norm that rounding leaves, N; below it Newton was seen not to converge.
+
+    Positions in a scene of extent R are known to εR, which an interval of length l between nodes answers with
+    a force of (EA/l + 12EI/l³) εR.
+    """
+    ends = np.array([end for body in scene.bodies for end in (body.start, body.end)])
+    extent = float(np.hypot(*np.ptp(ends, axis=0)))
+    squares = 0.0
+    for body in scene.bodies:
+        intervals = len(beams.reference(body)) - 1
+        l, E = body.length / intervals, body.material.E  # noqa: E741
+        squares += intervals * (E * (body.section.area / l + 12.0 * body.section.second_moment / l**3)) ** 2
+    return float(2.0 * np.finfo(float).eps * extent * np.sqrt(squares))
+
+
 def _check_integrator(scene: Scene, run: Discretisation) -> None:
     if run.integrator != "zhai":
         return
@@ -118,20 +137,20 @@ def _check_integrator(scene: Scene, run: Discretisation) -> None:
             )
 
 
-def _common_settings(exu: Any, model: Model) -> Any:
+def _common_settings(exu: Any, model: Model, solver: str) -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.restart.write = False
     settings.parallel.numberOfThreads = 1
     kinds = exu.LinearSolverType
-    sparse = model.mbs.systemData.ODE2Size() >= SPARSE_FROM
+    sparse = model.mbs.systemData.ODE2Size() >= SPARSE_FROM[solver]
     settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EXUdense
     settings.linearSolver.reuseAnalyzedPattern = True
     return settings
 
 
 def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float]) -> Any:
-    settings = _common_settings(exu, model)
+    settings = _common_settings(exu, model, run.integrator)
     settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
     time, kinds = settings.timeIntegration, exu.DynamicSolverType
     time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
@@ -144,7 +163,7 @@ def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[flo
 
 
 def _static_settings(exu: Any, model: Model, load_steps: int, tolerance: float) -> Any:
-    settings = _common_settings(exu, model)
+    settings = _common_settings(exu, model, "static")
     settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
     static = settings.staticSolver
     static.numberOfLoadSteps = int(load_steps)
@@ -180,10 +199,10 @@ def _read(model: Model, expected: Array | None) -> History:
 
 
 def _verdict(
-    beams: Beams, run: Discretisation, history: History, message: str | None, solver: Any
+    beams: Beams, scene: Scene, run: Discretisation, history: History, message: str | None, solver: Any
 ) -> tuple[int, Status]:
     """Rows of the history that can be kept, and how the run ended."""
-    worst = np.max([beams.stretched(q) for q in history.coordinates.values()], axis=0)
+    worst = np.max([beams.stretched(b, history.coordinates[b.name]) for b in scene.bodies], axis=0)
     bad = np.flatnonzero(~(worst < STRETCH))
     rows = int(bad[0]) if bad.size else len(history.t)
     steps, expected = solver.it.currentStepIndex - 1, len(run.output_steps)
@@ -194,7 +213,8 @@ def _verdict(
     if message is not None or not (steps == run.steps and rows == expected):
         time = float(solver.it.currentTime)
         why = message or f"Exudyn took {steps} steps for {run.steps} and wrote {rows} of {expected} rows"
-        why = f"{why} (t = {time:.6g} s); a smaller dt or wider tolerances may help"
+        least = roundoff(beams, scene)
+        why = f"{why} (t = {time:.6g} s); a smaller dt may help, or an absolute tolerance above {least:.1g} N"
         return rows, Status("failed", why, time, steps)
     return rows, Status()
 
