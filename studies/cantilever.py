@@ -1,0 +1,191 @@
+"""The cantilever: large deflections against exact solutions, and a fall under gravity."""
+
+import pandas as pd
+
+from anctmm.solution import Solution
+from studies import cantilever_pictures, error_pictures, tables
+from studies.dynamics import Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.force_cost import force_cost
+from studies.plots import Picture
+from studies.runner import Mesh, Runner, mesh_label
+from studies.scenes import TIP_FORCES, BaseScene, cantilever_end_moment, cantilever_fall, cantilever_tip_force
+from studies.shear_limits import WARNING, shear_limits
+from studies.statics import StaticSweep, rates, static_sweep
+from studies.study import Options, Result
+
+OURS = ("anctmm", "global-dae")
+ALL = (*OURS, "exudyn-cable")
+PICTURED = "cantilever-force-3"
+SNAPSHOTS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
+
+
+def implicit_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Steps of the implicit runs, s."""
+    return (2e-3, 1e-3, 5e-4)
+
+
+def cable_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Explicit steps of the cable, s: bounded by the axial wave, so they halve with the elements."""
+    largest = 4e-4 / max(mesh)
+    return (largest, largest / 2, largest / 4)
+
+
+def shear_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Explicit steps of the shear element, s: bounded by the thickness mode, whatever the mesh."""
+    return (2e-6, 1e-6, 5e-7)
+
+
+STATIC_MESHES: tuple[Mesh, ...] = ((2,), (4,), (8,), (16,), (32,), (64,))
+STATIC_SCHEMES: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("cable", "full", ALL),
+    ("cable", "reduced", ALL),
+    ("cable", "lobatto", ALL),
+    ("shear", "full", OURS),
+)
+QUICK_STATIC_SCHEMES = (STATIC_SCHEMES[0], STATIC_SCHEMES[3])
+FULL = Plan(
+    meshes=((4,), (8,), (16,)),
+    schemes=(
+        Scheme("cable", "full", "zhai", ALL, cable_steps),
+        Scheme("cable", "full", "generalized-alpha", (*ALL, "global-dae-dense"), implicit_steps),
+        Scheme("cable", "reduced", "generalized-alpha", ALL, implicit_steps),
+        Scheme("shear", "full", "zhai", OURS, shear_steps),
+        Scheme(
+            "shear",
+            "full",
+            "generalized-alpha",
+            (*OURS, "global-dae-dense", "exudyn-reissner"),
+            implicit_steps,
+        ),
+    ),
+    references={
+        "cable": Fine(("exudyn-cable", "global-dae", "anctmm"), (64,), (32,), 1e-4, 2e-4),
+        "shear": Fine(("global-dae", "anctmm"), (128,), (64,), 1e-4, 2e-4),
+    },
+)
+QUICK = Plan(
+    meshes=((4,), (8,)),
+    schemes=(
+        Scheme("cable", "full", "zhai", ("anctmm",), lambda mesh: (4e-4 / max(mesh),)),
+        Scheme("cable", "full", "generalized-alpha", ALL, lambda mesh: (2e-3, 1e-3)),
+        Scheme("shear", "full", "generalized-alpha", ("anctmm",), lambda mesh: (2e-3, 1e-3)),
+    ),
+    references={
+        "cable": Fine(("anctmm",), (32,), (16,), 2.5e-4, 5e-4),
+        "shear": Fine(("anctmm",), (32,), (16,), 2.5e-4, 5e-4),
+    },
+)
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study."""
+    bases = [cantilever_tip_force(load) for load in TIP_FORCES] + [cantilever_end_moment()]
+    if options.quick:
+        rest = static_sweep([bases[2], bases[4]], QUICK_STATIC_SCHEMES, STATIC_MESHES[:4], options, runner)
+    else:
+        rest = static_sweep(bases, STATIC_SCHEMES, STATIC_MESHES, options, runner)
+    fall_base = cantilever_fall()
+    fallen = sweep(fall_base, QUICK if options.quick else FULL, options, runner)
+    limits, orders, cost = shear_limits(options, runner), rates(rest.frame), force_cost(runner, 5)
+    rows = rest.rows + fallen.rows
+    static_note = "Static rows: one load case each, |u − u_exact| / |u_exact|, the largest over the probes."
+    return Result(
+        name="cantilever",
+        title="The cantilever",
+        question="Do the elements tend to what theory says, how fast, and what does a fall cost?",
+        findings=tuple(findings(rest.frame, orders.frame, limits.frame, fallen.frame, cost.frame)),
+        assumptions=tuple(dict.fromkeys(a for b in (*bases, fall_base) for a in b.assumptions)),
+        tables=(
+            tables.accuracy(rows, (static_note, WARNING)), tables.cpu_time(rows, (WARNING,)), orders, limits,
+            cost,
+            samples(rest.outcomes + fallen.outcomes),
+        ),
+        pictures=tuple(pictures(bases, rest, fallen)),
+    )  # fmt: skip
+
+
+def findings(
+    rest: pd.DataFrame, orders: pd.DataFrame, limits: pd.DataFrame, fallen: pd.DataFrame, cost: pd.DataFrame
+) -> list[str]:
+    """Sentences from the tables."""
+    said = []
+    for element in ("cable", "shear"):
+        mine = orders[(orders["element"] == element) & orders["order"].notna()]
+        errors = rest[(rest["element"] == element) & (rest["error"] > 0)].sort_values("error")
+        if len(mine):
+            said.append(
+                f"At rest, {element} elements tend to their continuum with orders {mine['order'].min():.2f} "
+                f"to {mine['order'].max():.2f}; smallest error {errors['error'].iloc[0]:.1e} with "
+                f"{errors['elements'].iloc[0]} elements."
+            )
+    for case, lines in limits[limits["measured"] > 0].groupby("case", sort=False):
+        last = lines.iloc[-1]
+        said.append(
+            f"Shear element, {case}: tip over {last['tip_over']} is {last['measured']:.4f} "
+            f"with {last['elements']} elements; theory ({last['theory']}) says {last['predicted']:.4f}."
+        )
+    said.append(WARNING)
+    ns = {
+        line["evaluation"]: line["ns_per_element"]
+        for line in cost.to_dict("records")
+        if line["form"] == "compiled"
+    }
+    said.append(
+        f"The paper's invariant matrices take {ns['invariant matrices']:.3g} ns an element force, "
+        f"the quadrature {ns['quadrature, 5 points']:.3g} ns."
+    )
+    failed = fallen[fallen["status"] != "ok"]
+    if len(failed):
+        said.append(f"{len(failed)} of {len(fallen)} falls did not end well; their rows say why.")
+    return said
+
+
+def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep) -> list[Picture]:
+    """Shapes, convergence and cost."""
+    drawn = []
+    if pairs := _rest_pairs(bases, rest):
+        drawn.append(cantilever_pictures.rest_shapes(pairs))
+    if (rest.frame["error"] > 0).any():
+        drawn.append(
+            cantilever_pictures.static_convergence(rest.frame, PICTURED, {"cable": 4.0, "shear": 2.0})
+        )
+    element, reference = next(
+        ((e, r.solution) for e, r in fallen.references.items() if r.solution), ("", None)
+    )
+    if reference is not None:
+        drawn.append(cantilever_pictures.fall(reference, SNAPSHOTS))
+        curves = _curves(fallen, element)
+        drawn += [cantilever_pictures.tip_errors(curves, reference)] if curves else []
+    frame = fallen.frame
+    if (frame["error"] > 0).any():
+        drawn += [
+            error_pictures.over_mesh(frame, {"cable": 4.0, "shear": 2.0}),
+            error_pictures.over_step(frame),
+        ]
+        drawn += [error_pictures.against_cost(frame)]
+    return drawn
+
+
+def _rest_pairs(bases: list[BaseScene], rest: StaticSweep) -> list[tuple[str, Solution, Solution | None]]:
+    pairs: list[tuple[str, Solution, Solution | None]] = []
+    for base in bases:
+        mine = [
+            (o, r) for o, r in zip(rest.outcomes, rest.references, strict=True)
+            if o.case.scene == base.scene and o.case.element == "cable" and o.solution.status.ok
+        ]  # fmt: skip
+        if mine:
+            outcome, reference = max(mine, key=lambda pair: pair[0].case.mesh)
+            assert reference.solution is not None
+            pairs.append((base.assumptions[-1].rstrip("."), reference.solution, outcome.solution))
+    return pairs
+
+
+def _curves(fallen: Sweep, element: str) -> dict[str, Solution]:
+    cases = [o.case for o in fallen.outcomes if o.case.element == element and o.solution.status.ok]
+    curves = {}
+    for mesh in dict.fromkeys(c.mesh for c in cases):
+        case = min((c for c in cases if c.mesh == mesh), key=lambda c: c.dt)
+        solution = fallen.solution(element=element, mesh=mesh, dt=case.dt, solver=case.solver)
+        assert solution is not None
+        curves[f"{case.solver}, {mesh_label(mesh)} {element}, dt = {case.dt:g} s"] = solution
+    return curves

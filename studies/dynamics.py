@@ -1,0 +1,137 @@
+"""One dynamic scene over solvers, elements, integrators, meshes and steps, a reference for each element."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from anctmm.solution import Solution
+from studies.runner import (
+    Case,
+    Mesh,
+    Outcome,
+    Reference,
+    Runner,
+    product,
+    refined_reference,
+    row,
+    sample_rows,
+)
+from studies.scenes import BaseScene
+from studies.study import Options
+from studies.tables import Table
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Element, quadrature and integrator, with who runs them and by which steps.
+
+    Parameters
+    ----------
+    element, quadrature, integrator : str
+    solvers : tuple of str
+    steps : callable
+        Mesh → time steps, s: an explicit scheme's must shrink with the elements.
+    """
+
+    element: str
+    quadrature: str
+    integrator: str
+    solvers: tuple[str, ...]
+    steps: Callable[[Mesh], tuple[float, ...]]
+
+
+@dataclass(frozen=True)
+class Fine:
+    """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order."""
+
+    solvers: tuple[str, ...]
+    mesh: Mesh
+    coarser_mesh: Mesh
+    dt: float
+    coarser_dt: float
+    quadrature: str = "full"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep: meshes × schemes, and the reference of each element."""
+
+    meshes: tuple[Mesh, ...]
+    schemes: tuple[Scheme, ...]
+    references: Mapping[str, Fine]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep gave."""
+
+    base: BaseScene
+    outcomes: tuple[Outcome, ...]
+    references: Mapping[str, Reference]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a run."""
+        return [row(o, self.references[o.case.element]) for o in self.outcomes]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows as a frame, with the number of all elements and the element whose reference they have."""
+        return pd.DataFrame(self.rows).assign(
+            all_elements=[sum(o.case.mesh) for o in self.outcomes],
+            family=[o.case.element for o in self.outcomes],
+        )
+
+    def solution(self, **wanted: Any) -> Solution | None:
+        """The whole solution with the smallest step among the cases with these values; None without one."""
+        found = [
+            o for o in self.outcomes
+            if o.solution.status.ok and all(getattr(o.case, k) == v for k, v in wanted.items())
+        ]  # fmt: skip
+        return min(found, key=lambda o: o.case.dt).solution if found else None
+
+
+def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Sweep:
+    """Run a plan, narrowed by the user's options."""
+    cases = cases_of(base, plan, options)
+    elements = dict.fromkeys(case.element for case in cases)
+    references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
+    return Sweep(base, tuple(runner.sweep(cases)), references)
+
+
+def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
+    """All cases of a plan as the user narrowed it.
+
+    A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
+    runs them all.
+    """
+    cases = []
+    listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
+    for scheme in plan.schemes:
+        wanted = scheme.solvers if options.solvers is None else options.solvers
+        solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
+        for mesh in options.meshes or plan.meshes:
+            cases += product(
+                base.scene, solvers, [mesh], options.steps or scheme.steps(mesh), element=scheme.element,
+                quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.t_end,
+                output_dt=base.output_dt,
+            )  # fmt: skip
+    return cases
+
+
+def samples(outcomes: tuple[Outcome, ...]) -> Table:
+    """All raw time samples."""
+    return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
+
+
+def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
+    def case(mesh: Mesh, dt: float) -> Case:
+        return Case(
+            base.scene, "", mesh, element=element, quadrature=fine.quadrature, integrator="generalized-alpha",
+            dt=dt, t_end=base.t_end, output_dt=base.output_dt,
+        )  # fmt: skip
+
+    coarser = (case(fine.coarser_mesh, fine.dt), case(fine.mesh, fine.coarser_dt))
+    return refined_reference(runner, case(fine.mesh, fine.dt), coarser, base.probes, fine.solvers)

@@ -1,0 +1,165 @@
+"""The paper's four-bar: accuracy and cost over solvers, elements, integrators, meshes and steps."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from anctmm.solution import Solution
+from studies import error_pictures, mechanism_pictures, tables
+from studies.dynamics import Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.paper_table import paper_table
+from studies.plots import Picture
+from studies.runner import Mesh, Runner, mesh_label
+from studies.scenes import four_bar
+from studies.study import Options, Result
+from studies.tables import Table
+
+OURS = ("anctmm", "global-dae")
+IMPLICIT_STEPS = (5e-3, 2.5e-3, 1.25e-3)
+MESHES: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8))
+#: What is said about lines of the paper's table, with the time per step and the ratio to the dense solver's.
+GAINS = {
+    "ANC-TMM, explicit": "Explicit ANC–TMM takes {:.3g} µs a step, {:.3g} times less than ordinary ANCF with "
+    "a dense matrix solved anew each step (published: 7.8).",
+    "ordinary ANCF, at its best": "Ordinary ANCF, factored once, takes {:.3g} µs a step, {:.3g} times less "
+    "than its dense form.",
+}
+SNAPSHOTS = (0.0, 0.5, 0.8, 1.0, 1.2, 1.5, 2.0)
+
+
+def implicit_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Steps of the implicit runs, s: the same for every mesh."""
+    return IMPLICIT_STEPS
+
+
+def explicit_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Three steps below the stability limit, which falls with the crank's elements, s."""
+    largest = 2e-5 if max(mesh) <= 8 else 1e-5 if max(mesh) <= 16 else 5e-6
+    return (largest, largest / 2, largest / 4)
+
+
+FULL = Plan(
+    meshes=MESHES,
+    schemes=(
+        Scheme("shear", "full", "zhai", OURS, explicit_steps),
+        Scheme(
+            "shear",
+            "full",
+            "generalized-alpha",
+            (*OURS, "global-dae-dense", "exudyn-reissner"),
+            implicit_steps,
+        ),
+        Scheme("cable", "full", "zhai", OURS, explicit_steps),
+        Scheme(
+            "cable", "full", "generalized-alpha", (*OURS, "global-dae-dense", "exudyn-cable"), implicit_steps
+        ),
+        Scheme("cable", "reduced", "generalized-alpha", (*OURS, "exudyn-cable"), implicit_steps),
+    ),
+    references={
+        "shear": Fine(("global-dae", "anctmm"), (32, 128, 32), (16, 64, 16), 5e-4, 1e-3),
+        "cable": Fine(("global-dae", "anctmm"), (16, 64, 16), (8, 32, 8), 2.5e-4, 5e-4),
+    },
+)
+QUICK = Plan(
+    meshes=((2, 8, 2), (4, 16, 4)),
+    schemes=(
+        Scheme("shear", "full", "zhai", ("anctmm",), lambda mesh: (1e-5,)),
+        Scheme("shear", "full", "generalized-alpha", OURS, lambda mesh: (5e-3, 2.5e-3)),
+        Scheme("cable", "full", "generalized-alpha", (*OURS, "exudyn-cable"), lambda mesh: (5e-3, 2.5e-3)),
+    ),
+    references={
+        "shear": Fine(("anctmm",), (8, 32, 8), (4, 16, 4), 1.25e-3, 2.5e-3),
+        "cable": Fine(("anctmm",), (8, 32, 8), (4, 16, 4), 1.25e-3, 2.5e-3),
+    },
+)
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study."""
+    base = four_bar()
+    swept = sweep(base, QUICK if options.quick else FULL, options, runner)
+    paper = paper_table(base, swept.references, options, runner)
+    frame = swept.frame
+    notes = ("The element kinds are two models with own limits: each is measured against its own reference.",)
+    found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows)]
+    found += [paper] if paper else []
+    return Result(
+        name="four-bar",
+        title="The four-bar of the paper",
+        question="Crank, soft coupler and follower: what does each solver's accuracy cost, and does the "
+        "transfer matrix method gain what the paper says?",
+        findings=tuple(findings(frame, paper)),
+        assumptions=(*base.assumptions, f"Data: {base.source}."),
+        tables=(*found, samples(swept.outcomes)),
+        pictures=tuple(pictures(swept, frame)),
+    )
+
+
+def findings(frame: pd.DataFrame, paper: Table | None) -> list[str]:
+    """Sentences from the tables."""
+    said = []
+    for element in ("shear", "cable"):
+        mine = frame[(frame["family"] == element) & (frame["error"] > 0)]
+        if mine.empty:
+            continue
+        best = mine.loc[mine.groupby("elements")["error"].idxmin()].sort_values("all_elements")
+        errors = ", ".join(f"{e} → {v:.2g}" for e, v in zip(best["elements"], best["error"], strict=True))
+        said.append(
+            f"{element.capitalize()} elements, smallest error by mesh: {errors} "
+            f"(reference known to {mine['reference_error'].max():.1g})."
+        )
+    failed = frame[frame["status"] != "ok"]
+    if len(failed):
+        said.append(f"{len(failed)} of {len(frame)} runs did not end well; their rows say why.")
+    return said + (_paper_findings(paper.frame) if paper else [])
+
+
+def _paper_findings(frame: pd.DataFrame) -> list[str]:
+    said = []
+    lines: dict[str, Any] = {line["method"]: line for line in frame.to_dict("records")}
+    for method, text in GAINS.items():
+        line = lines.get(method)
+        if line and line["ratio_per_step"] > 0:
+            said.append(text.format(line["us_per_step"], line["ratio_per_step"]))
+    return said
+
+
+def pictures(swept: Sweep, frame: pd.DataFrame) -> list[Picture]:
+    """What moved, and how wrong it was at what cost."""
+    drawn: list[Picture] = []
+    curves = _curves(swept)
+    if curves:
+        best = list(curves.values())[-1]
+        drawn += [
+            mechanism_pictures.crank_angle(best),
+            mechanism_pictures.joint(curves),
+            mechanism_pictures.deflection(curves),
+            mechanism_pictures.configurations(best, SNAPSHOTS),
+        ]
+    if (frame["error"] > 0).any():
+        drawn += [error_pictures.over_mesh(frame, {"shear": 2.0, "cable": 4.0})]
+        drawn += [error_pictures.over_step(frame)] if _has_implicit(frame) else []
+        drawn += [error_pictures.against_cost(frame)]
+    return drawn
+
+
+def _has_implicit(frame: pd.DataFrame) -> bool:
+    return bool(((frame["integrator"] == "generalized-alpha") & (frame["error"] > 0)).any())
+
+
+def _curves(swept: Sweep) -> Mapping[str, Solution]:
+    """One solver's meshes of the shear element (or of what there is), then the reference."""
+    cases = [o.case for o in swept.outcomes if o.solution.status.ok]
+    if not cases:
+        return {}
+    element = "shear" if any(c.element == "shear" for c in cases) else cases[0].element
+    mine = [c for c in cases if c.element == element]
+    curves = {}
+    for mesh in dict.fromkeys(c.mesh for c in mine):
+        solver = next(c.solver for c in mine if c.mesh == mesh)
+        solution = swept.solution(element=element, mesh=mesh, solver=solver)
+        assert solution is not None
+        curves[f"{solver}, {mesh_label(mesh)} {element}"] = solution
+    reference = swept.references[element]
+    return curves | ({f"reference: {reference.name}": reference.solution} if reference.solution else {})

@@ -1,0 +1,266 @@
+"""Pictures as reproducible SVG: what the studies draw, and how it looks."""
+
+import io
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from studies.tables import atomic_write
+
+Array = NDArray[np.float64]
+Curve = tuple[Array, Array]
+
+#: Ink, grid and paper: the page replaces these three by its theme's.
+INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
+#: Okabe & Ito's palette, told apart by colour-blind readers; without the yellow, too pale on paper.
+PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d5a", "#7f7f87")
+#: One colour a solver in every picture; others take what is left.
+SOLVER_COLOURS = {
+    "anctmm": PALETTE[0],
+    "global-dae": PALETTE[1],
+    "exudyn-cable": PALETTE[2],
+    "global-dae-dense": PALETTE[3],
+    "exudyn-reissner": PALETTE[5],
+}
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.2, 2)))
+STYLE: Any = {
+    "svg.fonttype": "none",
+    "font.family": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.titlesize": 10,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.facecolor": PAPER,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.unicode_minus": True,
+    "axes.prop_cycle": cycler(color=PALETTE),
+    "axes.formatter.use_mathtext": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.6,
+    "text.color": INK,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "figure.facecolor": PAPER,
+    "figure.constrained_layout.use": True,
+    "savefig.facecolor": PAPER,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.6,
+    "lines.markersize": 5,
+}
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A drawing with its name (of the file) and its caption."""
+
+    name: str
+    caption: str
+    svg: str
+
+
+def picture(
+    name: str, caption: str, draw: Callable[[Figure], None], size: tuple[float, float] = (7.0, 3.6)
+) -> Picture:
+    """Draw on a new figure and keep it as SVG.
+
+    Parameters
+    ----------
+    name : str
+        Also the salt of the ids inside, so that two pictures on one page share none.
+    caption : str
+        What is to be seen.
+    draw : callable
+        Draws on the figure it is given.
+    size : (float, float)
+        inch.
+    """
+    with mpl.rc_context(STYLE | {"svg.hashsalt": name}):
+        figure = Figure(figsize=size)
+        draw(figure)
+        stream = io.StringIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+    # matplotlib leaves blanks at line ends, which every version control tool complains about
+    return Picture(name, caption, re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE))
+
+
+def write_picture(shown: Picture, folder: Path) -> None:
+    """`<name>.svg`."""
+    atomic_write(folder / f"{shown.name}.svg", shown.svg)
+
+
+def solver_colour(name: str) -> str:
+    """The colour a solver has in every picture."""
+    others = [c for c in PALETTE if c not in SOLVER_COLOURS.values()]
+    return SOLVER_COLOURS.get(name) or others[sum(name.encode()) % len(others)]
+
+
+# --- histories and shapes ----------------------------------------------------------------------------------
+
+
+def histories(axes: Axes, curves: Mapping[str, Curve], x_label: str, y_label: str, title: str = "") -> None:
+    """Curves over time, the last one thin and black: what the others should be."""
+    for i, (label, (x, y)) in enumerate(curves.items()):
+        last = i == len(curves) - 1 and i > 0
+        axes.plot(
+            x, y, label=label, color=INK if last else PALETTE[i % len(PALETTE)],
+            linestyle="-" if last else DASHES[i % len(DASHES)],
+            linewidth=0.9 if last else 1.9,
+        )  # fmt: skip
+    axes.set(xlabel=x_label, ylabel=y_label, title=title)
+
+
+def shapes(axes: Axes, curves: Iterable[tuple[str, Sequence[Curve], Any]], title: str = "") -> None:
+    """Configurations in the plane: (label, body axes, colour) each."""
+    for label, lines, colour in curves:
+        for i, (x, y) in enumerate(lines):
+            axes.plot(x, y, color=colour, label=label if i == 0 else "_", linewidth=1.8)
+            axes.plot(x[[0, -1]], y[[0, -1]], "o", color=colour, markersize=2.6)
+    axes.set(xlabel="x (m)", ylabel="y (m)", title=title)
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def sequence_colours(n: int) -> list[Any]:
+    """`n` colours in an order the eye sees, legible on light and dark paper."""
+    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.05, 0.88, n)]
+
+
+# --- errors ------------------------------------------------------------------------------------------------
+
+
+def convergence(
+    axes: Axes, rows: pd.DataFrame, by: str, x: str, x_label: str, order: float, title: str
+) -> None:
+    """Error over a refinement, a line for each value of `by`, with a slope triangle and the floor.
+
+    Parameters
+    ----------
+    axes : Axes
+        Drawn on.
+    rows : DataFrame
+        With columns `by`, `x`, "error", "reference_error".
+    by, x : str
+        Columns.
+    x_label, title : str
+        Texts.
+    order : float
+        Slope of the triangle: positive if errors fall with x falling, negative if with x rising.
+    """
+    shown = rows[rows["error"] > 0.0]
+    lines = list(shown.groupby(by, sort=False))
+    for i, (label, line) in enumerate(lines):
+        line = line.sort_values(x)
+        axes.plot(
+            line[x], line["error"], label=str(label), color=_line_colour(by, str(label), i),
+            marker=MARKERS[i % len(MARKERS)], linestyle=DASHES[i % len(DASHES)],
+            markersize=7 - 1.2 * min(i, 3),
+            alpha=0.9,
+        )  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel="relative error", title=title)
+    if shown.empty:
+        return
+    _sizes_as_ticks(axes, sorted(shown[x].unique()))
+    floor(axes, shown["reference_error"])
+    lowest = min((line for _, line in lines), key=lambda line: line["error"].min())
+    slope_triangle(axes, lowest[x].to_numpy(float), lowest["error"].to_numpy(float), order)
+
+
+def _line_colour(by: str, label: str, i: int) -> str:
+    return solver_colour(label) if by == "solver" else PALETTE[i % len(PALETTE)]
+
+
+def _sizes_as_ticks(axes: Axes, sizes: Sequence[float]) -> None:
+    """The values that were run, instead of powers of ten nobody chose."""
+    kept = sizes if len(sizes) <= 7 else sizes[:: len(sizes) // 6]
+    axes.set_xticks(list(kept), [f"{s:g}" for s in kept])
+    axes.minorticks_off()
+
+
+def floor(axes: Axes, uncertainties: pd.Series) -> None:
+    """A line below which the reference itself is not known."""
+    known = uncertainties[uncertainties > 0.0]
+    if known.empty:
+        return
+    level = float(known.max())
+    low, _ = axes.get_ylim()
+    if level < low / 30.0:  # far below everything drawn: a line would only squeeze the curves
+        axes.text(
+            0.01,
+            0.01,
+            f"reference uncertain by {level:.1g}",
+            transform=axes.transAxes,
+            fontsize=7.5,
+            color=INK,
+        )
+        return
+    axes.axhspan(min(low, level / 2.0), level, color="#7f7f87", alpha=0.15, linewidth=0)
+    axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
+    axes.annotate(
+        "reference's own uncertainty", (0.99, level), xycoords=("axes fraction", "data"), ha="right",
+        va="bottom",
+        fontsize=7.5, color=INK, xytext=(0, 1), textcoords="offset points",
+    )  # fmt: skip
+
+
+def slope_triangle(axes: Axes, x: Array, y: Array, order: float) -> None:
+    """A triangle of the given slope under the lower part of a curve."""
+    keep = np.argsort(x)
+    x, y = x[keep], y[keep]
+    if x.size < 2:
+        return
+    a, b = (x[-2], x[-1]) if order < 0 else (x[0], x[1])
+    anchor = (y[-1] if order < 0 else y[0]) * 0.35
+    left, right = (anchor * (a / b) ** order, anchor) if order < 0 else (anchor, anchor * (b / a) ** order)
+    corner = (a, right) if order < 0 else (b, left)
+    axes.fill(*zip((a, left), (b, right), corner, strict=True), color=INK, alpha=0.22, linewidth=0)
+    place = (np.sqrt(a * b), corner[1] / 1.25)
+    axes.annotate(
+        f"slope {order:+g}".replace("-", "−"), place, fontsize=7.5, color=INK, ha="center", va="top"
+    )
+
+
+def work_precision(axes: Axes, rows: pd.DataFrame, title: str = "") -> None:
+    """Error against CPU time: colour tells the solver, marker the integrator; down and left is better."""
+    shown = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
+    integrators = sorted(shown["integrator"].unique())
+    for (solver, integrator), points in shown.groupby(["solver", "integrator"], sort=False):
+        k = integrators.index(integrator)
+        axes.plot(
+            points["cpu_s"], points["error"], linestyle="none", marker=MARKERS[k % len(MARKERS)],
+            color=solver_colour(str(solver)),
+            markerfacecolor=solver_colour(str(solver)) if k == 0 else "none",
+            label=f"{solver}, {integrator}", alpha=0.85,
+        )  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlabel="CPU time (s)", ylabel="relative error", title=title)
+    if not shown.empty:
+        floor(axes, shown["reference_error"])
+
+
+def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:
+    """One legend for several panels, outside of them."""
+    entries: dict[str, Any] = {}
+    for panel in axes:
+        for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
+            entries.setdefault(label, handle)
+    figure.legend(
+        list(entries.values()),
+        list(entries),
+        loc="outside lower center",
+        ncols=min(columns, max(len(entries), 1)),
+    )

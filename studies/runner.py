@@ -1,0 +1,362 @@
+"""From a product of lists to solutions and rows, cached run by run: a sweep goes on where it stopped."""
+
+import hashlib
+import inspect
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from importlib import import_module
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from joblib import Memory
+
+from anctmm import registry
+from anctmm.discretisation import Discretisation
+from anctmm.errors import AnctmmError, SolverError
+from anctmm.metrics import compare
+from anctmm.scene import Probe, Scene
+from anctmm.solution import Cost, Solution, Status, nothing
+from studies import provenance
+from studies.timing import summarise, undisturbed
+
+STATIC = "static"
+#: Solvers that use one element whatever a discretisation asks for.
+FIXED_ELEMENTS = {"exudyn-cable": "cable", "exudyn-reissner": "reissner"}
+Solver = Callable[..., Solution]
+Mesh = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : str
+        Registered name.
+    mesh : tuple of int
+        Elements of each body in the scene's order, or one number for all.
+    element, quadrature, integrator : str
+        As in Discretisation; `integrator` "static" asks for the rest position.
+    dt, t_end, output_dt : float
+        s; of no meaning for statics.
+    options : tuple of (str, value)
+        Further options of the discretisation, or of the static solver.
+    """
+
+    scene: Scene
+    solver: str
+    mesh: Mesh
+    element: str = "cable"
+    quadrature: str = "full"
+    integrator: str = "generalized-alpha"
+    dt: float = float("nan")
+    t_end: float = 0.0
+    output_dt: float = 0.0
+    options: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def by_body(self) -> int | dict[str, int]:
+        """The mesh as the discretisation wants it."""
+        if len(self.mesh) == 1:
+            return self.mesh[0]
+        names = [body.name for body in self.scene.bodies]
+        if len(names) != len(self.mesh):
+            raise SolverError(
+                f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "
+                f"1 or {len(names)}, for {'/'.join(names)}"
+            )
+        return dict(zip(names, self.mesh, strict=True))
+
+    def run(self) -> Discretisation:
+        """The discretisation of a dynamic case; raises what Discretisation raises."""
+        return Discretisation(
+            mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
+            dt=self.dt, t_end=self.t_end, output_dt=self.output_dt, **dict(self.options),
+        )  # fmt: skip
+
+    def solve(self, solver: Solver) -> Solution:
+        """Run it with a solver already found by name."""
+        if self.integrator != STATIC:
+            return solver(self.scene, self.run())
+        return static_of(solver)(
+            self.scene,
+            mesh=self.by_body,
+            element=self.element,
+            quadrature=self.quadrature,
+            **dict(self.options),
+        )
+
+    def warm_up(self, solver: Solver) -> None:
+        """Two steps (or the statics) unmeasured: whatever compiles or loads does it here."""
+        short = replace(self, t_end=2 * self.dt, output_dt=self.dt) if self.integrator != STATIC else self
+        short.solve(solver)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A case, its solution (of the first sample) and the cost of every sample."""
+
+    case: Case
+    solution: Solution
+    costs: tuple[Cost, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Parameters
+    ----------
+    name : str
+        Solver and settings, or the exact solution.
+    error_of : callable
+        Solution → error.
+    uncertainty : float
+        The reference's own, in the unit of the error.
+    solution : Solution, optional
+    """
+
+    name: str
+    error_of: Callable[[Solution], float]
+    uncertainty: float
+    solution: Solution | None = None
+
+
+def static_of(solver: Solver) -> Solver:
+    """The `solve_static` that stands in the module of a registered solver.
+
+    Raises
+    ------
+    SolverError
+        If there is none.
+    """
+    static = getattr(import_module(solver.__module__), "solve_static", None)
+    if static is None:
+        raise SolverError(f"solver {solver.__module__!r} has no solve_static; it runs dynamic scenes only")
+    return static  # type: ignore[no-any-return]
+
+
+@dataclass
+class Runner:
+    """Runs cases, remembers them, and reports progress.
+
+    Parameters
+    ----------
+    cache : Path or None
+        Directory of finished runs; None: nothing is kept.
+    repeats : int
+        Samples of each run's time.
+    budget_s : float
+        No further sample is taken of a run once its samples have taken that long.
+    resolve : callable
+        Name → solver.
+    on_done : callable
+        Told after each case: (case, number done, number of all).
+    """
+
+    cache: Path | None
+    repeats: int = 3
+    budget_s: float = 10.0
+    resolve: Callable[[str], Solver] = registry.solver
+    on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
+    computed: int = 0
+    _warm: set[tuple[Any, ...]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        memory = Memory(self.cache, verbose=0)
+        # bound here, so that the runner itself is no part of the key
+        self._remembered = memory.cache(_compute, ignore=["compute"])
+
+    def sweep(self, cases: Iterable[Case]) -> list[Outcome]:
+        """Run cases; those that differ in the solver only take their samples in turn.
+
+        Returns
+        -------
+        list of Outcome
+            In the order of the cases, sorted so that contestants stand together.
+        """
+        ordered = list(dict.fromkeys(cases))
+        groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
+        outcomes: list[Outcome] = []
+        for group in groups:
+            for outcome in self._contest(group):
+                outcomes.append(outcome)
+                self.on_done(outcome.case, len(outcomes), len(ordered))
+        place = {case: i for i, case in enumerate(ordered)}
+        return sorted(outcomes, key=lambda o: place[o.case])
+
+    def solve(self, case: Case) -> Outcome:
+        """One case."""
+        return self.sweep([case])[0]
+
+    def remember(self, key: str, compute: Callable[[], Any]) -> Any:
+        """Result of any computation, cached under a key, the source and the versions."""
+        return self._remembered(_stamped(key), compute)
+
+    def _contest(self, group: Sequence[Case]) -> Iterator[Outcome]:
+        first = {case: self._sample(case, 0) for case in group}
+        costs = {case: [s.cost] if s.status.ok else [] for case, s in first.items()}
+        for k in range(1, self.repeats):
+            for case in group:
+                if costs[case] and sum(c.wall_s for c in costs[case]) < self.budget_s:
+                    costs[case].append(self._sample(case, k).cost)
+        for case in group:
+            yield Outcome(case, first[case], tuple(costs[case]))
+
+    def _sample(self, case: Case, k: int) -> Solution:
+        """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
+        try:
+            solver = self.resolve(case.solver)
+            if not reproducible(case):
+                return self._run(case, solver, k)
+            key = f"{case_key(case)}|{origin(solver)}|sample {k}"
+            return self.remember(key, lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
+        except AnctmmError as error:
+            return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
+        except Exception as error:  # one broken solver must not end a sweep
+            reason = f"{type(error).__name__}: {_one_line(error)}"
+            return nothing(case.solver, case.scene, None, Status("failed", reason))
+
+    def _run(self, case: Case, solver: Solver, k: int) -> Solution:
+        self.computed += 1
+        try:
+            kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator)
+            with undisturbed():
+                if kind not in self._warm:
+                    case.warm_up(solver)
+                    self._warm.add(kind)
+                solution = case.solve(solver)
+        except AnctmmError as error:
+            return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
+        # Only the first sample's history is wanted; of the others the cost.
+        return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
+
+
+def _compute(key: str, compute: Callable[[], Any]) -> Any:
+    return compute()
+
+
+def product(
+    scene: Scene,
+    solvers: Iterable[str],
+    meshes: Iterable[Mesh],
+    steps: Iterable[float] = (float("nan"),),
+    **common: Any,
+) -> list[Case]:
+    """Cases of solver × mesh × step, the rest in common."""
+    steps, solvers = tuple(steps), tuple(solvers)
+    return [Case(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
+
+
+def refined_reference(
+    runner: Runner, fine: Case, coarser: Sequence[Case], probes: Sequence[Probe], solvers: Sequence[str]
+) -> Reference:
+    """The finest run of the first of several solvers that can do it.
+
+    Parameters
+    ----------
+    runner : Runner
+        Runs them.
+    fine : Case
+        Its `solver` does not matter.
+    coarser : sequence of Case
+        The same with a coarser mesh, and with a coarser step: the reference's uncertainty is the sum of its
+        differences to them.
+    probes : sequence
+        Where to compare.
+    solvers : sequence of str
+        Names in the order of preference.
+    """
+    reason = "no solver given"
+    for name in solvers:
+        best, *others = (runner.solve(replace(c, solver=name)).solution for c in (fine, *coarser))
+        bad = [s.status for s in (best, *others) if not s.status.ok]
+        if bad:
+            reason = f"{name} {bad[0]}"
+            continue
+        uncertainty = sum(compare(other, best, probes).error for other in others)
+        label = f"{name} {fine.integrator} {mesh_label(fine.mesh)} dt={fine.dt:g}"
+        return Reference(label, lambda s, best=best: compare(s, best, probes).error, uncertainty, best)  # type: ignore[misc]
+    return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))
+
+
+def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
+    """The tidy row of a run. A run cut short has no error."""
+    case, solution, timing = outcome.case, outcome.solution, summarise(outcome.costs)
+    return {
+        "scene": case.scene.name,
+        "solver": case.solver,
+        "element": FIXED_ELEMENTS.get(case.solver, case.element),
+        "quadrature": case.quadrature if case.element == "cable" else "-",
+        "integrator": case.integrator,
+        "elements": mesh_label(case.mesh),
+        "dofs": solution.dofs,
+        "dt": case.dt,
+        "t_end": case.t_end if case.integrator != STATIC else float("nan"),
+        "steps": solution.cost.steps,
+        "newton_iterations": solution.cost.newton_iterations,
+        "error": reference.error_of(solution) if solution.status.ok else float("nan"),
+        "reference_error": reference.uncertainty,
+        "reference": reference.name,
+        "cpu_s": timing.cpu_s,
+        "cpu_spread": timing.cpu_spread,
+        "wall_s": timing.wall_s,
+        "repeats": timing.repeats,
+        "status": str(solution.status),
+    }
+
+
+def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
+    """The raw time samples of a run."""
+    case = outcome.case
+    names = ("solver", "element", "quadrature", "integrator")
+    about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
+    about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
+    return [{**about, "sample": k, "cpu_s": c.cpu_s, "wall_s": c.wall_s} for k, c in enumerate(outcome.costs)]
+
+
+def mesh_label(mesh: Mesh) -> str:
+    """2/8/2 of (2, 8, 2)."""
+    return "/".join(map(str, mesh))
+
+
+def case_key(case: Case) -> str:
+    """Text that tells a case from every other, with every digit of every number."""
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        return repr(case)
+
+
+def reproducible(value: Any) -> bool:
+    """Whether a value is told by its text: data only, no plain function, whose text is an address."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return all(reproducible(getattr(value, f.name)) for f in fields(value) if f.repr)
+    if isinstance(value, Mapping):
+        return all(map(reproducible, value.values()))
+    if isinstance(value, tuple | list | set | frozenset):
+        return all(map(reproducible, value))
+    return value is None or isinstance(value, str | bytes | int | float | complex | np.generic | np.ndarray)
+
+
+def origin(solver: Solver) -> str:
+    """Name of a solver with a hash of its module, which may be another package's."""
+    path = inspect.getsourcefile(inspect.unwrap(solver))
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if path and Path(path).exists() else ""
+    return f"{solver.__module__}.{getattr(solver, '__qualname__', '?')} {digest}"
+
+
+def _stamped(key: str) -> str:
+    return f"{key}|{provenance.source_hash()}|{provenance.stamp()}"
+
+
+def _contest(case: Case) -> str:
+    """What the cases of one contest share: everything but the solver."""
+    return case_key(replace(case, solver=""))
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

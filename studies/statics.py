@@ -1,0 +1,98 @@
+"""Static cantilevers: convergence to the exact solutions of the continua the elements discretise."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from anctmm.scene import Probe
+from anctmm.solution import Solution
+from reference.exact import solve_static
+from studies.runner import STATIC, Mesh, Outcome, Reference, Runner, product, row
+from studies.scenes import BaseScene
+from studies.study import Options
+from studies.tables import Table
+
+#: The continuum each element tends to, as `reference.exact` calls it.
+LIMITS = {"cable": "elastica", "shear": "director"}
+#: Errors below this are rounding, whatever the mesh: no order is read from them.
+ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class StaticSweep:
+    """Outcomes of static runs with the exact solution of each."""
+
+    outcomes: tuple[Outcome, ...]
+    references: tuple[Reference, ...]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a run."""
+        return [row(o, r) for o, r in zip(self.outcomes, self.references, strict=True)]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows as a frame, with the number of elements as a number."""
+        return pd.DataFrame(self.rows).assign(all_elements=[sum(o.case.mesh) for o in self.outcomes])
+
+
+def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
+    """Largest over the probes of |u − u_exact| / |u_exact| under the full load."""
+    pairs = [(solution.displacement(p)[-1], exact.displacement(p)[-1]) for p in probes]
+    return max(float(np.linalg.norm(u - v) / np.linalg.norm(v)) for u, v in pairs)
+
+
+def exact_reference(base: BaseScene, model: str) -> Reference:
+    """The exact solution of a continuum for a scene."""
+    exact = solve_static(base.scene, model)
+    smallest = min(float(np.linalg.norm(exact.displacement(p)[-1])) for p in base.probes)
+    shape = next(iter(exact.fields.values())).shape  # type: ignore[attr-defined]
+    return Reference(
+        f"exact: {model}", lambda s: rest_error(s, exact, base.probes), shape.uncertainty / smallest, exact
+    )
+
+
+def static_sweep(
+    bases: Iterable[BaseScene],
+    schemes: Iterable[tuple[str, str, tuple[str, ...]]],
+    meshes: tuple[Mesh, ...],
+    options: Options,
+    runner: Runner,
+) -> StaticSweep:
+    """Run scenes × (element, quadrature, solvers) × meshes."""
+    cases, references = [], []
+    for base in bases:
+        for element, quadrature, listed in schemes:
+            solvers = [s for s in options.solvers or listed if s in listed]
+            mine = product(
+                base.scene, solvers, options.meshes or meshes, element=element, quadrature=quadrature,
+                integrator=STATIC,
+            )  # fmt: skip
+            cases += mine
+            references += [exact_reference(base, LIMITS[element])] * len(mine)
+    return StaticSweep(tuple(runner.sweep(cases)), tuple(references))
+
+
+def rates(frame: pd.DataFrame) -> Table:
+    """Observed orders: log₂ of the error's fall where a mesh was doubled."""
+    lines = []
+    keys = ["scene", "solver", "element", "quadrature"]
+    for values, line in frame[frame["error"] > 0].groupby(keys, sort=False):
+        line = line.sort_values("all_elements")
+        n, error = line["all_elements"].to_numpy(float), line["error"].to_numpy()
+        sound = np.flatnonzero((n[1:] == 2 * n[:-1]) & (error[1:] > 30 * ROUNDING))
+        orders = np.log2(error[sound] / error[sound + 1])
+        last = orders[-1] if orders.size else float("nan")
+        between = f"{n[sound[-1]]:g} → {n[sound[-1] + 1]:g}" if sound.size else ""
+        lines.append({**dict(zip(keys, values, strict=True)), "smallest_error": error.min(), "order": last,
+                      "between_elements": between})  # fmt: skip
+    columns = [*keys, "smallest_error", "order", "between_elements"]
+    notes = (
+        "order: of the last doubling of the mesh whose error is still above rounding. The cable tends to the "
+        "extensible elastica, the shear element to the director continuum of its own energy.",
+    )
+    found = pd.DataFrame(lines, columns=columns)
+    return Table("rates", "Observed orders of the static cantilever", found, notes)
