@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from anctmm import explicit
+from anctmm import explicit, implicit
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.scene import Scene
@@ -30,4 +30,5 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
     """
     chain = Chain(scene, discretise(run, options))
-    return explicit.integrate(chain)
+    integrator = explicit if chain.run.integrator == "zhai" else implicit
+    return integrator.integrate(chain)
