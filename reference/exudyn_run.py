@@ -25,10 +25,12 @@ Array = NDArray[np.float64]
 #: Newton tolerances of the residual, relative and absolute (N), the latter where round-off allows it.
 #: Exudyn's own, 1e-8 and 1e-10, lie under round-off for 128 elements and for the four-bar.
 TOLERANCES = (1e-7, 1e-9)
-#: Relative tolerances of statics, tried in turn: self-weight of fine meshes does not reach the first.
-STATIC_TOLERANCES = (1e-10, 1e-9, 1e-8)
+#: Those of statics, tried in turn: self-weight on fine meshes misses the first. None: what rounding leaves.
+STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
 #: Gradients above this, or not finite, mean that a run has diverged: no material stretches a hundredfold.
 STRETCH = 100.0
+#: Part of kinetic and strain energy that, come from nowhere, means that an explicit run has diverged.
+NOWHERE = 0.9
 #: Coordinates from which on the sparse solver is the faster one, as measured.
 SPARSE_FROM = {"generalized-alpha": 20, "static": 20, "zhai": 50}
 
@@ -73,10 +75,10 @@ def dynamics(
         settings = _settings(exu, model, run, tolerances)
         message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
         history = _read(model, times)
-    solver = model.mbs.sys["dynamicSolver"]
-    rows, status = _verdict(beams, scene, run, history, message, solver)
-    counts = (0, 1) if run.integrator == "zhai" else (solver.it.newtonStepsCount, solver.it.newtonJacobiCount)
-    cost = Cost(cpu, wall, solver.it.currentStepIndex - 1, *counts)
+    rows, status = _verdict(model, run, history, loads, message)
+    it = model.mbs.sys["dynamicSolver"].it
+    counts = (0, 1) if run.integrator == "zhai" else (it.newtonStepsCount, it.newtonJacobiCount)
+    cost = Cost(cpu, wall, it.currentStepIndex - 1, *counts)
     return _solution(model, run, history.until(rows), loads, cost, status)
 
 
@@ -87,17 +89,19 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
         exu = load_exudyn()
     except Unsupported as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
-    for tolerance in STATIC_TOLERANCES:
+    for relative, absolute in STATIC_TOLERANCES:
         with silence(exu):
             model = Model(exu, scene, beams, static=True)
             model.assemble()
-            settings = _static_settings(exu, model, load_steps, tolerance)
+            tolerances = relative, absolute or roundoff(beams, scene)
+            settings = _static_settings(exu, model, load_steps, tolerances)
             message, cpu, wall = _timed(exu, model.mbs.SolveStatic, settings)
             history = _read(model, None)
         if message is None:
             break
     it = model.mbs.sys["staticSolver"].it
-    status = Status()
+    looser = (relative, absolute) != STATIC_TOLERANCES[0]
+    status = Status("ok", f"Newton's tolerances {tolerances[0]:g}, {tolerances[1]:.1g} N" if looser else "")
     if message is not None:
         reached = float(history.t[-1])
         told = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"
@@ -162,12 +166,12 @@ def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[flo
     return settings
 
 
-def _static_settings(exu: Any, model: Model, load_steps: int, tolerance: float) -> Any:
+def _static_settings(exu: Any, model: Model, load_steps: int, tolerances: tuple[float, float]) -> Any:
     settings = _common_settings(exu, model, "static")
     settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
     static = settings.staticSolver
     static.numberOfLoadSteps = int(load_steps)
-    static.newton.relativeTolerance = tolerance
+    static.newton.relativeTolerance, static.newton.absoluteTolerance = tolerances
     return settings
 
 
@@ -199,24 +203,38 @@ def _read(model: Model, expected: Array | None) -> History:
 
 
 def _verdict(
-    beams: Beams, scene: Scene, run: Discretisation, history: History, message: str | None, solver: Any
+    model: Model, run: Discretisation, history: History, loads: dict[Load, Array], message: str | None
 ) -> tuple[int, Status]:
     """Rows of the history that can be kept, and how the run ended."""
-    worst = np.max([beams.stretched(b, history.coordinates[b.name]) for b in scene.bodies], axis=0)
-    bad = np.flatnonzero(~(worst < STRETCH))
-    rows = int(bad[0]) if bad.size else len(history.t)
-    steps, expected = solver.it.currentStepIndex - 1, len(run.output_steps)
-    if bad.size:
-        time, step = float(run.times(run.output_steps)[rows]), int(run.output_steps[rows])
-        why = f"gradients not finite or above {STRETCH:g} at t = {time:.6g} s"
+    rows = _sound(model, history, loads, run.integrator == "zhai")
+    it = model.mbs.sys["dynamicSolver"].it
+    steps, expected = it.currentStepIndex - 1, len(run.output_steps)
+    if rows < len(history.t):
+        time, step = float(history.t[rows]), int(run.output_steps[rows])
+        why = f"gradients or energy grew without bounds before t = {time:.6g} s"
         return rows, Status("diverged", f"{why}; a dt below {run.dt:g} s may help", time, step)
     if message is not None or not (steps == run.steps and rows == expected):
-        time = float(solver.it.currentTime)
+        time, least = float(it.currentTime), roundoff(model.beams, model.scene)
         why = message or f"Exudyn took {steps} steps for {run.steps} and wrote {rows} of {expected} rows"
-        least = roundoff(beams, scene)
         why = f"{why} (t = {time:.6g} s); a smaller dt may help, or an absolute tolerance above {least:.1g} N"
         return rows, Status("failed", why, time, steps)
     return rows, Status()
+
+
+def _sound(model: Model, history: History, loads: dict[Load, Array], explicit: bool) -> int:
+    """Rows before the first that shows divergence: a gradient that no material stands, or, in an explicit
+    run, energy from nowhere, since rotations may bound an instability.
+    """
+    bodies, beams = model.scene.bodies, model.beams
+    worst = np.max([beams.stretched(body, history.coordinates[body.name]) for body in bodies], axis=0)
+    bad = np.flatnonzero(~(worst < STRETCH))
+    rows = int(bad[0]) if bad.size else len(history.t)
+    if explicit and rows:
+        energy = _energy(model, history.until(rows), loads)
+        present = np.maximum.accumulate(energy.kinetic + energy.strain)
+        bad = np.flatnonzero((np.abs(energy.balance) > NOWHERE * present) & (present > 0.0))
+        rows = int(bad[0]) if bad.size else rows
+    return rows
 
 
 def _table(load: Load, t: Array) -> Array:
