@@ -1,0 +1,74 @@
+"""An ordinary ANCF solver (Rong 2014, eq. 14): every body has its own coordinates, joints are constraints.
+
+[M Φᵀ; Φ 0] [q̈; μ] = [F; b̈] is solved for the accelerations of the bodies' coordinates and the joints' multipliers, or,
+implicit, for the coordinates themselves. It shares the element kernels with ANC-TMM, and nothing of its way to solve.
+"""
+
+from typing import Any
+
+from anctmm.discretisation import Discretisation, discretise
+from anctmm.scene import Scene
+from anctmm.solution import Solution
+from anctmm.validation import one_of
+from reference.global_dae.explicit import Zhai
+from reference.global_dae.history import Marcher
+from reference.global_dae.implicit import GeneralizedAlpha
+from reference.global_dae.model import Model
+
+__all__ = ["solve", "solve_dense"]
+
+LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
+STABILIZATION = ("projection", "none")
+NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
+
+
+def solve(
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    linear_algebra: str = "sparse-factored-once",
+    stabilization: str = "projection",
+    **options: Any,
+) -> Solution:
+    """Motion of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its parameters as keywords.
+    linear_algebra : str
+        "sparse-factored-once": the constant matrix of the explicit steps is factored once, that of Newton's iteration
+        only when it converges slowly, by sparse LU, all compiled. "dense-refactor": a dense matrix is assembled and
+        solved by LAPACK at each explicit step and each Newton iteration, as the paper's ordinary ANCF does.
+    stabilization : str
+        Of explicit runs: "projection" of positions and velocities onto the constraints after each step, or "none",
+        which lets rounding and truncation drift. Implicit runs fulfil Φ q = b at each step anyhow.
+
+    Returns
+    -------
+    Solution
+        `dofs` counts the coordinates of all bodies (6 a node, 4 of a cable), not the multipliers.
+
+    Raises
+    ------
+    DiscretisationError
+        Or one of its kinds: options that do not fit each other or the scene, a weld between element kinds.
+    StabilityError
+        If the step of an explicit run is above the stability limit and `check_stability` is set.
+    """
+    run = discretise(run, options)
+    one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
+    one_of("stabilization", stabilization, STABILIZATION)
+    model, dense = Model.of(scene, run), linear_algebra == "dense-refactor"
+    marcher: Marcher
+    if run.integrator == "zhai":
+        marcher = Zhai(model, dense, stabilization == "projection")
+    else:
+        marcher = GeneralizedAlpha(model, dense)
+    return marcher.run(NAMES[linear_algebra])
+
+
+def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+    """Motion of a scene with `linear_algebra="dense-refactor"`, see `solve`."""
+    return solve(scene, run, linear_algebra="dense-refactor", **options)

@@ -1,0 +1,176 @@
+"""Joints as constraints Φ q = b(t), linear in the coordinates with a constant Φ.
+
+Vectors of the plane are written as complex numbers here, so that a rotation is a factor: the row of a weld between
+gradients is g_B − e^{iΔ} g_A = 0. As an end is part of one joint only, no coordinate is in two rows and Φ Φᴴ is diagonal.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.assembly import Bodies
+from anctmm.compiling import kernel
+from anctmm.errors import DiscretisationError
+from anctmm.scene import Clamp, Joint, Scene, Weld
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Term(NamedTuple):
+    """A factor times vector k (0 r, 1 r_x, 2 r_y) of a node."""
+
+    node: int
+    vector: int
+    factor: complex
+
+
+class Row(NamedTuple):
+    """Sum of terms = its value in the reference, turned by the angle of drive `drive` (−1: fixed)."""
+
+    terms: tuple[Term, ...]
+    drive: int = -1
+
+
+class Rows(NamedTuple):
+    """Constraint rows for the kernels.
+
+    Row j has the terms first[j] … first[j + 1] with the factors real + i imag on the components at `place` (x) and
+    place + nodes (y) of the flat coordinates; weight is 1/|Φ_j|²; reference (m, 2) the value of Φ q at t = 0;
+    row driven[k] turns by drive drive[k]. Multipliers and rows are scaled by `scale` in the linear system.
+    """
+
+    first: Ints
+    place: Ints
+    real: Array
+    imag: Array
+    weight: Array
+    reference: Array
+    driven: Ints
+    drive: Ints
+    nodes: int
+    scale: float
+
+
+def drives_of(scene: Scene) -> list[Clamp]:
+    """Clamps that turn, in the order their drives are numbered."""
+    return [j for j in scene.joints if isinstance(j, Clamp) and j.angle is not None]
+
+
+def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
+    """Rows of all joints.
+
+    Raises
+    ------
+    DiscretisationError
+        If a weld joins a cable to a shear-deformable body: their gradients do not correspond.
+    """
+    drives = drives_of(scene)
+    kinds = {m.body.name: m for m in bodies.meshes}
+    rows: list[Row] = []
+    for joint in scene.joints:
+        names = [scene.body_end(end) for end in joint.ends]
+        nodes = [bodies.node(body.name, side) for body, side in names]
+        vectors = [kinds[body.name].vectors for body, _ in names]
+        if isinstance(joint, Weld) and vectors[0] != vectors[1]:
+            (a, _), (b, _) = names
+            raise DiscretisationError(
+                f"{joint!r} joins {a.name!r} of element {kinds[a.name].kind!r} to {b.name!r} of element "
+                f"{kinds[b.name].kind!r}; one element kind is needed on both sides of a weld"
+            )
+        rows.extend(_rows_of(joint, nodes, vectors[0], bodies.reference(), drives))
+    return rows
+
+
+def _rows_of(
+    joint: Joint, nodes: list[int], vectors: int, reference: Array, drives: list[Clamp]
+) -> Iterator[Row]:
+    if isinstance(joint, Clamp):
+        drive = next((k for k, clamp in enumerate(drives) if clamp is joint), -1)
+        for k in range(vectors):
+            yield Row((Term(nodes[0], k, 1.0),), drive if k > 0 else -1)
+    elif len(nodes) == 1:
+        yield Row((Term(nodes[0], 0, 1.0),))
+    else:
+        a, b = nodes
+        yield Row((Term(a, 0, 1.0), Term(b, 0, -1.0)))
+        if isinstance(joint, Weld):
+            turn = _turn(reference, a, b)
+            for k in range(1, vectors):
+                yield Row((Term(a, k, -turn), Term(b, k, 1.0)))
+
+
+def _turn(reference: Array, a: int, b: int) -> complex:
+    """e^{iΔ} from the axis at node a to that at node b; bodies in line give 1 or −1, free of rounding."""
+    turn = complex(*reference[2:4, b]) * complex(*reference[2:4, a]).conjugate()
+    turn /= abs(turn)
+    return complex(round(turn.real)) if abs(turn.imag) < 8 * np.finfo(float).eps else turn
+
+
+def compiled_rows(rows: Sequence[Row], bodies: Bodies, scale: float) -> Rows:
+    """Rows as arrays for the kernels; `scale` is that of rows and multipliers in the linear system."""
+    terms = [term for row in rows for term in row.terms]
+    factors = np.array([t.factor for t in terms], dtype=complex)
+    first = np.cumsum([0, *(len(row.terms) for row in rows)]).astype(np.int64)
+    q = bodies.reference()
+    values = [sum(t.factor * complex(*q[2 * t.vector : 2 * t.vector + 2, t.node]) for t in r.terms) for r in rows]
+    driven = [j for j, row in enumerate(rows) if row.drive >= 0]
+    return Rows(
+        first=first,
+        place=np.array([2 * t.vector * bodies.nodes + t.node for t in terms], dtype=np.int64),
+        real=factors.real.copy(),
+        imag=factors.imag.copy(),
+        weight=np.array([1.0 / sum(abs(t.factor) ** 2 for t in row.terms) for row in rows]),
+        reference=np.array([[complex(v).real, complex(v).imag] for v in values]).reshape(len(rows), 2),
+        driven=np.array(driven, dtype=np.int64),
+        drive=np.array([rows[j].drive for j in driven], dtype=np.int64),
+        nodes=bodies.nodes,
+        scale=scale,
+    )
+
+
+@kernel
+def prescribe(rows: Rows, angles: Array, b: Array, rate: Array, acceleration: Array) -> None:
+    """b, ḃ, b̈ of the driven rows, each (m, 2), from cos θ, sin θ, θ', θ'' of each drive, (drives, 4).
+
+    With the reference value g: b = e^{iθ} g, ḃ = iθ' b, b̈ = (iθ'' − θ'²) b.
+    """
+    for k in range(len(rows.driven)):
+        j, d = rows.driven[k], rows.drive[k]
+        cos, sin, w, e = angles[d, 0], angles[d, 1], angles[d, 2], angles[d, 3]
+        gx, gy = rows.reference[j, 0], rows.reference[j, 1]
+        x, y = cos * gx - sin * gy, sin * gx + cos * gy
+        b[j, 0], b[j, 1] = x, y
+        rate[j, 0], rate[j, 1] = -w * y, w * x
+        acceleration[j, 0], acceleration[j, 1] = -e * y - w * w * x, e * x - w * w * y
+
+
+@kernel
+def misfit(rows: Rows, j: int, q: Array, b: Array) -> tuple[float, float]:
+    """(Φ q − b) of row j; q flat."""
+    x, y = -b[j, 0], -b[j, 1]
+    for t in range(rows.first[j], rows.first[j + 1]):
+        i = rows.place[t]
+        u, v = q[i], q[i + rows.nodes]
+        x += rows.real[t] * u - rows.imag[t] * v
+        y += rows.imag[t] * u + rows.real[t] * v
+    return x, y
+
+
+@kernel
+def add_transposed(rows: Rows, j: int, x: float, y: float, f: Array) -> None:
+    """Add Φ_jᵀ (x, y) to f, flat."""
+    for t in range(rows.first[j], rows.first[j + 1]):
+        i = rows.place[t]
+        f[i] += rows.real[t] * x + rows.imag[t] * y
+        f[i + rows.nodes] += rows.real[t] * y - rows.imag[t] * x
+
+
+@kernel
+def project(rows: Rows, q: Array, b: Array) -> None:
+    """q ← q − Φᵀ (Φ Φᵀ)⁻¹ (Φ q − b), row by row as Φ Φᵀ is diagonal."""
+    for j in range(len(rows.weight)):
+        x, y = misfit(rows, j, q, b)
+        add_transposed(rows, j, -rows.weight[j] * x, -rows.weight[j] * y, q)

@@ -1,0 +1,201 @@
+"""Zhai's explicit integrator (Rong 2014, eq. 38) on the equations with multipliers.
+
+[M Φᵀ; Φ 0] [q̈; μ] = [F; b̈] at each step;
+q_{n+1} = q_n + h v_n + (½ + ψ) h² a_n − ψ h² a_{n−1},  v_{n+1} = v_n + (1 + φ) h a_n − φ h a_{n−1},  a_{−1} := a_0.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.assembly import elastic_forces
+from anctmm.compiling import kernel
+from reference.global_dae.assemble import System, fill_dense, solve_dense, system_of
+from reference.global_dae.constraints import Rows, prescribe, project
+from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
+from reference.global_dae.loads import Loads, add_loads, work_since
+from reference.global_dae.lu import Factors, factorise, no_factors, solve_factored
+from reference.global_dae.model import Model, Parts, kkt, typical
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Scheme(NamedTuple):
+    """Step h (s), ψ, φ; whether positions and velocities are projected, and whether the solve is dense."""
+
+    h: float
+    psi: float
+    phi: float
+    project: bool
+    dense: bool
+
+
+class State(NamedTuple):
+    """Where the motion stands, and scratch.
+
+    `right` and `left` are [F; s b̈] and [q̈; μ/s]; `force` (rows, nodes) is the head of `right`; `before` is the
+    acceleration one step back.
+    """
+
+    motion: Motion
+    force: Array
+    right: Array
+    left: Array
+    before: Array
+    scratch: Array
+    dense: Array
+
+
+@kernel
+def accelerate(
+    dense: bool, parts: Parts, rows: Rows, loads: Loads, factors: Factors, system: System, value: Array, s: State
+) -> bool:
+    """q̈ and μ of the present state; False if they are not finite."""
+    m, size = s.motion, s.before.size
+    elastic_forces(m.q, parts.first, parts.elements, parts.kinds, parts.constants, m.buffer, s.force)
+    for i in range(size):
+        s.right[i] = parts.dead[i] - s.right[i]
+    add_loads(loads, value, m.flat_q, s.right)
+    for k in range(len(rows.driven)):
+        j = rows.driven[k]
+        s.right[size + 2 * j] = rows.scale * m.acceleration[j, 0]
+        s.right[size + 2 * j + 1] = rows.scale * m.acceleration[j, 1]
+    if dense:
+        for i in range(size):
+            if not abs(s.right[i]) < HUGE:  # LAPACK's wrapper would raise
+                return False
+        fill_dense(system, system.mass, s.dense)
+        solve_dense(s.dense, factors.source, s.right, s.left)
+    else:
+        solve_factored(factors, s.right, s.left, s.scratch)
+    bad = False
+    for i in range(size):
+        bad |= not abs(s.left[i]) < HUGE
+    return not bad
+
+
+@kernel
+def advance(scheme: Scheme, s: State) -> None:
+    """One step of positions and velocities."""
+    h, c = scheme.h, scheme.h * scheme.h
+    now, back = (0.5 + scheme.psi) * c, scheme.psi * c
+    faster, slower = (1.0 + scheme.phi) * h, scheme.phi * h
+    q, v = s.motion.flat_q, s.motion.flat_v
+    for i in range(q.size):
+        a, b = s.left[i], s.before[i]
+        q[i] += h * v[i] + now * a - back * b
+        v[i] += faster * a - slower * b
+        s.before[i] = a
+
+
+@kernel
+def march(
+    scheme: Scheme,
+    parts: Parts,
+    rows: Rows,
+    loads: Loads,
+    factors: Factors,
+    system: System,
+    values: Array,
+    angles: Array,
+    span: tuple[int, int, int],
+    wanted: Ints,
+    s: State,
+    kept: Array,
+    energies: Array,
+) -> tuple[int, int]:
+    """Steps span[0] … span[1] − 1: acceleration, output where wanted, and advance unless it is the last, span[2].
+
+    Parameters
+    ----------
+    values, angles : ndarray
+        Loads and drives at the times of steps span[0] … span[1], the first row that of span[0].
+    wanted : ndarray
+        Steps to keep, ascending, from the first one not yet kept; −1 at its end.
+
+    Returns
+    -------
+    int, int
+        Step reached (below span[1] if the acceleration there is not finite), outputs kept.
+    """
+    count, m, size = 0, s.motion, s.before.size
+    for n in range(span[0], span[1]):
+        at = n - span[0]
+        if n == 0:
+            prescribe(rows, angles[0], m.b, m.rate, m.acceleration)
+            project(rows, m.flat_v, m.rate)
+        if not accelerate(scheme.dense, parts, rows, loads, factors, system, values[at], s):
+            return n, count
+        if n == 0:
+            s.before[:] = s.left[:size]
+        if len(m.trail):
+            work = work_since(loads, values[at], rows, s.left, size, m.flat_q, m.trail)
+            if n > 0:
+                m.work[0] += work
+        if n == wanted[count]:
+            keep(parts, m, count, kept, energies)
+            count += 1
+        if n == span[2]:
+            break
+        advance(scheme, s)
+        prescribe(rows, angles[at + 1], m.b, m.rate, m.acceleration)
+        if scheme.project:
+            project(rows, m.flat_q, m.b)
+            project(rows, m.flat_v, m.rate)
+    return span[1], count
+
+
+class Zhai(Marcher):
+    """The explicit solver of one model."""
+
+    advice = "take a smaller dt, or a coarser mesh, or an implicit integrator"
+
+    def __init__(self, model: Model, dense: bool, stabilise: bool) -> None:
+        super().__init__(model)
+        run = model.run
+        self.scheme = Scheme(float(run.times(np.array([1]))[0]), run.psi, run.phi, stabilise, dense)
+
+    def prepare(self) -> None:
+        """Set the state to t = 0 and factor the constant matrix."""
+        model = self.model
+        scale = typical(model.scalar_mass)
+        self.rows = model.rows(scale)
+        self.system = system_of(model, scale, stiffness=False)
+        if self.scheme.dense:
+            self.factors = no_factors(model.places(1))
+        elif model.separable:
+            matrix = kkt(model.scalar_mass, model.complex_constraints.real, scale)
+            self.factors = factorise(matrix, model.places(2))
+        else:
+            self.factors = factorise(kkt(model.mass, model.constraints, scale), model.places(1))
+        self.state = self._start()
+
+    def _start(self) -> State:
+        model, unknowns = self.model, self.model.dofs + 2 * len(self.model.joints)
+        right = np.zeros(model.size + 2 * len(model.joints))
+        return State(
+            motion=motion_of(model, self.rows.reference),
+            force=right[: model.size].reshape(model.bodies.rows, -1),
+            right=right,
+            left=np.zeros_like(right),
+            before=np.zeros(model.size),
+            scratch=np.zeros(unknowns),
+            dense=np.zeros((unknowns, unknowns) if self.scheme.dense else (0, 0)),
+        )
+
+    def batch(
+        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
+    ) -> Reached:
+        """Do steps first … last − 1; see `march`."""
+        model, span = self.model, (first, last, self.model.run.steps)
+        step, outputs = march(
+            self.scheme, model.parts, self.rows, model.loads, self.factors, self.system,
+            values, angles, span, wanted, self.state, kept, energies,
+        )  # fmt: skip
+        self.factorizations = step if self.scheme.dense else 1
+        if step == last:
+            return Reached(step, outputs)
+        size = np.where(np.isfinite(self.state.force), np.abs(self.state.force), np.inf).max(axis=0)
+        return Reached(step, outputs, int(size.argmax()), "accelerations are not finite")

@@ -1,0 +1,159 @@
+"""Marching in time: state shared by both integrators, batches of steps, output, cost and status."""
+
+from dataclasses import dataclass
+from time import perf_counter, process_time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.assembly import kinetic_energy, strain_energy
+from anctmm.compiling import kernel
+from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
+from reference.global_dae.loads import drive_table, load_table
+from reference.global_dae.model import Model, Parts
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Steps for which loads and drives are sampled ahead, and between which the user may interrupt.
+BATCH = 20_000
+#: Values above this have left the range in which energies can be formed.
+HUGE = 1e60
+
+
+class Motion(NamedTuple):
+    """Coordinates and velocities, (rows, nodes) and flat in the same memory, and what goes with them.
+
+    b, rate, acceleration (m, 2) are b, ḃ, b̈ of the constraints; trail and work the account of work done.
+    """
+
+    q: Array
+    v: Array
+    flat_q: Array
+    flat_v: Array
+    b: Array
+    rate: Array
+    acceleration: Array
+    trail: Array
+    work: Array
+    buffer: Array
+
+
+def motion_of(model: Model, reference: Array) -> Motion:
+    """The motion at t = 0; `reference` (m, 2) is the value of the constraints there."""
+    q, v = model.bodies.reference(), model.bodies.initial_velocity()
+    entries = len(model.loads.place) + sum(row.drive >= 0 for row in model.joints)
+    zeros = np.zeros_like(reference)
+    trail = np.zeros((entries, 4))
+    return Motion(
+        q, v, q.reshape(-1), v.reshape(-1), reference.copy(), zeros, zeros.copy(), trail, np.zeros(1),
+        model.bodies.buffer(),
+    )  # fmt: skip
+
+
+@kernel
+def keep(parts: Parts, m: Motion, k: int, kept: Array, energies: Array) -> None:
+    """Store the present coordinates and energies as output k."""
+    kept[k] = m.q
+    energies[k, 0] = kinetic_energy(m.v, parts.first, parts.elements, parts.masses)
+    energies[k, 1] = strain_energy(m.q, parts.first, parts.elements, parts.kinds, parts.constants)
+    potential = 0.0
+    for i in range(m.flat_q.size):
+        potential -= parts.dead[i] * (m.flat_q[i] - parts.reference[i])
+    energies[k, 2] = potential
+    energies[k, 3] = m.work[0]
+
+
+@dataclass
+class Reached:
+    """How far a batch came.
+
+    Parameters
+    ----------
+    step : int
+        The batch's end, or the step that failed.
+    outputs : int
+        Outputs stored.
+    node : int
+        Where it failed; −1 if it did not.
+    why : str
+        What failed.
+    """
+
+    step: int
+    outputs: int
+    node: int = -1
+    why: str = ""
+
+
+class Marcher:
+    """A model marched in time; integrators fill in `prepare` and `batch`."""
+
+    advice = ""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.newton_iterations = 0
+        self.factorizations = 0
+
+    def prepare(self) -> None:
+        """Set the state to t = 0 and factor what stays constant."""
+        raise NotImplementedError
+
+    def batch(
+        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
+    ) -> Reached:
+        """Do steps first … last − 1 (step 0 is the start); loads and drives are given from step `first` on."""
+        raise NotImplementedError
+
+    def run(self, solver: str) -> Solution:
+        """March to the end, or as far as it goes."""
+        run = self.model.run
+        wanted = np.append(run.output_steps, -1).astype(np.int64)
+        kept = np.zeros((len(wanted) - 1, self.model.bodies.rows, self.model.bodies.nodes))
+        energies = np.zeros((len(kept), 4))
+        self.prepare()
+        self.batch(0, 0, *self._tables(0, 0), wanted, kept, energies)  # compiles
+        start = process_time(), perf_counter()
+        self.prepare()
+        step, count, status = 0, 0, Status()
+        while step <= run.steps and status.ok:
+            last = min(step + BATCH, run.steps + 1)
+            tables = self._tables(step, min(last, run.steps))
+            reached = self.batch(step, last, *tables, wanted[count:], kept[count:], energies[count:])
+            count += reached.outputs
+            step = reached.step
+            if reached.node >= 0:
+                status = self._diverged(reached)
+        cost = Cost(
+            process_time() - start[0],
+            perf_counter() - start[1],
+            min(step, run.steps),
+            self.newton_iterations,
+            self.factorizations,
+        )
+        return solution(solver, self.model, run.times(wanted[:count]), kept[:count], energies[:count], cost, status)
+
+    def _tables(self, first: int, last: int) -> tuple[Array, Array]:
+        t = self.model.run.times(np.arange(first, last + 1))
+        return load_table(self.model.scene, t), drive_table(self.model.scene, t)
+
+    def _diverged(self, reached: Reached) -> Status:
+        t = float(self.model.run.times(np.array([reached.step]))[0])
+        body, element = self.model.bodies.element_at(reached.node)
+        message = (
+            f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: {self.advice}"
+        )
+        return Status("diverged", message, t, reached.step, body, element)
+
+
+def solution(
+    solver: str, model: Model, t: Array, kept: Array, energies: Array, cost: Cost, status: Status
+) -> Solution:
+    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4)."""
+    fields = {
+        name: HermiteField(q, model.scene.body(name).length) for name, q in model.bodies.by_body(kept).items()
+    }
+    energy = Energy(*(column.copy() for column in energies.T))
+    return Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)

@@ -1,0 +1,389 @@
+"""Implicit generalized-α in index-3 form (Arnold & Brüls 2007, Multibody Syst. Dyn. 18) on eq. 14 of Rong 2014.
+
+M q̈_{n+1} + Φᵀμ = F(q_{n+1}, t_{n+1}), Φ q_{n+1} = b(t_{n+1}), with the auxiliary accelerations a:
+(1 − αm) a_{n+1} + αm a_n = (1 − αf) q̈_{n+1} + αf q̈_n, and Newmark's formulae with a for q and v; a_0 := q̈_0.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
+
+from anctmm.assembly import elastic_forces, mass_product
+from anctmm.compiling import kernel
+from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
+from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
+from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
+from reference.global_dae.loads import Loads, add_loads, work_since
+from reference.global_dae.lu import Factors, Pattern, choose, no_factors, refactor, solve_factored
+from reference.global_dae.model import Model, Parts, kkt, typical
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Newton iterations a step may take; ratio of successive corrections above which the tangent is renewed.
+ITERATIONS, SLOW = 30, 0.15
+#: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
+ROUNDINGS = 8.0
+#: How a Newton iteration ended.
+CONVERGED, FAILED, SINGULAR = 0, 1, 2
+
+
+class Scheme(NamedTuple):
+    """Coefficients of the method, and of Newton's iteration.
+
+    h (s); alpha_m, alpha_f, beta, gamma; by_acceleration = ∂q̈/∂q = (1 − αm)/(β h² (1 − αf)), by_velocity = ∂v/∂q;
+    tolerance of corrections, length (m) that makes positions dimensionless.
+    """
+
+    h: float
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    by_acceleration: float
+    by_velocity: float
+    tolerance: float
+    length: float
+    dense: bool
+
+
+class State(NamedTuple):
+    """Where the motion stands, and scratch.
+
+    motion: q_n, v_n; acceleration q̈_n and auxiliary a_n, flat; multiplier μ/s (2 m,). new, flat new_q: q_{n+1};
+    new_v, new_acceleration, flat. right, left: of the linear system, flat, with the unknowns at `places`; force
+    (rows, nodes) is the head of right. product, data, small, K, scratch, column, dense: of the kernels used.
+    counts: Newton iterations, factorisations, node of the largest correction, whether the factors can be used, step
+    reached, outputs kept.
+    """
+
+    motion: Motion
+    acceleration: Array
+    auxiliary: Array
+    multiplier: Array
+    new: Array
+    new_q: Array
+    new_v: Array
+    new_acceleration: Array
+    force: Array
+    right: Array
+    left: Array
+    product: Array
+    data: Array
+    small: Array
+    K: Array
+    scratch: Array
+    column: Array
+    dense: Array
+    places: Ints
+    counts: Ints
+
+
+def scheme_of(model: Model, dense: bool) -> Scheme:
+    """Coefficients for the spectral radius ρ of the run (Chung & Hulbert 1993)."""
+    run = model.run
+    h, rho = float(run.times(np.array([1]))[0]), run.spectral_radius
+    alpha_m, alpha_f = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
+    gamma = 0.5 + alpha_f - alpha_m
+    beta = 0.25 * (gamma + 0.5) ** 2
+    by_acceleration = (1.0 - alpha_m) / (beta * h * h * (1.0 - alpha_f))
+    tolerance, length = run.newton_tolerance, model.length
+    return Scheme(
+        h, alpha_m, alpha_f, beta, gamma, by_acceleration, gamma / (beta * h), tolerance, length, dense
+    )
+
+
+@kernel
+def predict(c: Scheme, s: State) -> None:
+    """Start of Newton's iteration: q̈_{n+1} = q̈_n."""
+    m, h = s.motion, c.h
+    for i in range(s.new_q.size):
+        a = s.auxiliary[i]
+        b = (s.acceleration[i] - c.alpha_m * a) / (1.0 - c.alpha_m)
+        s.new_q[i] = m.flat_q[i] + h * m.flat_v[i] + h * h * ((0.5 - c.beta) * a + c.beta * b)
+        s.new_v[i] = m.flat_v[i] + h * ((1.0 - c.gamma) * a + c.gamma * b)
+        s.new_acceleration[i] = s.acceleration[i]
+
+
+@kernel
+def residual(parts: Parts, rows: Rows, loads: Loads, value: Array, s: State) -> bool:
+    """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; False if it is not finite."""
+    size = s.new_q.size
+    elastic_forces(s.new, parts.first, parts.elements, parts.kinds, parts.constants, s.motion.buffer, s.force)
+    acceleration = s.new_acceleration.reshape(s.new.shape)
+    mass_product(acceleration, parts.first, parts.elements, parts.masses, s.product)
+    inertia = s.product.reshape(size)
+    for i in range(size):
+        s.right[i] = parts.dead[i] - s.right[i] - inertia[i]
+    add_loads(loads, value, s.new_q, s.right)
+    for j in range(len(rows.weight)):
+        x, y = misfit(rows, j, s.new_q, s.motion.b)
+        s.right[size + 2 * j], s.right[size + 2 * j + 1] = -rows.scale * x, -rows.scale * y
+        add_transposed(rows, j, -rows.scale * s.multiplier[2 * j], -rows.scale * s.multiplier[2 * j + 1], s.right)
+    bad = False
+    for i in range(size):
+        bad |= not abs(s.right[i]) < HUGE
+    return not bad
+
+
+@kernel
+def correct(c: Scheme, s: State) -> float:
+    """Add the correction in `left`; its size: positions relative to the length, gradients absolute."""
+    size, nodes = s.new_q.size, s.new.shape[1]
+    largest, place = 0.0, 0
+    for i in range(size):
+        d = s.left[i]
+        s.new_q[i] += d
+        s.new_v[i] += c.by_velocity * d
+        s.new_acceleration[i] += c.by_acceleration * d
+        d = abs(d) / c.length if i < 2 * nodes else abs(d)
+        if not d <= largest:
+            largest, place = d, i
+    for j in range(s.multiplier.size):
+        s.multiplier[j] += s.left[size + j]
+    s.counts[2] = place % nodes
+    return largest
+
+
+@kernel
+def at_rounding(system: System, s: State) -> bool:
+    """Whether the residual is as small as rounding of its terms, |A| |q|, lets it be."""
+    size = s.new_q.size
+    largest, found = 0.0, 0.0
+    s.left[:] = 0.0
+    for j in range(len(system.column) - 1):
+        value = abs(s.new_q[s.places[j]]) if s.places[j] < size else 0.0
+        for t in range(system.column[j], system.column[j + 1]):
+            s.left[s.places[system.row[t]]] += abs(s.data[t]) * value
+    for i in range(size):
+        largest, found = max(largest, s.left[i]), max(found, abs(s.right[i]))
+    return found <= ROUNDINGS * np.finfo(np.float64).eps * largest
+
+
+@kernel
+def newton(
+    c: Scheme,
+    parts: Parts,
+    rows: Rows,
+    loads: Loads,
+    system: System,
+    pattern: Pattern,
+    factors: Factors,
+    value: Array,
+    s: State,
+) -> int:
+    """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if dense, else while it contracts with an old one."""
+    before, renew = np.inf, c.dense or s.counts[3] == 0
+    for _ in range(ITERATIONS):
+        if not residual(parts, rows, loads, value, s):
+            return FAILED
+        fresh = renew
+        if renew:
+            assemble(system, c.by_acceleration, parts, loads, value, s.new, s.small, s.K, s.data)
+            s.counts[1] += 1
+            if not c.dense and not refactor(pattern, s.data, factors, s.column):
+                s.counts[3] = 0
+                return SINGULAR
+            s.counts[3] = 1
+        if c.dense:
+            fill_dense(system, s.data, s.dense)
+            solve_dense(s.dense, factors.source, s.right, s.left)
+        else:
+            solve_factored(factors, s.right, s.left, s.scratch)
+        size = correct(c, s)
+        s.counts[0] += 1
+        if size <= c.tolerance:
+            return CONVERGED
+        if fresh and size > 0.5 * before and at_rounding(system, s):
+            return CONVERGED
+        renew = c.dense or size > SLOW * before
+        before = size
+    return FAILED
+
+
+@kernel
+def accept(c: Scheme, s: State) -> None:
+    """Make the new state the present one."""
+    m = s.motion
+    for i in range(s.new_q.size):
+        old, new = s.acceleration[i], s.new_acceleration[i]
+        mean = (1.0 - c.alpha_f) * new + c.alpha_f * old
+        s.auxiliary[i] = (mean - c.alpha_m * s.auxiliary[i]) / (1.0 - c.alpha_m)
+        s.acceleration[i] = new
+        m.flat_q[i], m.flat_v[i] = s.new_q[i], s.new_v[i]
+
+
+@kernel
+def march(
+    c: Scheme,
+    parts: Parts,
+    rows: Rows,
+    loads: Loads,
+    system: System,
+    pattern: Pattern,
+    factors: Factors,
+    values: Array,
+    angles: Array,
+    span: tuple[int, int],
+    wanted: Ints,
+    s: State,
+    kept: Array,
+    energies: Array,
+) -> int:
+    """Steps span[0] … span[1] − 1, step n leading to t_n; step 0 only keeps the start.
+
+    Parameters
+    ----------
+    values, angles : ndarray
+        Loads and drives at the times of the steps.
+    wanted : ndarray
+        Steps to keep, ascending, from the first one not yet kept; −1 at its end.
+
+    Returns
+    -------
+    int
+        CONVERGED, or why Newton's iteration ended; step reached and outputs kept are in `s.counts`.
+    """
+    m = s.motion
+    s.counts[5] = 0
+    for n in range(span[0], span[1]):
+        at = n - span[0]
+        s.counts[4] = n
+        if n > 0:
+            prescribe(rows, angles[at], m.b, m.rate, m.acceleration)
+            predict(c, s)
+            code = newton(c, parts, rows, loads, system, pattern, factors, values[at], s)
+            if code != CONVERGED:
+                return code
+            accept(c, s)
+        if len(m.trail):
+            work = work_since(loads, values[at], rows, s.multiplier, 0, m.flat_q, m.trail)
+            if n > 0:
+                m.work[0] += work
+        if n == wanted[s.counts[5]]:
+            keep(parts, m, s.counts[5], kept, energies)
+            s.counts[5] += 1
+    s.counts[4] = span[1]
+    return CONVERGED
+
+
+class GeneralizedAlpha(Marcher):
+    """The implicit solver of one model."""
+
+    advice = "take a smaller dt, a coarser mesh, more damping (spectral_radius) or a larger newton_tolerance"
+
+    def __init__(self, model: Model, dense: bool) -> None:
+        super().__init__(model)
+        self.scheme = scheme_of(model, dense)
+
+    def prepare(self) -> None:
+        """Set the state to t = 0, with accelerations and multipliers, and choose order and pivots."""
+        model, c = self.model, self.scheme
+        q = model.bodies.reference()
+        bare = system_of(model, 1.0)
+        self.state = _start(model, bare, c.dense)
+        values, angles = self._tables(0, 0)
+        assemble_into(self.state.data, bare, c, model, values[0], q, self.state)
+        scale = typical(matrix_of(bare, self.state.data)[: model.dofs, : model.dofs])
+        self.rows, self.system = model.rows(scale), bare._replace(joints=scale * bare.joints)
+        _accelerate(model, self.rows, values[0], angles[0], self.state)
+        self._choose_pivots(values[0], q)
+
+    def _choose_pivots(self, value: Array, q: Array) -> None:
+        places, data = self.model.places(1), self.state.data
+        assemble_into(data, self.system, self.scheme, self.model, value, q, self.state)
+        if self.scheme.dense:
+            nothing = np.zeros(0, dtype=np.int64)
+            self.pattern, self.factors = Pattern(nothing, nothing, nothing), no_factors(places)
+        else:
+            self.pattern, self.factors = choose(matrix_of(self.system, data), places)
+        self.state.counts[3] = 0
+
+    def batch(
+        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
+    ) -> Reached:
+        """Do steps first … last − 1; see `march`. Where the pivots turn bad, choose new ones and go on."""
+        outputs, start, repivoted = 0, first, -1
+        while True:
+            try:
+                code = self._march(
+                    (start, last), values[start - first :], angles[start - first :],
+                    wanted[outputs:], kept[outputs:], energies[outputs:],
+                )  # fmt: skip
+            except np.linalg.LinAlgError:
+                code = FAILED
+            counts = self.state.counts
+            self.newton_iterations, self.factorizations = int(counts[0]), int(counts[1])
+            start, outputs = int(counts[4]) if first < last else last, outputs + int(counts[5])
+            if code == CONVERGED:
+                return Reached(start, outputs)
+            if code == FAILED or start == repivoted:
+                why = "Newton's iteration does not converge" if code == FAILED else "the tangent is singular"
+                return Reached(start, outputs, int(counts[2]), why)
+            repivoted = start
+            try:
+                self._choose_pivots(values[start - first], self.state.motion.q)
+            except np.linalg.LinAlgError:
+                return Reached(start, outputs, int(counts[2]), "the tangent is singular")
+
+    def _march(
+        self, span: tuple[int, int], values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
+    ) -> int:
+        model = self.model
+        return march(  # type: ignore[no-any-return]
+            self.scheme, model.parts, self.rows, model.loads, self.system, self.pattern, self.factors,
+            values, angles, span, wanted, self.state, kept, energies,
+        )  # fmt: skip
+
+
+def assemble_into(
+    data: Array, system: System, c: Scheme, model: Model, value: Array, q: Array, s: State
+) -> None:
+    """Numbers of Newton's matrix at q."""
+    assemble(system, c.by_acceleration, model.parts, model.loads, value, q, s.small, s.K, data)
+
+
+def _start(model: Model, system: System, dense: bool) -> State:
+    size, count = model.size, 2 * len(model.joints)
+    reference = model.rows(1.0).reference
+    unknowns, rows = model.dofs + count, model.bodies.rows
+    right, new = np.zeros(size + count), model.bodies.reference()
+    return State(
+        motion=motion_of(model, reference),
+        acceleration=np.zeros(size),
+        auxiliary=np.zeros(size),
+        multiplier=np.zeros(count),
+        new=new,
+        new_q=new.reshape(-1),
+        new_v=np.zeros(size),
+        new_acceleration=np.zeros(size),
+        force=right[:size].reshape(rows, -1),
+        right=right,
+        left=np.zeros_like(right),
+        product=np.zeros_like(new),
+        data=np.zeros(len(system.row)),
+        small=np.zeros((8, 8)),
+        K=np.zeros((2 * rows, 2 * rows)),
+        scratch=np.zeros(unknowns),
+        column=np.zeros(unknowns),
+        dense=np.zeros((unknowns, unknowns) if dense else (0, 0)),
+        places=model.places(1).reshape(-1),
+        counts=np.zeros(6, dtype=np.int64),
+    )
+
+
+def _accelerate(model: Model, rows: Rows, value: Array, angles: Array, s: State) -> None:
+    """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0."""
+    m, size = s.motion, model.size
+    prescribe(rows, angles, m.b, m.rate, m.acceleration)
+    project(rows, m.flat_v, m.rate)
+    s.right[:size] = model.parts.dead
+    add_loads(model.loads, value, m.flat_q, s.right)
+    scale = typical(model.scalar_mass)
+    s.right[size:] = scale * m.acceleration.reshape(-1)
+    s.left[s.places] = np.atleast_1d(spsolve(kkt(model.mass, model.constraints, scale), s.right[s.places]))
+    s.acceleration[:] = s.left[:size]
+    s.auxiliary[:] = s.left[:size]
+    s.multiplier[:] = s.left[size:] * (scale / rows.scale)

@@ -1,0 +1,120 @@
+"""Loads and drives that change in time: sampled ahead, applied and accounted for in the kernels."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.assembly import Bodies
+from anctmm.compiling import kernel
+from anctmm.drives import tabulate
+from anctmm.mesh import constant_forces, varying_loads
+from anctmm.scene import Scene, Torque
+from reference.global_dae.constraints import Rows, drives_of
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Loads(NamedTuple):
+    """Varying loads: flat place of the x component they act on (y at place + nodes), and whether they turn it."""
+
+    place: Ints
+    torque: Ints
+    nodes: int
+
+
+def varying(scene: Scene, bodies: Bodies) -> Loads:
+    """Loads whose generalized force changes: forces of time, and all torques."""
+    places, torques = [], []
+    for load in varying_loads(scene):
+        body, side = scene.body_end(load.end)
+        row = bodies.turning_row(body.name) if isinstance(load, Torque) else 0
+        places.append(row * bodies.nodes + bodies.node(body.name, side))
+        torques.append(int(isinstance(load, Torque)))
+    return Loads(np.array(places, dtype=np.int64), np.array(torques, dtype=np.int64), bodies.nodes)
+
+
+def dead_forces(scene: Scene, bodies: Bodies) -> Array:
+    """Gravity and constant forces, (rows, nodes), N."""
+    f = bodies.weight()
+    for name, side, (x, y) in constant_forces(scene):
+        f[:2, bodies.node(name, side)] += x, y
+    return f
+
+
+def load_table(scene: Scene, t: Array) -> Array:
+    """Values of the varying loads at times t, (n, loads, 2): (Fx, Fy) in N, or (moment, 0) in N m."""
+    loads = varying_loads(scene)
+    table = np.zeros((len(t), len(loads), 2))
+    for k, load in enumerate(loads):
+        width = 1 if isinstance(load, Torque) else 2
+        if callable(load.value):
+            name = f"{'torque' if width == 1 else 'force'} on {load.end!r}"
+            table[:, k, :width] = tabulate(name, load.value, t, width)
+        else:
+            table[:, k, 0] = load.value
+    return table
+
+
+def drive_table(scene: Scene, t: Array) -> Array:
+    """cos θ, sin θ, θ' (rad/s), θ'' (rad/s²) of every driven clamp at times t, (n, drives, 4)."""
+    drives = drives_of(scene)
+    table = np.zeros((len(t), len(drives), 4))
+    for k, clamp in enumerate(drives):
+        assert clamp.angle is not None
+        motion = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)
+        table[:, k, 0], table[:, k, 1] = np.cos(motion[:, 0]), np.sin(motion[:, 0])
+        table[:, k, 2:] = motion[:, 1:]
+    return table
+
+
+@kernel
+def load_on(loads: Loads, k: int, value: Array, q: Array) -> tuple[float, float]:
+    """Generalized force of load k on its vector; of a moment M it is M (−g_y, g_x)/|g|²."""
+    if loads.torque[k] == 0:
+        return value[k, 0], value[k, 1]
+    i = loads.place[k]
+    x, y = q[i], q[i + loads.nodes]
+    m = value[k, 0] / (x * x + y * y)
+    return -m * y, m * x
+
+
+@kernel
+def add_loads(loads: Loads, value: Array, q: Array, f: Array) -> None:
+    """Add all varying loads to the forces f; q and f flat."""
+    for k in range(len(loads.place)):
+        x, y = load_on(loads, k, value, q)
+        f[loads.place[k]] += x
+        f[loads.place[k] + loads.nodes] += y
+
+
+@kernel
+def work_since(
+    loads: Loads, value: Array, rows: Rows, multiplier: Array, at: int, q: Array, trail: Array
+) -> float:
+    """Work of varying loads and drives since the last call, J: ½ (F_n + F_{n+1}) · (q_{n+1} − q_n).
+
+    As M q̈ + Φᵀμ = F, a drive acts on its vector with −μ.
+
+    Parameters
+    ----------
+    multiplier : ndarray
+        μ/s of the constraint rows, from its place `at` on.
+    trail : ndarray, shape (loads + driven rows, 4)
+        Force and vector at the last call, overwritten.
+    """
+    total = 0.0
+    count = len(loads.place)
+    for k in range(count + len(rows.driven)):
+        if k < count:
+            i = loads.place[k]
+            fx, fy = load_on(loads, k, value, q)
+        else:
+            j = rows.driven[k - count]
+            i = rows.place[rows.first[j]]
+            fx, fy = -rows.scale * multiplier[at + 2 * j], -rows.scale * multiplier[at + 2 * j + 1]
+        x, y = q[i], q[i + loads.nodes]
+        total += 0.5 * ((fx + trail[k, 0]) * (x - trail[k, 2]) + (fy + trail[k, 1]) * (y - trail[k, 3]))
+        trail[k, 0], trail[k, 1], trail[k, 2], trail[k, 3] = fx, fy, x, y
+    return total
