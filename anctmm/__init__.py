@@ -7,6 +7,7 @@ from anctmm.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld,
 from anctmm.sections import Circle, Rectangle, Section
 from anctmm.solution import Cost, Energy, Solution, Status
 from anctmm.solve import solve
+from anctmm.statics import solve_static
 
 __all__ = [
     "Beam",
@@ -31,4 +32,5 @@ __all__ = [
     "compare",
     "distance",
     "solve",
+    "solve_static",
 ]

@@ -29,6 +29,8 @@ Ints = NDArray[np.int64]
 
 #: Newton corrections in a step before it is given up.
 ITERATIONS = 25
+#: Newton stops when the error left is this part of the tolerance (κ of Hairer & Wanner, IV.8): errors of steps add up.
+KAPPA = 0.01
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
 #: Corrections in a step above which the matrix is renewed before the next one.
@@ -116,9 +118,9 @@ def integrate(chain: Chain) -> Solution:
 
 
 def _tolerance(chain: Chain) -> float:
-    """The tolerance asked for, but no less than rounding of the coordinates allows."""
+    """What may be left of the tolerance asked for, but no less than rounding of the coordinates allows."""
     furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    return max(chain.run.newton_tolerance, 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length))
+    return max(KAPPA * chain.run.newton_tolerance, 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length))
 
 
 def _stalled(chain: Chain, step: int, monitor: Array) -> Status:

@@ -26,15 +26,18 @@ class Record:
     Parameters
     ----------
     chain : Chain
+    outputs : int, optional
+        Number of outputs; those of the discretisation without it.
     """
 
     chain: Chain
+    outputs: int | None = None
     q: Array = field(init=False)
     energy: Array = field(init=False)
     started: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        n = len(self.chain.run.output_steps)
+        n = self.outputs or len(self.chain.run.output_steps)
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.energy = np.zeros((n, 3))
 
@@ -42,8 +45,16 @@ class Record:
         """Start the clocks."""
         self.started = time.process_time(), time.perf_counter()
 
-    def solution(self, kept: int, status: Status, steps: int, iterations: int = 0, factorizations: int = 1) -> Solution:
-        """The solution with the first `kept` outputs."""
+    def solution(
+        self,
+        kept: int,
+        status: Status,
+        steps: int,
+        iterations: int = 0,
+        factorizations: int = 1,
+        t: Array | None = None,
+    ) -> Solution:
+        """The solution with the first `kept` outputs, at the times of the discretisation or at `t`."""
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
         bodies, q = chain.bodies, self.q[:kept]
@@ -58,7 +69,7 @@ class Record:
             solver="anctmm",
             scene=chain.scene,
             run=chain.run,
-            t=chain.run.times(chain.run.output_steps[:kept]),
+            t=chain.run.times(chain.run.output_steps[:kept]) if t is None else t,
             fields=fields,
             energy=Energy(kinetic, strain, potential, work),
             cost=Cost(cpu, wall, steps, iterations, factorizations),

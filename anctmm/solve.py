@@ -7,6 +7,9 @@ from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.scene import Scene
 from anctmm.solution import Solution
+from anctmm.statics import solve_static
+
+__all__ = ["solve", "solve_static"]
 
 
 def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:

@@ -1,0 +1,165 @@
+"""Statics by ANC-TMM: Newton's iteration on K_T, solved by the Riccati recursion, with load steps."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.actuation import Actuation, set_loads
+from anctmm.assembly import elastic_forces, strain_energy
+from anctmm.chain import Chain
+from anctmm.discretisation import Discretisation, discretise
+from anctmm.recording import Record, worst_element
+from anctmm.riccati import Block
+from anctmm.scene import Scene
+from anctmm.solution import Solution, Status
+from anctmm.validation import positive
+
+Array = NDArray[np.float64]
+
+#: Corrections of one load step before it is halved.
+ITERATIONS = 20
+#: A gradient corrected by more than this is out of Newton's reach: the load step is halved at once.
+REACH = 0.7
+#: Smallest load step, of the whole load.
+SMALLEST = 1e-6
+#: Corrections that no longer fall count as rounding below this size.
+ROUNDING = 1e-6
+
+
+def solve_static(
+    scene: Scene, run: Discretisation | None = None, *, load_steps: int = 1, **options: Any
+) -> Solution:
+    """Equilibrium of a scene under gravity and the loads of t = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its fields as keywords; only mesh, element, quadrature and newton_tolerance matter.
+    load_steps : int
+        Equal parts of the load whose equilibria are kept. A part that Newton's iteration does not reach is halved as
+        often as needed.
+
+    Returns
+    -------
+    Solution
+        `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load.
+
+    Raises
+    ------
+    DiscretisationError
+        If the options are wrong or do not fit the scene.
+    """
+    positive("load_steps", load_steps)
+    chain = Chain(scene, discretise(run, options))
+    search = _Search(chain)
+    search.newton(0.0)  # compiles
+    search.reset()
+    factors = np.arange(load_steps + 1) / load_steps
+    record = Record(chain, outputs=load_steps + 1)
+    record.start()
+    status, kept = Status(), 1
+    search.store(record, 0)
+    for k in range(1, load_steps + 1):
+        failure = search.reach(float(factors[k]))
+        if failure is not None:
+            status = failure
+            break
+        search.store(record, k)
+        kept = k + 1
+    if status.ok and search.floor > chain.run.newton_tolerance:
+        status = Status("ok", f"corrections stop falling at {search.floor:.1e}, the rounding of this scene")
+    return record.solution(
+        kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept]
+    )
+
+
+@dataclass
+class _Search:
+    """State of the search for an equilibrium: q at the load factor reached, and the one before for a secant."""
+
+    chain: Chain
+
+    def __post_init__(self) -> None:
+        bodies = self.chain.bodies
+        actuation = Actuation(self.chain.scene, bodies)
+        self.values = actuation.load_table(np.zeros(1))[0]
+        self.loads = (actuation.load_nodes, actuation.load_rows)
+        self.block, self.buffer = Block.of(self.chain), bodies.buffer()
+        self.load = np.empty((bodies.rows, bodies.nodes))
+        self.reset()
+
+    def reset(self) -> None:
+        """Back to the undeformed scene."""
+        self.q = self.chain.bodies.reference()
+        self.before: tuple[float, Array] | None = None
+        self.factor, self.iterations, self.floor = 0.0, 0, 0.0
+        self.size = np.zeros(self.chain.bodies.nodes)
+
+    def reach(self, target: float) -> Status | None:
+        """Go to a load factor, in as many steps as needed; a status if it cannot be reached."""
+        step = target - self.factor
+        while target - self.factor > 1e-12:
+            step = min(step, target - self.factor)
+            kept = self.q.copy()
+            if self.before is not None:
+                self.q += (self.q - self.before[1]) * (step / (self.factor - self.before[0]))
+            if self.newton(self.factor + step):
+                self.before = (self.factor, kept)
+                self.factor += step
+                step *= 2.0
+                continue
+            self.q, self.before = kept, None
+            step *= 0.5
+            if step < SMALLEST:
+                return self._stuck(self.factor + step)
+        return None
+
+    def newton(self, factor: float) -> bool:
+        """Newton's iteration at a load factor, starting from q."""
+        bodies, last, stalled = self.chain.bodies, np.inf, 0
+        dead = factor * self.chain.dead_load
+        total = dead.copy()
+        for _ in range(ITERATIONS):
+            set_loads(self.q, total, dead, *self.loads, factor * self.values)
+            elastic_forces(
+                self.q, bodies.first, bodies.elements, bodies.kinds, bodies.constants, self.buffer, self.load
+            )
+            with np.errstate(all="ignore"):
+                self.block.factorize(self.chain, self.q, 0.0, 1.0, (*self.loads, factor * self.values))
+                x = self.block.solve(total - self.load)
+            self.size = np.maximum(np.abs(x[:2]).max(axis=0) / self.chain.length, np.abs(x[2:]).max(axis=0))
+            size = float(self.size.max())
+            self.iterations += 1
+            if not size < REACH:
+                return False
+            self.q += x
+            if size <= self.chain.run.newton_tolerance:
+                return True
+            stalled = stalled + 1 if size > 0.5 * last and size < ROUNDING else 0
+            if stalled == 2:
+                self.floor = max(self.floor, size)
+                return True
+            last = size
+        return False
+
+    def store(self, record: Record, place: int) -> None:
+        """Keep the equilibrium reached."""
+        bodies = self.chain.bodies
+        record.q[place] = self.q
+        record.energy[place, 1] = strain_energy(
+            self.q, bodies.first, bodies.elements, bodies.kinds, bodies.constants
+        )
+
+    def _stuck(self, factor: float) -> Status:
+        body, element = worst_element(self.chain, self.size)
+        return Status(
+            "diverged",
+            f"no equilibrium found beyond {factor:.6g} of the load, worst in element {element} of body {body!r}; "
+            f"the scene may be free to move, or buckle there: hold it, add load_steps or refine the mesh",
+            time=factor,
+            body=body,
+            element=element,
+        )
