@@ -11,7 +11,7 @@ import typer
 
 if TYPE_CHECKING:
     from studies.runner import Case, Mesh, Runner
-    from studies.study import Options, Result
+    from studies.study import Options
 
 app = typer.Typer(
     help="Accuracy, stability and cost of planar flexible multibody solvers.",
@@ -27,10 +27,6 @@ Solvers = Annotated[
     str | None, typer.Option(help="Solvers by name (see `anctmm list`): a,b.", metavar="LIST")
 ]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
-TERMINAL_COLUMNS = (
-    "scene", "solver", "element", "integrator", "elements", "dt", "error", "reference_error", "cpu_s",
-    "status",
-)  # fmt: skip
 
 
 class BadOption(Exception):
@@ -93,6 +89,9 @@ def study(
     out: Annotated[Path, typer.Option(help="Where tables and pictures go.")] = Path("results"),
 ) -> None:
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
+    from rich.console import Console
+
+    from studies.glance import glance
     from studies.study import find, write
 
     run = find(name)
@@ -100,7 +99,7 @@ def study(
     with sweeping(quick) as runner:
         result = run(options, runner)
     folder = write(result, out)
-    _show(result)
+    glance(result, Console())
     print(f"\nWritten to {folder}/")
 
 
@@ -181,18 +180,6 @@ def registry_origins(group: str) -> list[tuple[str, str]]:
     from importlib.metadata import entry_points
 
     return sorted((e.name, f"{e.dist.name if e.dist else '?'}: {e.value}") for e in entry_points(group=group))
-
-
-def _show(result: "Result") -> None:
-    from rich.console import Console
-
-    from studies.tables import terminal
-
-    console = Console()
-    accuracy = result.table("accuracy")
-    console.print(terminal(accuracy, TERMINAL_COLUMNS))
-    for finding in result.findings:
-        console.print(f"• {finding}", highlight=False)
 
 
 def _list(option: str, text: str | None, read: Callable[[str], Any], allowed: str) -> tuple[Any, ...] | None:

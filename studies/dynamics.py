@@ -25,12 +25,13 @@ from studies.tables import Table
 
 @dataclass(frozen=True)
 class Scheme:
-    """Element, quadrature and integrator, with who runs them and by which steps.
+    """Element, quadrature and integrator, with who runs them, on which meshes and by which steps.
 
     Parameters
     ----------
     element, quadrature, integrator : str
     solvers : tuple of str
+    meshes : tuple of tuple of int
     steps : callable
         Mesh → time steps, s: an explicit scheme's must shrink with the elements.
     """
@@ -39,6 +40,7 @@ class Scheme:
     quadrature: str
     integrator: str
     solvers: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
     steps: Callable[[Mesh], tuple[float, ...]]
 
 
@@ -51,14 +53,14 @@ class Fine:
     coarser_mesh: Mesh
     dt: float
     coarser_dt: float
+    integrator: str = "zhai"
     quadrature: str = "full"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep: meshes × schemes, and the reference of each element."""
+    """A sweep: its schemes, and the reference of each element."""
 
-    meshes: tuple[Mesh, ...]
     schemes: tuple[Scheme, ...]
     references: Mapping[str, Fine]
 
@@ -112,7 +114,7 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
     for scheme in plan.schemes:
         wanted = scheme.solvers if options.solvers is None else options.solvers
         solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
-        for mesh in options.meshes or plan.meshes:
+        for mesh in options.meshes or scheme.meshes:
             cases += product(
                 base.scene, solvers, [mesh], options.steps or scheme.steps(mesh), element=scheme.element,
                 quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.t_end,
@@ -129,7 +131,7 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
 def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
     def case(mesh: Mesh, dt: float) -> Case:
         return Case(
-            base.scene, "", mesh, element=element, quadrature=fine.quadrature, integrator="generalized-alpha",
+            base.scene, "", mesh, element=element, quadrature=fine.quadrature, integrator=fine.integrator,
             dt=dt, t_end=base.t_end, output_dt=base.output_dt,
         )  # fmt: skip
 

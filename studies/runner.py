@@ -198,6 +198,18 @@ class Runner:
         """Result of any computation, cached under a key, the source and the versions."""
         return self._remembered(_stamped(key), compute)
 
+    def attempt(self, case: Case) -> Solution:
+        """Run a case now, unremembered; whatever fails is a solution with that status."""
+        return self._guarded(case, lambda: case.solve(self.resolve(case.solver)))
+
+    def key(self, case: Case) -> str:
+        """Text that tells a case and the code of its solver from every other."""
+        try:
+            code = origin(self.resolve(case.solver))
+        except Exception as error:  # a solver that cannot be loaded now may be mended later
+            code = f"{type(error).__name__}: {error}"
+        return f"{case_key(case)}|{code}"
+
     def _contest(self, group: Sequence[Case]) -> Iterator[Outcome]:
         first = {case: self._sample(case, 0) for case in group}
         costs = {case: [s.cost] if s.status.ok else [] for case, s in first.items()}
@@ -210,12 +222,19 @@ class Runner:
 
     def _sample(self, case: Case, k: int) -> Solution:
         """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
-        try:
+
+        def solution() -> Solution:
             solver = self.resolve(case.solver)
             if not reproducible(case):
                 return self._run(case, solver, k)
-            key = f"{case_key(case)}|{origin(solver)}|sample {k}"
-            return self.remember(key, lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
+            return self.remember(f"{self.key(case)}|sample {k}", lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
+
+        return self._guarded(case, solution)
+
+    @staticmethod
+    def _guarded(case: Case, solve: Callable[[], Solution]) -> Solution:
+        try:
+            return solve()
         except AnctmmError as error:
             return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
         except Exception as error:  # one broken solver must not end a sweep

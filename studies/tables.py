@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from rich.table import Table as RichTable
 
 from studies import provenance
 
@@ -101,18 +100,6 @@ def markdown(table: Table) -> str:
     notes = [f"- {note}" for note in table.notes]
     head = [f"# {table.title}", "", *notes, ""] if notes else [f"# {table.title}", ""]
     return "\n".join([*head, *lines, "", f"Measured on: {provenance.stamp()}.", ""])
-
-
-def terminal(table: Table, columns: Sequence[str]) -> RichTable:
-    """Some of the columns for the terminal."""
-    shown = RichTable(title=table.title, title_justify="left", header_style="bold", row_styles=["", "dim"])
-    frame = table.frame.reindex(columns=list(columns))
-    for name, dtype in frame.dtypes.items():
-        justify = "right" if pd.api.types.is_numeric_dtype(dtype) else "left"
-        shown.add_column(str(name), justify=justify, overflow="fold")  # type: ignore[arg-type]
-    for line in cells(frame):
-        shown.add_row(*line)
-    return shown
 
 
 def write_table(table: Table, folder: Path) -> None:

@@ -34,8 +34,7 @@ class Timing:
 def undisturbed() -> Iterator[None]:
     """One thread in every numerical library, and no garbage collection."""
     was_on = gc.isenabled()
-    gc.collect()
-    gc.disable()
+    gc.disable()  # without a collection first: behind a compiler's garbage it takes a third of a second
     try:
         with threadpool_limits(limits=1):
             yield
