@@ -1,11 +1,12 @@
 """What acts on a scene in time, tabulated for the kernels: turning hubs, forces of time, torques."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import SHEAR, Bodies
+from anctmm.assembly import SHEAR, Bodies, Tables
 from anctmm.compiling import kernel
 from anctmm.drives import tabulate
 from anctmm.elements import cable_kernel, shear_kernel
@@ -15,6 +16,49 @@ from anctmm.scene import Clamp, Force, Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+class Hubs(NamedTuple):
+    """Turning clamps, for kernels.
+
+    Parameters
+    ----------
+    nodes : ndarray of int, shape (hubs,)
+    of : ndarray of int, shape (2, bodies)
+        Hub at the first and at the last node of each body, or −1.
+    reference : ndarray, shape (hubs, rows)
+        Coordinates of the nodes before they turn.
+    motion : ndarray, shape (3, hubs, rows)
+        Coordinates and their two derivatives now.
+    reaction : ndarray, shape (hubs, rows)
+        Generalized forces that turn them now.
+    memory : ndarray, shape (2, hubs, rows)
+        Forces and coordinates at the last call of `work_done`.
+    """
+
+    nodes: Ints
+    of: Ints
+    reference: Array
+    motion: Array
+    reaction: Array
+    memory: Array
+
+
+class Loads(NamedTuple):
+    """Loads whose generalized force varies, for kernels.
+
+    Parameters
+    ----------
+    nodes : ndarray of int, shape (loads,)
+    rows : ndarray of int, shape (loads,)
+        0 for a force; for a torque the first row of the vector it turns.
+    memory : ndarray, shape (2, loads, 2)
+        Forces and coordinates at the last call of `work_done`.
+    """
+
+    nodes: Ints
+    rows: Ints
+    memory: Array
 
 
 @dataclass(frozen=True)
@@ -35,49 +79,31 @@ class Actuation:
         """Clamps that turn."""
         return [j for j in self.scene.joints if isinstance(j, Clamp) and j.angle is not None]
 
-    @property
-    def hub_nodes(self) -> Ints:
-        """Node of each turning clamp."""
-        return np.array([self._node(c.end) for c in self.clamps], dtype=np.int64)
+    def hubs(self) -> Hubs:
+        """Hubs for kernels, with a memory of their own."""
+        first, rows, n = self.bodies.first, self.bodies.rows, len(self.clamps)
+        nodes = np.array([self._node(c.end) for c in self.clamps], dtype=np.int64)
+        ends = np.stack([first[:-1], first[1:] - 1])
+        of = np.full(ends.shape, -1, dtype=np.int64)
+        for hub, node in enumerate(nodes):
+            of[ends == node] = hub
+        reference = np.ascontiguousarray(self.bodies.reference()[:, nodes].T)
+        return Hubs(nodes, of, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows)))
 
-    def hub_reference(self) -> Array:
-        """Coordinates of the hubs' nodes before they turn, (hubs, rows)."""
-        return np.ascontiguousarray(self.bodies.reference()[:, self.hub_nodes].T)
+    def loads(self) -> Loads:
+        """Varying loads for kernels, with a memory of their own."""
+        loads = varying_loads(self.scene)
+        nodes = np.array([self._node(load.end) for load in loads], dtype=np.int64)
+        rows = [
+            0 if isinstance(load, Force) else self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
+            for load in loads
+        ]
+        return Loads(nodes, np.array(rows, dtype=np.int64), np.zeros((2, len(loads), 2)))
 
     def hub_table(self, t: Array) -> Array:
         """Angle, rate and acceleration of each hub at times `t`, (n, hubs, 3)."""
         tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for c in self.clamps]  # type: ignore[arg-type]
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
-
-    def hub_of_bodies(self) -> Ints:
-        """Hub at the first and at the last node of each body, or −1, (2, bodies)."""
-        first = self.bodies.first
-        ends = np.stack([first[:-1], first[1:] - 1])
-        table = np.full(ends.shape, -1, dtype=np.int64)
-        for hub, node in enumerate(self.hub_nodes):
-            table[ends == node] = hub
-        return table
-
-    def memory(self) -> tuple[Array, Array, Array, Array]:
-        """Room for the hubs' motion, (3, hubs, rows), their reactions, (hubs, rows), and what `work_done` remembers."""
-        hubs, loads, rows = len(self.clamps), len(varying_loads(self.scene)), self.bodies.rows
-        return np.zeros((3, hubs, rows)), np.zeros((hubs, rows)), np.zeros((2, hubs, rows)), np.zeros((2, loads, 2))
-
-    @property
-    def load_nodes(self) -> Ints:
-        """Node of each varying load."""
-        return np.array([self._node(load.end) for load in varying_loads(self.scene)], dtype=np.int64)
-
-    @property
-    def load_rows(self) -> Ints:
-        """0 for a force; for a torque the first row of the vector it turns."""
-        return np.array(
-            [
-                0 if isinstance(load, Force) else self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
-                for load in varying_loads(self.scene)
-            ],
-            dtype=np.int64,
-        )
 
     def load_table(self, t: Array) -> Array:
         """Force (x, y), or moment and 0, of each varying load at times `t`, (n, loads, 2)."""
@@ -110,110 +136,79 @@ def load_at(q: Array, node: int, row: int, x: float, y: float) -> tuple[float, f
 
 
 @kernel
-def set_loads(q: Array, f: Array, dead: Array, nodes: Ints, rows: Ints, values: Array) -> None:
+def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> None:
     """Make f, (rows, nodes), at the loaded nodes the dead load and the varying loads of values, (loads, 2)."""
-    for n in range(len(nodes)):
+    for n in range(len(loads.nodes)):
         for k in range(f.shape[0]):
-            f[k, nodes[n]] = dead[k, nodes[n]]
-    for n in range(len(nodes)):
-        x, y = load_at(q, nodes[n], rows[n], values[n, 0], values[n, 1])
-        f[rows[n], nodes[n]] += x
-        f[rows[n] + 1, nodes[n]] += y
+            f[k, loads.nodes[n]] = dead[k, loads.nodes[n]]
+    for n in range(len(loads.nodes)):
+        node, row = loads.nodes[n], loads.rows[n]
+        x, y = load_at(q, node, row, values[n, 0], values[n, 1])
+        f[row, node] += x
+        f[row + 1, node] += y
 
 
 @kernel
-def hub_motion(reference: Array, drive: Array, motion: Array) -> None:
-    """Coordinates of a turning hub's node and their first two derivatives, written into motion, (3, rows).
-
-    Parameters
-    ----------
-    reference : ndarray, shape (rows,)
-    drive : ndarray, shape (3,)
-        θ, θ', θ''.
-    """
-    c, s = np.cos(drive[0]), np.sin(drive[0])
-    w, a = drive[1], drive[2]
-    for k in range(2):
-        motion[0, k], motion[1, k], motion[2, k] = reference[k], 0.0, 0.0
-    for k in range(2, len(reference), 2):
-        x, y = reference[k], reference[k + 1]
-        gx, gy = c * x - s * y, s * x + c * y
-        motion[0, k], motion[0, k + 1] = gx, gy
-        motion[1, k], motion[1, k + 1] = -w * gy, w * gx
-        motion[2, k], motion[2, k + 1] = -a * gy - w * w * gx, a * gx - w * w * gy
+def turn_hubs(hubs: Hubs, drives: Array) -> None:
+    """Motion of the hubs' nodes from angle, rate and acceleration, (hubs, 3)."""
+    for h in range(len(hubs.nodes)):
+        c, s = np.cos(drives[h, 0]), np.sin(drives[h, 0])
+        w, a = drives[h, 1], drives[h, 2]
+        for k in range(2):
+            hubs.motion[0, h, k] = hubs.reference[h, k]
+        for k in range(2, hubs.reference.shape[1], 2):
+            x, y = hubs.reference[h, k], hubs.reference[h, k + 1]
+            gx, gy = c * x - s * y, s * x + c * y
+            hubs.motion[0, h, k], hubs.motion[0, h, k + 1] = gx, gy
+            hubs.motion[1, h, k], hubs.motion[1, h, k + 1] = -w * gy, w * gx
+            hubs.motion[2, h, k], hubs.motion[2, h, k + 1] = -a * gy - w * w * gx, a * gx - w * w * gy
 
 
 @kernel
-def set_hubs(q: Array, v: Array, nodes: Ints, reference: Array, drives: Array, motion: Array) -> None:
-    """Give the hubs' nodes their known positions and velocities; their accelerations go to motion[2]."""
-    for h in range(len(nodes)):
-        hub_motion(reference[h], drives[h], motion[:, h])
+def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
+    """Give the hubs' nodes the positions and velocities of their motion."""
+    for h in range(len(hubs.nodes)):
         for k in range(q.shape[0]):
-            q[k, nodes[h]] = motion[0, h, k]
-            v[k, nodes[h]] = motion[1, h, k]
+            q[k, hubs.nodes[h]] = hubs.motion[0, h, k]
+            v[k, hubs.nodes[h]] = hubs.motion[1, h, k]
 
 
 @kernel
-def hub_reactions(
-    q: Array,
-    a: Array,
-    f: Array,
-    first: Ints,
-    kinds: Ints,
-    constants: Array,
-    masses: Array,
-    buffer: Array,
-    hub_of: Ints,
-    reaction: Array,
-) -> None:
-    """Generalized forces that turn the hubs, M a + F_elastic − f of their nodes, written, (hubs, rows)."""
-    for b in range(len(kinds)):
+def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> None:
+    """Generalized forces that turn the hubs, M a + F_elastic − f of their nodes."""
+    for b in range(len(tables.kinds)):
         for side in range(2):
-            hub = hub_of[side, b]
+            hub, shear, m = hubs.of[side, b], tables.kinds[b] == SHEAR, tables.masses[b]
             if hub < 0:
                 continue
-            node = first[b] if side == 0 else first[b + 1] - 1
+            node = tables.first[b] if side == 0 else tables.first[b + 1] - 1
             i = node - side
-            if kinds[b] == SHEAR:
-                shear_kernel.forces(q, i, 1, constants[b], buffer)
+            if shear:
+                shear_kernel.forces(q, i, 1, tables.constants[b], tables.buffer)
             else:
-                cable_kernel.forces(q, i, 1, constants[b], buffer)
-            for k in range(4 if kinds[b] != SHEAR else 6):
-                r = buffer[(6 * side + k) * BLOCK] - f[k, node]
+                cable_kernel.forces(q, i, 1, tables.constants[b], tables.buffer)
+            for k in range(6 if shear else 4):
+                r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):
-                    r += masses[b, 3 * side + k // 2, n // 2] * a[n, i]
-                    r += masses[b, 3 * side + k // 2, 3 + n // 2] * a[n, i + 1]
-                reaction[hub, k] = r
+                    r += m[3 * side + k // 2, n // 2] * a[n, i] + m[3 * side + k // 2, 3 + n // 2] * a[n, i + 1]
+                hubs.reaction[hub, k] = r
 
 
 @kernel
-def work_done(
-    moving: bool,
-    q: Array,
-    hub_nodes: Ints,
-    reaction: Array,
-    hub_memory: Array,
-    load_nodes: Ints,
-    load_rows: Ints,
-    load_values: Array,
-    load_memory: Array,
-) -> float:
-    """Work of hubs and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`.
-
-    The memories hold force and position of the last call, (2, hubs, rows) and (2, loads, 2).
-    """
+def work_done(moving: bool, q: Array, hubs: Hubs, loads: Loads, values: Array) -> float:
+    """Work of hubs and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
     work = 0.0
-    for h in range(len(hub_nodes)):
+    for h in range(len(hubs.nodes)):
         for k in range(q.shape[0]):
-            force, place = reaction[h, k], q[k, hub_nodes[h]]
+            force, place = hubs.reaction[h, k], q[k, hubs.nodes[h]]
             if moving:
-                work += 0.5 * (force + hub_memory[0, h, k]) * (place - hub_memory[1, h, k])
-            hub_memory[0, h, k], hub_memory[1, h, k] = force, place
-    for n in range(len(load_nodes)):
-        forces = load_at(q, load_nodes[n], load_rows[n], load_values[n, 0], load_values[n, 1])
+                work += 0.5 * (force + hubs.memory[0, h, k]) * (place - hubs.memory[1, h, k])
+            hubs.memory[0, h, k], hubs.memory[1, h, k] = force, place
+    for n in range(len(loads.nodes)):
+        forces = load_at(q, loads.nodes[n], loads.rows[n], values[n, 0], values[n, 1])
         for c in range(2):
-            place = q[load_rows[n] + c, load_nodes[n]]
+            place = q[loads.rows[n] + c, loads.nodes[n]]
             if moving:
-                work += 0.5 * (forces[c] + load_memory[0, n, c]) * (place - load_memory[1, n, c])
-            load_memory[0, n, c], load_memory[1, n, c] = forces[c], place
+                work += 0.5 * (forces[c] + loads.memory[0, n, c]) * (place - loads.memory[1, n, c])
+            loads.memory[0, n, c], loads.memory[1, n, c] = forces[c], place
     return work

@@ -7,6 +7,7 @@ that comparing their times compares methods.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,17 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 CABLE, SHEAR = 0, 1
+
+
+class Tables(NamedTuple):
+    """What kernels need of `Bodies`, under the names it has there."""
+
+    first: Ints
+    elements: Ints
+    kinds: Ints
+    constants: Array
+    masses: Array
+    buffer: Array
 
 
 @dataclass(frozen=True)
@@ -128,6 +140,10 @@ class Bodies:
         mesh = self.meshes[i]
         element = min(node - int(self.first[i]), mesh.elements - 1)
         return mesh.body.name, mesh.elements - 1 - element if mesh.flipped else element
+
+    def tables(self) -> Tables:
+        """Arrays for kernels, with a buffer of their own."""
+        return Tables(self.first, self.elements, self.kinds, self.constants, self.masses, self.buffer())
 
     def buffer(self) -> Array:
         """Scratch of the force kernels."""

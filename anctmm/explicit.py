@@ -6,21 +6,54 @@
 Coordinates that are known are known at all three levels, so nothing drifts.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.accelerations import accelerations_block, accelerations_split
-from anctmm.actuation import Actuation, hub_reactions, set_hubs, set_loads, work_done
-from anctmm.assembly import kinetic_energy, strain_energy
+from anctmm.accelerations import by_blocks, by_scalars
+from anctmm.actuation import Actuation, Hubs, Loads, place_hubs, set_loads, turn_hubs, work_done
+from anctmm.assembly import Tables
 from anctmm.chain import Chain
-from anctmm.compiling import inlined, kernel
-from anctmm.recording import STRETCH_LIMIT, Record, gradient_size, run_batches, too_large, worst_element
-from anctmm.riccati import Block, Split, factorize_mass
+from anctmm.compiling import kernel
+from anctmm.recording import (
+    STRETCH_LIMIT,
+    Output,
+    Record,
+    gradient_size,
+    keep,
+    run_batches,
+    too_large,
+    worst_element,
+)
+from anctmm.riccati import BlockFactors, SplitFactors, block_factors, mass_factors, split_factors
 from anctmm.solution import Solution, Status
 from anctmm.stability import check_step
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+
+
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, Δt (s), ψ, φ, and whether the mass is factored in scalar blocks."""
+
+    steps: int
+    stride: int
+    dt: float
+    psi: float
+    phi: float
+    split: bool
+
+
+class State(NamedTuple):
+    """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes)."""
+
+    q: Array
+    v: Array
+    even: Array
+    odd: Array
+    f: Array
+    dead: Array
+    scratch: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -43,45 +76,30 @@ def integrate(chain: Chain) -> Solution:
     run, bodies = chain.run, chain.bodies
     if run.check_stability:
         check_step(chain)
-    actuation = Actuation(chain.scene, bodies)
-    record = Record(chain)
+    actuation, record = Actuation(chain.scene, bodies), Record(chain)
     q, v = bodies.reference(), bodies.initial_velocity()
-    a, f = np.zeros((2, *q.shape)), chain.dead_load.copy()
-    split, block = _factors(chain)
+    dead = chain.dead_load
     fixed = (
-        (run.steps, run.stride, run.dt, run.psi, run.phi, chain.split),
-        (q, v, a, f, chain.dead_load, np.zeros_like(q) if not chain.split else np.zeros((1, 1))),
-        (bodies.first, bodies.elements, bodies.kinds, bodies.constants, bodies.masses, bodies.buffer()),
-        (split.L, split.G, block.unit, block.L, block.G),
-        (actuation.hub_nodes, actuation.hub_of_bodies(), actuation.hub_reference()),
-        (actuation.load_nodes, actuation.load_rows),
-        actuation.memory(),
-        np.zeros(1),
-        (record.q, record.energy),
+        Numbers(run.steps, run.stride, run.dt, run.psi, run.phi, chain.split),
+        State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, np.zeros_like(q)),
+        bodies.tables(),
+        split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
+        block_factors(1, bodies.rows) if chain.split else mass_factors(chain),
+        actuation.hubs(),
+        actuation.loads(),
+        record.arrays(),
     )
 
     def one(begin: int, end: int) -> int:
-        t = run.times(np.arange(begin, end + 1))
+        t = run.times(np.arange(begin, end))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
-    advance(0, 0, *fixed, actuation.hub_table(np.zeros(1)), actuation.load_table(np.zeros(1)))  # compiles
+    one(0, 0)  # compiles
     record.start()
     failed = run_batches(chain, one)
     if failed < 0:
         return record.solution(len(run.output_steps), Status(), run.steps)
     return record.solution(1 + (failed - 1) // run.stride, _diverged(chain, failed, q), failed)
-
-
-def _factors(chain: Chain) -> tuple[Split, Block]:
-    """The factored mass in the form the chain allows, the other one empty."""
-    if chain.split:
-        nothing = np.zeros((1, 1, 1))
-        return factorize_mass(chain), Block(nothing, nothing, (0,) * chain.bodies.rows, (nothing[0],) * 3)
-    block = Block.of(chain)
-    none = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 2)))
-    block.factorize(chain, chain.bodies.reference(), 1.0, 0.0, none)
-    empty = np.zeros((5, 1))
-    return Split(empty, empty, empty), block
 
 
 def _diverged(chain: Chain, step: int, q: Array) -> Status:
@@ -99,60 +117,62 @@ def _diverged(chain: Chain, step: int, q: Array) -> Status:
 
 
 @kernel
-def advance(begin, end, numbers, state, tables, factors, hubs, loads, memory, work, out, hub_table, load_table):  # type: ignore[no-untyped-def]
-    """Steps `begin` … `end` − 1; returns the step at which the motion diverged, or −1.
+def advance(
+    begin: int,
+    end: int,
+    numbers: Numbers,
+    state: State,
+    tables: Tables,
+    split: SplitFactors,
+    block: BlockFactors,
+    hubs: Hubs,
+    loads: Loads,
+    out: Output,
+    hub_table: Array,
+    load_table: Array,
+) -> int:
+    """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    The arguments come in groups, see `integrate`; the two tables hold their values from step `begin` on.
+    The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
-    steps, stride, dt, psi, phi, split = numbers
-    q, v, a, f, dead, scratch = state
-    first, elements, kinds, constants, masses, buffer = tables
-    L, G, unit, LB, GB = factors
-    hub_nodes, hub_of, hub_reference = hubs
-    load_nodes, load_rows = loads
-    motion, reaction, hub_memory, load_memory = memory
-    out_q, out_energy = out
-    driven, rows = len(hub_nodes) + len(load_nodes) > 0, q.shape[0]
+    q, v, f = state.q, state.v, state.f
+    driven = len(hubs.nodes) + len(loads.nodes) > 0
+    flat_q, flat_v, flat_even, flat_odd = q.ravel(), v.ravel(), state.even.ravel(), state.odd.ravel()
     for step in range(begin, end):
-        now = a[step % 2]
+        now = state.even if step % 2 == 0 else state.odd
         if driven:
-            set_hubs(q, v, hub_nodes, hub_reference, hub_table[step - begin], motion)
-            set_loads(q, f, dead, load_nodes, load_rows, load_table[step - begin])
-        if split:
-            accelerations_split(
-                q, f, first, kinds, constants, masses, hub_of, motion[2], L, G, buffer, now
-            )
+            turn_hubs(hubs, hub_table[step - begin])
+            place_hubs(q, v, hubs)
+            set_loads(q, f, state.dead, loads, load_table[step - begin])
+        if numbers.split:
+            by_scalars(q, f, tables, hubs, split, now)
         else:
-            accelerations_block(
-                unit, q, f, first, elements, kinds, constants, masses, hub_nodes, hub_of, motion[2],
-                LB, GB, buffer, scratch, now,
-            )
-        check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]
-        if not check - check == 0.0:
+            by_blocks(q, f, tables, hubs, block, state.scratch, now)
+        check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here
+        if check - check != 0.0:
             return step
         if driven:
-            hub_reactions(q, now, f, first, kinds, constants, masses, buffer, hub_of, reaction)
-            work[0] += work_done(step > 0, q, hub_nodes, reaction, hub_memory, load_nodes, load_rows,
-                                 load_table[step - begin], load_memory)
-        if step % stride == 0 or step == steps:
+            out.work[0] += work_done(step > 0, q, hubs, loads, load_table[step - begin])
+        if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
-            place = step // stride if step % stride == 0 else len(out_q) - 1
-            out_q[place] = q
-            out_energy[place, 0] = kinetic_energy(v, first, elements, masses)
-            out_energy[place, 1] = strain_energy(q, first, elements, kinds, constants)
-            out_energy[place, 2] = work[0]
-        if step == steps:
-            break
-        before = a[(step + 1) % 2] if step > 0 else now
-        for k in range(rows):
-            update(q[k], v[k], now[k], before[k], dt, psi, phi)
+            keep(step, numbers.stride, q, v, tables, out)
+        if step == 0:
+            update(flat_q, flat_v, flat_even, flat_even, numbers)
+        elif step < numbers.steps:
+            if step % 2 == 0:
+                update(flat_q, flat_v, flat_even, flat_odd, numbers)
+            else:
+                update(flat_q, flat_v, flat_odd, flat_even, numbers)
     return -1
 
 
-@inlined
-def update(q, v, a, before, dt, psi, phi):  # type: ignore[no-untyped-def]
-    """Zhai's step of one component of all nodes."""
+@kernel
+def update(q: Array, v: Array, a: Array, before: Array, numbers: Numbers) -> None:
+    """Zhai's step of all components; `before` is the acceleration one step earlier."""
+    h = numbers.dt
+    hh, mm = (0.5 + numbers.psi) * h * h, numbers.psi * h * h
+    hv, mv = (1.0 + numbers.phi) * h, numbers.phi * h
     for i in range(len(q)):
-        q[i] += dt * v[i] + dt * dt * ((0.5 + psi) * a[i] - psi * before[i])
-        v[i] += dt * ((1.0 + phi) * a[i] - phi * before[i])
+        q[i] += h * v[i] + (hh * a[i] - mm * before[i])
+        v[i] += hv * a[i] - mv * before[i]

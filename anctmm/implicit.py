@@ -11,17 +11,27 @@ formulas above, as they do in an index-3 solution of the equations with multipli
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.accelerations import accelerations_block
-from anctmm.actuation import Actuation, hub_motion, hub_reactions, set_hubs, set_loads, work_done
-from anctmm.assembly import elastic_forces, kinetic_energy, mass_product, strain_energy
+from anctmm.accelerations import by_blocks
+from anctmm.actuation import (
+    Actuation,
+    Hubs,
+    Loads,
+    hub_reactions,
+    place_hubs,
+    set_loads,
+    turn_hubs,
+    work_done,
+)
+from anctmm.assembly import Tables, elastic_forces, mass_product
 from anctmm.chain import Chain
 from anctmm.compiling import inlined, kernel
-from anctmm.recording import STRETCH_LIMIT, Record, run_batches, too_large, worst_element
-from anctmm.riccati import Block, factorize, sweep, tables
+from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, run_batches, too_large, worst_element
+from anctmm.riccati import BlockFactors, Links, block_factors, factorize, links, sweep
 from anctmm.solution import Solution, Status
 
 Array = NDArray[np.float64]
@@ -69,10 +79,50 @@ class GeneralizedAlpha:
         """Newmark's β, for the most dissipation of high frequencies at the least of low ones."""
         return 0.25 * (self.gamma + 0.5) ** 2
 
-    def of_step(self, h: float) -> tuple[float, ...]:
-        """h, αm, αf, β, γ and the factors of a correction of q in a, v and w."""
+    def of_step(self, h: float) -> "Coefficients":
+        """Coefficients of a step of h (s)."""
         am, af, b, g = self.alpha_m, self.alpha_f, self.beta, self.gamma
-        return h, am, af, b, g, 1 / (b * h * h), g / (b * h), (1 - am) / (b * h * h * (1 - af))
+        return Coefficients(h, am, b, g, 1 / (b * h * h), g / (b * h), (1 - am) / (b * h * h * (1 - af)))
+
+
+class Coefficients(NamedTuple):
+    """Step h (s), αm, β, γ, and what a correction of q adds to a, v and w."""
+
+    h: float
+    alpha_m: float
+    beta: float
+    gamma: float
+    to_a: float
+    to_v: float
+    to_w: float
+
+
+class State(NamedTuple):
+    """q, v, a, w, external force and dead load at the end of a step, and scratch: each (rows, nodes)."""
+
+    q: Array
+    v: Array
+    a: Array
+    w: Array
+    f: Array
+    dead: Array
+    load: Array
+    inertia: Array
+    x: Array
+
+
+class Newton(NamedTuple):
+    """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
+
+    counts: corrections, factorizations, whether the matrix must be renewed. size: of the last correction at each
+    node, (nodes,). history: of the corrections of the last step, (ITERATIONS,).
+    """
+
+    scale: float
+    tolerance: float
+    counts: Ints
+    size: Array
+    history: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -84,37 +134,35 @@ def integrate(chain: Chain) -> Solution:
         With a status that names step, time and element if Newton's iteration failed.
     """
     run, bodies = chain.run, chain.bodies
-    actuation = Actuation(chain.scene, bodies)
-    record, block = Record(chain), Block.of(chain)
-    q, v, hubs = bodies.reference(), bodies.initial_velocity(), actuation.hub_of_bodies()
-    f = chain.dead_load.copy()
-    counts, monitor = np.zeros(3, dtype=np.int64), np.zeros((bodies.nodes, 2))
-    coefficients = GeneralizedAlpha(run.spectral_radius).of_step(run.dt)
+    actuation, record = Actuation(chain.scene, bodies), Record(chain)
+    q, v, dead = bodies.reference(), bodies.initial_velocity(), chain.dead_load
+    state = State(q, v, *np.zeros((2, *q.shape)), dead.copy(), dead, *np.zeros((3, *q.shape)))
+    newton = Newton(chain.length, _tolerance(chain), np.zeros(3, np.int64), np.zeros(bodies.nodes), np.zeros(ITERATIONS))
     fixed = (
-        (run.steps, run.stride, chain.length, _tolerance(chain)),
-        coefficients,
-        (q, v, np.zeros_like(q), np.zeros_like(q), f, chain.dead_load),
-        (*tables(chain), bodies.elements, bodies.buffer()),
-        (block.unit, block.L, block.G, *block.scratch),
-        tuple(np.zeros((3, *q.shape))),
-        (actuation.hub_nodes, hubs, actuation.hub_reference()),
-        (actuation.load_nodes, actuation.load_rows),
-        actuation.memory(),
-        (np.zeros(2), counts, monitor),
-        (record.q, record.energy),
+        run.steps,
+        run.stride,
+        GeneralizedAlpha(run.spectral_radius).of_step(run.dt),
+        state,
+        bodies.tables(),
+        links(chain),
+        block_factors(bodies.nodes, bodies.rows),
+        actuation.hubs(),
+        actuation.loads(),
+        newton,
+        record.arrays(),
     )
 
     def one(begin: int, end: int) -> int:
         t = run.times(np.arange(begin, end + 1))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
-    advance(0, 0, *fixed, actuation.hub_table(np.zeros(1)), actuation.load_table(np.zeros(1)))  # compiles
+    one(0, 0)  # compiles
     record.start()
     failed = run_batches(chain, one)
     done = run.steps if failed < 0 else failed
-    status = Status() if failed < 0 else _stalled(chain, failed, monitor)
+    status = Status() if failed < 0 else _stalled(chain, failed, newton)
     kept = len(run.output_steps) if failed < 0 else 1 + (failed - 1) // run.stride
-    return record.solution(kept, status, done, int(counts[0]), int(counts[1]))
+    return record.solution(kept, status, done, int(newton.counts[0]), int(newton.counts[1]))
 
 
 def _tolerance(chain: Chain) -> float:
@@ -123,10 +171,10 @@ def _tolerance(chain: Chain) -> float:
     return max(KAPPA * chain.run.newton_tolerance, 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length))
 
 
-def _stalled(chain: Chain, step: int, monitor: Array) -> Status:
-    body, element = worst_element(chain, monitor[:, 0])
+def _stalled(chain: Chain, step: int, newton: Newton) -> Status:
+    body, element = worst_element(chain, newton.size)
     t = float(chain.run.times(np.array([step]))[0])
-    history = ", ".join(f"{x:.1e}" for x in monitor[: ITERATIONS, 1] if x > 0.0)
+    history = ", ".join(f"{x:.1e}" for x in newton.history if x > 0.0)
     return Status(
         "diverged",
         f"Newton's iteration failed at t = {t:.6g} s (step {step}), worst in element {element} of body {body!r}, "
@@ -140,158 +188,146 @@ def _stalled(chain: Chain, step: int, monitor: Array) -> Status:
 
 @kernel
 def advance(
-    begin, end, numbers, coefficients, state, tables, factors, scratch, hubs, loads, memory, monitors, out,
-    hub_table, load_table,
-):  # type: ignore[no-untyped-def]
-    """From step `begin` to step `end`; returns the step whose Newton iteration failed, or −1.
+    begin: int,
+    end: int,
+    steps: int,
+    stride: int,
+    coefficients: Coefficients,
+    state: State,
+    tables: Tables,
+    links: Links,
+    factors: BlockFactors,
+    hubs: Hubs,
+    loads: Loads,
+    newton: Newton,
+    out: Output,
+    hub_table: Array,
+    load_table: Array,
+) -> int:
+    """From step `begin` to step `end`; the step whose Newton iteration failed, or −1.
 
-    The arguments come in groups, see `integrate`; the two tables hold their values from step `begin` on.
+    The two tables hold the values of hubs, (steps + 1, hubs, 3), and loads, (steps + 1, loads, 2), from `begin` on.
     """
-    steps, stride, scale, tolerance = numbers
-    q, v, a, w, f, dead = state
-    first, kinds, constants, masses = tables[0], tables[1], tables[2], tables[3]
-    elements, buffer = tables[7], tables[8]
-    hub_nodes, hub_of, hub_reference = hubs
-    load_nodes, load_rows = loads
-    motion, reaction, hub_memory, load_memory = memory
-    sums, counts, _ = monitors
-    out_q, out_energy = out
-    driven = len(hub_nodes) + len(load_nodes) > 0
+    q, v, a, w = state.q, state.v, state.a, state.w
+    driven = len(hubs.nodes) + len(loads.nodes) > 0
     for step in range(begin, end):
+        values = load_table[step - begin]
         if step == 0:
-            set_hubs(q, v, hub_nodes, hub_reference, hub_table[0], motion)
-            set_loads(q, f, dead, load_nodes, load_rows, load_table[0])
-            _start(q, f, w, load_nodes, load_rows, load_table[0], tables, factors, scratch, hub_nodes, hub_of, motion)
+            turn_hubs(hubs, hub_table[0])
+            place_hubs(q, v, hubs)
+            set_loads(q, state.f, state.dead, loads, values)
+            factorize(q, tables, links, 1.0, 0.0, loads, values, factors)
+            by_blocks(q, state.f, tables, hubs, factors, state.load, w)
             a[:] = w
-            counts[1] += 1
-            counts[2] = 1
+            newton.counts[1] += 1
+            newton.counts[2] = 1
         if driven:
-            hub_reactions(q, w, f, first, kinds, constants, masses, buffer, hub_of, reaction)
-            sums[0] += work_done(
-                step > 0, q, hub_nodes, reaction, hub_memory, load_nodes, load_rows, load_table[step - begin],
-                load_memory,
-            )
+            hub_reactions(q, w, state.f, tables, hubs)
+            out.work[0] += work_done(step > 0, q, hubs, loads, values)
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
-            place = step // stride if step % stride == 0 else len(out_q) - 1
-            out_q[place] = q
-            out_energy[place, 0] = kinetic_energy(v, first, elements, masses)
-            out_energy[place, 1] = strain_energy(q, first, elements, kinds, constants)
-            out_energy[place, 2] = sums[0]
+            keep(step, stride, q, v, tables, out)
         if step == steps:
             break
-        _predict(q, v, a, w, coefficients)
+        _predict(state, coefficients)
         if driven:
-            _place_hubs(q, v, a, w, hub_nodes, hub_reference, hub_table[step + 1 - begin], motion, coefficients)
-        if not _newton(
-            q, v, a, w, f, dead, scale, tolerance, coefficients, tables, factors, scratch, load_nodes, load_rows,
-            load_table[step + 1 - begin], monitors,
-        ):
+            turn_hubs(hubs, hub_table[step + 1 - begin])
+            _drag_hubs(state, hubs, coefficients)
+        if not _solve_step(state, coefficients, tables, links, factors, loads, load_table[step + 1 - begin], newton):
             return step + 1
     return -1
 
 
 @inlined
-def _start(q, f, w, load_nodes, load_rows, load_values, tables, factors, scratch, hub_nodes, hub_of, motion):  # type: ignore[no-untyped-def]
-    """True accelerations w at t = 0."""
-    first, kinds, constants, masses, link, turn, prescribed, elements, buffer = tables
-    unit, L, G, D, K, small = factors
-    factorize(
-        unit, q, first, kinds, constants, masses, link, turn, prescribed, 1.0, 0.0, load_nodes, load_rows,
-        load_values, L, G, D, K, small,
-    )
-    accelerations_block(
-        unit, q, f, first, elements, kinds, constants, masses, hub_nodes, hub_of, motion[2], L, G, buffer,
-        scratch[0], w,
-    )
-
-
-@inlined
-def _predict(q, v, a, w, coefficients):  # type: ignore[no-untyped-def]
+def _predict(state, c):  # type: ignore[no-untyped-def]
     """State at the end of the step if w stayed as it is."""
-    h, am, _, beta, gamma, _, _, _ = coefficients
+    q, v, a, w = state.q, state.v, state.a, state.w
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
-            new = (w[k, i] - am * a[k, i]) / (1.0 - am)
-            q[k, i] += h * v[k, i] + h * h * ((0.5 - beta) * a[k, i] + beta * new)
-            v[k, i] += h * ((1.0 - gamma) * a[k, i] + gamma * new)
+            new = (w[k, i] - c.alpha_m * a[k, i]) / (1.0 - c.alpha_m)
+            q[k, i] += c.h * v[k, i] + c.h * c.h * ((0.5 - c.beta) * a[k, i] + c.beta * new)
+            v[k, i] += c.h * ((1.0 - c.gamma) * a[k, i] + c.gamma * new)
             a[k, i] = new
 
 
 @inlined
-def _correct(q, v, a, w, k, i, x, coefficients):  # type: ignore[no-untyped-def]
-    """Add a correction x of one coordinate, and what follows from it, to the state at the end of the step."""
-    q[k, i] += x
-    a[k, i] += coefficients[5] * x
-    v[k, i] += coefficients[6] * x
-    w[k, i] += coefficients[7] * x
-
-
-@inlined
-def _place_hubs(q, v, a, w, nodes, reference, drives, motion, coefficients):  # type: ignore[no-untyped-def]
+def _drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
     """Give the hubs' nodes their known positions; velocities and accelerations follow."""
-    for h in range(len(nodes)):
-        hub_motion(reference[h], drives[h], motion[:, h])
-        for k in range(q.shape[0]):
-            _correct(q, v, a, w, k, nodes[h], motion[0, h, k] - q[k, nodes[h]], coefficients)
+    for h in range(len(hubs.nodes)):
+        i = hubs.nodes[h]
+        for k in range(state.q.shape[0]):
+            x = hubs.motion[0, h, k] - state.q[k, i]
+            state.q[k, i] += x
+            state.a[k, i] += c.to_a * x
+            state.v[k, i] += c.to_v * x
+            state.w[k, i] += c.to_w * x
 
 
 @kernel
-def _newton(
-    q, v, a, w, f, dead, scale, tolerance, coefficients, tables, factors, scratch, load_nodes, load_rows,
-    load_values, monitors,
-):  # type: ignore[no-untyped-def]
-    """Find the end of a step by modified Newton; False if it cannot be found.
-
-    counts: corrections, factorizations, whether the matrix must be renewed. monitor: size of the last correction
-    at each node, and of each correction of the step.
-    """
-    first, kinds, constants, masses, link, turn, prescribed, elements, buffer = tables
-    unit, L, G, D, K, small = factors
-    load, inertia, x = scratch[0], scratch[1], scratch[2]
-    _, counts, monitor = monitors
-    last = 0.0
-    monitor[:, 1] = 0.0
+def _solve_step(
+    state: State,
+    coefficients: Coefficients,
+    tables: Tables,
+    links: Links,
+    factors: BlockFactors,
+    loads: Loads,
+    load_values: Array,
+    newton: Newton,
+) -> bool:
+    """Find the end of a step by modified Newton; False if it cannot be found."""
+    counts, last = newton.counts, 0.0
+    newton.history[:] = 0.0
     for iteration in range(ITERATIONS):
-        set_loads(q, f, dead, load_nodes, load_rows, load_values)
-        elastic_forces(q, first, elements, kinds, constants, buffer, load)
-        mass_product(w, first, elements, masses, inertia)
-        for k in range(q.shape[0]):
-            for i in range(q.shape[1]):
-                load[k, i] = f[k, i] - load[k, i] - inertia[k, i]
+        _residual(state, tables, loads, load_values)
         if counts[2] != 0:
-            factorize(
-                unit, q, first, kinds, constants, masses, link, turn, prescribed, coefficients[7], 1.0, load_nodes,
-                load_rows, load_values, L, G, D, K, small,
-            )
+            factorize(state.q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
-        sweep(unit, L, G, load, x)
-        size = 0.0
-        for i in range(q.shape[1]):
-            here = max(abs(x[0, i]), abs(x[1, i])) / scale
-            for k in range(2, q.shape[0]):
-                here = max(here, abs(x[k, i]))
-            if not here - here == 0.0:
-                here = np.inf
-            monitor[i, 0] = here
-            size = max(size, here)
-        if iteration < len(monitor):
-            monitor[iteration, 1] = size
+        sweep(factors.unit, factors.L, factors.G, state.load, state.x)
+        size = _correct(state, coefficients, newton)
+        newton.history[iteration] = size
         counts[0] += 1
         if size == np.inf:
             return False
-        for k in range(q.shape[0]):
-            for i in range(q.shape[1]):
-                _correct(q, v, a, w, k, i, x[k, i], coefficients)
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
-        if size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance):
-            if iteration >= MANY:
-                counts[2] = 1
+        if size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance):
+            counts[2] = 1 if iteration >= MANY else 0
             return True
         if iteration > 0 and rate > SLOW:
             counts[2] = 1
         last = size
     return False
+
+
+@inlined
+def _residual(state, tables, loads, load_values):  # type: ignore[no-untyped-def]
+    """load ← F(q) − M w."""
+    set_loads(state.q, state.f, state.dead, loads, load_values)
+    elastic_forces(
+        state.q, tables.first, tables.elements, tables.kinds, tables.constants, tables.buffer, state.load
+    )
+    mass_product(state.w, tables.first, tables.elements, tables.masses, state.inertia)
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            state.load[k, i] = state.f[k, i] - state.load[k, i] - state.inertia[k, i]
+
+
+@inlined
+def _correct(state, c, newton):  # type: ignore[no-untyped-def]
+    """Add the correction x, and what follows from it, to the state; its largest size, infinite if not a number."""
+    x, size = state.x, 0.0
+    newton.size[:] = 0.0
+    for k in range(x.shape[0]):
+        unit = 1.0 / newton.scale if k < 2 else 1.0
+        for i in range(x.shape[1]):
+            state.q[k, i] += x[k, i]
+            state.a[k, i] += c.to_a * x[k, i]
+            state.v[k, i] += c.to_v * x[k, i]
+            state.w[k, i] += c.to_w * x[k, i]
+            here = abs(x[k, i]) * unit
+            newton.size[i] = max(newton.size[i], here if here - here == 0.0 else np.inf)
+    for i in range(x.shape[1]):
+        size = max(size, newton.size[i])
+    return size

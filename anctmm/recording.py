@@ -3,10 +3,12 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
 from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
@@ -17,6 +19,15 @@ Array = NDArray[np.float64]
 STRETCH_LIMIT = 1e3
 #: Steps computed between two looks at Python (progress, Ctrl-C, tabulated drives), at least.
 BATCH = 20_000
+
+
+class Output(NamedTuple):
+    """What kernels fill: coordinates, (outputs, rows, nodes), kinetic and strain energy and work, (outputs, 3), and
+    the work done until now, (1,)."""
+
+    q: Array
+    energy: Array
+    work: Array
 
 
 @dataclass
@@ -40,6 +51,10 @@ class Record:
         n = self.outputs or len(self.chain.run.output_steps)
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.energy = np.zeros((n, 3))
+
+    def arrays(self) -> Output:
+        """What kernels fill."""
+        return Output(self.q, self.energy, np.zeros(1))
 
     def start(self) -> None:
         """Start the clocks."""
@@ -112,3 +127,13 @@ def too_large(q: Array, limit: float) -> bool:
             if not abs(q[k, i]) <= limit:
                 return True
     return False
+
+
+@kernel
+def keep(step: int, stride: int, q: Array, v: Array, tables: Tables, out: Output) -> None:
+    """Keep the state of an output step; the last step of a run has the last place."""
+    place = step // stride if step % stride == 0 else len(out.q) - 1
+    out.q[place] = q
+    out.energy[place, 0] = kinetic_energy(v, tables.first, tables.elements, tables.masses)
+    out.energy[place, 1] = strain_energy(q, tables.first, tables.elements, tables.kinds, tables.constants)
+    out.energy[place, 2] = out.work[0]

@@ -10,17 +10,17 @@ the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i
 the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1, L_rg = D_rg D_gg⁻¹,
 G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
 
-Two forms are kept: `Split`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld at an
-angle), and `Block`, full 4 × 4 or 6 × 6 blocks.
+Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld at an
+angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
 """
 
-from dataclasses import dataclass
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import element_tangent
+from anctmm.actuation import Loads
+from anctmm.assembly import Tables, element_tangent
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.compiling import inlined, kernel
 
@@ -28,8 +28,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@dataclass(frozen=True)
-class Split:
+class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
 
     Parameters
@@ -47,15 +46,77 @@ class Split:
     D: Array
 
 
-def factorize_mass(chain: Chain) -> Split:
+class BlockFactors(NamedTuple):
+    """Factored full blocks, refilled by `factorize`.
+
+    Parameters
+    ----------
+    unit : tuple of `rows` zeros
+        Its type tells the compiler the size of the blocks.
+    L, G : ndarray, shape (nodes, rows, rows)
+    D : ndarray, shape (rows, rows)
+        Scratch, as are the next two.
+    K : ndarray, shape (2 rows, 2 rows)
+    small : ndarray, shape (8, 8)
+    """
+
+    unit: tuple[int, ...]
+    L: Array
+    G: Array
+    D: Array
+    K: Array
+    small: Array
+
+
+class Links(NamedTuple):
+    """What kernels need of a `Chain`, under the names it has there."""
+
+    link: Ints
+    turn: Array
+    prescribed: NDArray[np.bool_]
+
+
+def split_factors(chain: Chain) -> SplitFactors:
     """Factor the mass of a chain without angled welds, once for a whole run."""
-    n = chain.bodies.nodes
-    result = Split(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)))
+    n, bodies = chain.bodies.nodes, chain.bodies
+    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)))
     masks = np.ones((3, n), dtype=bool)
-    masks[: chain.bodies.rows // 2] = chain.prescribed[::2]
-    bodies = chain.bodies
-    _factorize_split(bodies.first, bodies.masses, chain.link, masks, result.L, result.G, result.D)
+    masks[: bodies.rows // 2] = chain.prescribed[::2]
+    _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result)
     return result
+
+
+def block_factors(nodes: int, rows: int) -> BlockFactors:
+    """Room for the factors of a chain."""
+    return BlockFactors(
+        (0,) * rows,
+        np.zeros((nodes, rows, rows)),
+        np.zeros((nodes, rows, rows)),
+        np.zeros((rows, rows)),
+        np.zeros((2 * rows, 2 * rows)),
+        np.zeros((8, 8)),
+    )
+
+
+def links(chain: Chain) -> Links:
+    """Arrays of a chain for kernels."""
+    return Links(chain.link, chain.turn, chain.prescribed)
+
+
+def mass_factors(chain: Chain) -> BlockFactors:
+    """Factor the mass of any chain in full blocks."""
+    bodies = chain.bodies
+    factors = block_factors(bodies.nodes, bodies.rows)
+    none = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    factorize(bodies.reference(), bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
+    return factors
+
+
+def solve(factors: BlockFactors, load: Array) -> Array:
+    """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
+    a = np.empty_like(load)
+    sweep(factors.unit, factors.L, factors.G, load.copy(), a)
+    return a
 
 
 @kernel
@@ -108,98 +169,48 @@ def _invert_split(
         G[3] = 1.0 / dd
 
 
-@dataclass(frozen=True)
-class Block:
-    """Factored full blocks, refilled by `factorize`.
+@kernel
+def factorize(
+    q: Array,
+    tables: Tables,
+    links: Links,
+    mass: float,
+    stiffness: float,
+    loads: Loads,
+    load_values: Array,
+    factors: BlockFactors,
+) -> int:
+    """Factor mass · M + stiffness · K_T(q), the stiffness of torques included.
 
     Parameters
     ----------
-    L, G : ndarray, shape (nodes, rows, rows)
-    unit : tuple of `rows` zeros
-        Its type tells the compiler the size of the blocks.
-    scratch : tuple of ndarray
-        D, (rows, rows), K, (2 rows, 2 rows), and an 8 × 8 matrix.
+    q : ndarray, shape (rows, nodes)
+    tables : Tables
+    links : Links
+    mass, stiffness : float
+    loads : Loads
+    load_values : ndarray, shape (loads, 2)
+        Of the varying loads at this moment.
+    factors : BlockFactors
+        Written.
+
+    Returns
+    -------
+    int
+        Number of negative pivots: 0 where the matrix is positive definite.
     """
-
-    L: Array
-    G: Array
-    unit: tuple[int, ...]
-    scratch: tuple[Array, Array, Array]
-
-    @classmethod
-    def of(cls, chain: Chain) -> "Block":
-        """Room for the factors of a chain."""
-        n, d = chain.bodies.nodes, chain.bodies.rows
-        scratch = (np.zeros((d, d)), np.zeros((2 * d, 2 * d)), np.zeros((8, 8)))
-        return cls(np.zeros((n, d, d)), np.zeros((n, d, d)), (0,) * d, scratch)
-
-    def factorize(
-        self, chain: Chain, q: Array, mass: float, stiffness: float, loads: tuple[Ints, Ints, Array]
-    ) -> int:
-        """Factor mass · M + stiffness · K_T(q), the stiffness of torques included.
-
-        Parameters
-        ----------
-        chain : Chain
-        q : ndarray, shape (rows, nodes)
-        mass, stiffness : float
-        loads : (nodes, rows, values)
-            Varying loads at this moment, see `Actuation`; values (loads, 2).
-
-        Returns
-        -------
-        int
-            Number of negative pivots: 0 where the matrix is positive definite.
-        """
-        return int(
-            factorize(self.unit, q, *tables(chain), mass, stiffness, *loads, self.L, self.G, *self.scratch)
-        )
-
-    def solve(self, b: Array) -> Array:
-        """Unknowns, (rows, nodes), under the loads b, (rows, nodes); 0 for known components."""
-        a = np.empty_like(b)
-        sweep(self.unit, self.L, self.G, b.copy(), a)
-        return a
-
-
-def tables(chain: Chain) -> tuple[Any, ...]:
-    """Arrays of a chain in the order `factorize` takes them."""
-    b = chain.bodies
-    return b.first, b.kinds, b.constants, b.masses, chain.link, chain.turn, chain.prescribed
-
-
-@kernel
-def factorize(
-    unit: tuple[int, ...],
-    q: Array,
-    first: Ints,
-    kinds: Ints,
-    constants: Array,
-    masses: Array,
-    link: Ints,
-    turn: Array,
-    prescribed: NDArray[np.bool_],
-    mass: float,
-    stiffness: float,
-    load_nodes: Ints,
-    load_rows: Ints,
-    load_values: Array,
-    L: Array,
-    G: Array,
-    D: Array,
-    K: Array,
-    small: Array,
-) -> int:
-    """Compiled body of `Block.factorize`."""
+    unit, L, G, D, K, small = factors
+    first, _, kinds, constants, masses, _ = tables
+    link, turn, prescribed = links
     d = len(unit)
     negative = 0
     D[:] = 0.0
     for b in range(len(link)):
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
-            for n in range(len(load_nodes)):
-                if load_nodes[n] == i and load_rows[n] > 0:
-                    _add_torque_stiffness(D, q, i, load_rows[n], stiffness * load_values[n, 0])
+            for n in range(len(loads.nodes)):
+                if loads.nodes[n] == i and loads.rows[n] > 0:
+                    _add_torque_stiffness(D, q, i, loads.rows[n], stiffness * load_values[n, 0])
             if i < last:
                 if stiffness != 0.0:
                     element_tangent(q, i, kinds[b], constants[b], small, K)

@@ -11,7 +11,7 @@ from anctmm.assembly import elastic_forces, mass_product
 from anctmm.chain import Chain, Joined
 from anctmm.discretisation import Discretisation
 from anctmm.errors import StabilityError
-from anctmm.riccati import Block
+from anctmm.riccati import mass_factors, solve
 
 Array = NDArray[np.float64]
 
@@ -38,9 +38,7 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     """
     bodies = chain.bodies
     q = bodies.reference() if q is None else q
-    none = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty((0, 2)))
-    inverse = Block.of(chain)
-    inverse.factorize(chain, q, 1.0, 0.0, none)
+    inverse = mass_factors(chain)
     join = Joined(chain)
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
 
@@ -59,14 +57,14 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
         mass_product(join.spread(x), bodies.first, bodies.elements, bodies.masses, out)
         return join.gather(out)
 
-    def solve(f: Array) -> Array:
-        return join.unknowns(inverse.solve(join.load(f)))
+    def divided(f: Array) -> Array:
+        return join.unknowns(solve(inverse, join.load(f)))
 
     n = join.size
     if n < 3:
         K, M = (np.stack([g(e) for e in np.eye(n)]) for g in (stiffness, mass))
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(np.linalg.solve(M, K)))))))
-    operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, solve)]
+    operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
     start = np.random.default_rng(0).standard_normal(n)
     try:
         value = eigsh(operators[0], 1, operators[1], Minv=operators[2], which="LM", v0=start, tol=1e-7,

@@ -11,7 +11,7 @@ from anctmm.assembly import elastic_forces, strain_energy
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.recording import Record, worst_element
-from anctmm.riccati import Block
+from anctmm.riccati import block_factors, factorize, links, solve
 from anctmm.scene import Scene
 from anctmm.solution import Solution, Status
 from anctmm.validation import positive
@@ -86,8 +86,8 @@ class _Search:
         bodies = self.chain.bodies
         actuation = Actuation(self.chain.scene, bodies)
         self.values = actuation.load_table(np.zeros(1))[0]
-        self.loads = (actuation.load_nodes, actuation.load_rows)
-        self.block, self.buffer = Block.of(self.chain), bodies.buffer()
+        self.loads = actuation.loads()
+        self.factors, self.tables = block_factors(bodies.nodes, bodies.rows), bodies.tables()
         self.load = np.empty((bodies.rows, bodies.nodes))
         self.reset()
 
@@ -119,17 +119,15 @@ class _Search:
 
     def newton(self, factor: float) -> bool:
         """Newton's iteration at a load factor, starting from q."""
-        bodies, last, stalled = self.chain.bodies, np.inf, 0
+        last, stalled = np.inf, 0
         dead = factor * self.chain.dead_load
         total = dead.copy()
         for _ in range(ITERATIONS):
-            set_loads(self.q, total, dead, *self.loads, factor * self.values)
-            elastic_forces(
-                self.q, bodies.first, bodies.elements, bodies.kinds, bodies.constants, self.buffer, self.load
-            )
-            with np.errstate(all="ignore"):
-                self.block.factorize(self.chain, self.q, 0.0, 1.0, (*self.loads, factor * self.values))
-                x = self.block.solve(total - self.load)
+            values = factor * self.values
+            set_loads(self.q, total, dead, self.loads, values)
+            self._elastic()
+            factorize(self.q, self.tables, links(self.chain), 0.0, 1.0, self.loads, values, self.factors)
+            x = solve(self.factors, total - self.load)
             self.size = np.maximum(np.abs(x[:2]).max(axis=0) / self.chain.length, np.abs(x[2:]).max(axis=0))
             size = float(self.size.max())
             self.iterations += 1
@@ -144,6 +142,10 @@ class _Search:
                 return True
             last = size
         return False
+
+    def _elastic(self) -> None:
+        t = self.tables
+        elastic_forces(self.q, t.first, t.elements, t.kinds, t.constants, t.buffer, self.load)
 
     def store(self, record: Record, place: int) -> None:
         """Keep the equilibrium reached."""
