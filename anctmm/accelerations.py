@@ -61,12 +61,21 @@ def _forward(q, f, tables, hubs, factors, a):  # type: ignore[no-untyped-def]
                 tgx, tgy = f[2, i] - (buffer[2 * BLOCK + j] + ogx), f[3, i] - (buffer[3 * BLOCK + j] + ogy)
                 rr, rg, gr, gg = L[0, i], L[1, i], L[2, i], L[3, i]
                 a[0, i], a[1, i], a[2, i], a[3, i] = trx + rx, try_ + ry, tgx + gx, tgy + gy
-                rx, gx = -(rr * trx + rg * tgx) - rr * rx - rg * gx, -(gr * trx + gg * tgx) - gr * rx - gg * gx
-                ry, gy = -(rr * try_ + rg * tgy) - rr * ry - rg * gy, -(gr * try_ + gg * tgy) - gr * ry - gg * gy
+                rx, gx = (
+                    -(rr * trx + rg * tgx) - rr * rx - rg * gx,
+                    -(gr * trx + gg * tgx) - gr * rx - gg * gx,
+                )
+                ry, gy = (
+                    -(rr * try_ + rg * tgy) - rr * ry - rg * gy,
+                    -(gr * try_ + gg * tgy) - gr * ry - gg * gy,
+                )
                 orx, ory = buffer[6 * BLOCK + j], buffer[7 * BLOCK + j]
                 ogx, ogy = buffer[8 * BLOCK + j], buffer[9 * BLOCK + j]
                 if director:
-                    tdx, tdy = f[4, i] - (buffer[4 * BLOCK + j] + odx), f[5, i] - (buffer[5 * BLOCK + j] + ody)
+                    tdx, tdy = (
+                        f[4, i] - (buffer[4 * BLOCK + j] + odx),
+                        f[5, i] - (buffer[5 * BLOCK + j] + ody),
+                    )
                     a[4, i], a[5, i] = tdx + dx, tdy + dy
                     dx, dy = -L[4, i] * tdx - L[4, i] * dx, -L[4, i] * tdy - L[4, i] * dy
                     odx, ody = buffer[10 * BLOCK + j], buffer[11 * BLOCK + j]

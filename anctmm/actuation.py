@@ -190,7 +190,10 @@ def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> N
             for k in range(6 if shear else 4):
                 r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):
-                    r += m[3 * side + k // 2, n // 2] * a[n, i] + m[3 * side + k // 2, 3 + n // 2] * a[n, i + 1]
+                    r += (
+                        m[3 * side + k // 2, n // 2] * a[n, i]
+                        + m[3 * side + k // 2, 3 + n // 2] * a[n, i + 1]
+                    )
                 hubs.reaction[hub, k] = r
 
 

@@ -1,6 +1,7 @@
 """A scene as ANC-TMM sees it: nodes in a row, a link from each to the next, and what is known beforehand.
 
-Bodies stand in the order and direction in which the chain passes through them. Both sides of a joint have their own node.
+Bodies stand in the order and direction in which the chain passes through them. Both sides of a joint have a node
+of their own.
 """
 
 from dataclasses import dataclass
@@ -70,8 +71,11 @@ class Chain:
         """PIN, WELD or BREAK behind the last node of each body."""
         return np.array(
             [
-                BREAK if k.outboard is None or len(k.outboard.ends) == 1 else WELD
-                if isinstance(k.outboard, Weld) else PIN
+                BREAK
+                if k.outboard is None or len(k.outboard.ends) == 1
+                else WELD
+                if isinstance(k.outboard, Weld)
+                else PIN
                 for k in self._links
             ],
             dtype=np.int64,
@@ -82,7 +86,7 @@ class Chain:
         """Cosine and sine of the turn from each body's frame to the next one's, (bodies, 2)."""
         meshes = self.bodies.meshes
         table = np.tile([1.0, 0.0], (len(meshes), 1))
-        for b in np.flatnonzero(self.link == WELD):
+        for b in map(int, np.flatnonzero(self.link == WELD)):
             a, c = meshes[b].reference[0, 1], meshes[b + 1].reference[0, 1]
             table[b] = a @ c, a[0] * c[1] - a[1] * c[0]
             if table[b, 0] > 0.0 and abs(table[b, 1]) < ALIGNED:
@@ -165,10 +169,10 @@ class Joined:
                 for row, column, value in ((0, 0, x), (0, 1, -y), (1, 0, y), (1, 1, x)):
                     entries.append((index[k + row, i + 1], index[k + column, i], value))
         self.masters = index[master]
-        column = np.full(index.size, -1)
-        column[self.masters] = np.arange(self.masters.size)
+        number = np.full(index.size, -1)
+        number[self.masters] = np.arange(self.masters.size)
         rows = np.concatenate([self.masters, [e[0] for e in entries]]).astype(int)
-        columns = column[np.concatenate([self.masters, [e[1] for e in entries]]).astype(int)]
+        columns = number[np.concatenate([self.masters, [e[1] for e in entries]]).astype(int)]
         values = np.concatenate([np.ones(self.masters.size), [e[2] for e in entries]])
         self.matrix = csr_array((values, (rows, columns)), shape=(index.size, self.masters.size))
 

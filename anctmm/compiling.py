@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config
+from numba.core import config as _config
 
+config: Any = _config
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning.
 FASTMATH = {"contract"}
 

@@ -82,7 +82,9 @@ class Discretisation:
         within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
         positive("dt (s)", self.dt, StepError)
         positive("t_end (s)", self.t_end, StepError)
-        output_dt = self.dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
+        output_dt = (
+            self.dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
+        )
         object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, self.dt))
         object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, self.dt), self.steps))
 
@@ -92,7 +94,7 @@ class Discretisation:
         kept = np.arange(0, self.steps + 1, self.stride)
         return kept if kept[-1] == self.steps else np.append(kept, self.steps)
 
-    def times(self, steps: NDArray[np.int64]) -> NDArray[np.float64]:
+    def times(self, steps: NDArray[np.int64]) -> NDArray[Any]:
         """Times of numbered steps, s, exact at the end of the run."""
         return steps * (self.t_end / self.steps)
 

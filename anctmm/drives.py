@@ -83,6 +83,7 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     PropertyError
         If the callable raises, or gives another number of values, or a value that is not finite.
     """
+
     def one(time: float) -> Array:
         try:
             return np.asarray(history(time), dtype=float).reshape(width)

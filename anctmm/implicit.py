@@ -136,8 +136,10 @@ def integrate(chain: Chain) -> Solution:
     run, bodies = chain.run, chain.bodies
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
     q, v, dead = bodies.reference(), bodies.initial_velocity(), chain.dead_load
-    state = State(q, v, *np.zeros((2, *q.shape)), dead.copy(), dead, *np.zeros((3, *q.shape)))
-    newton = Newton(chain.length, _tolerance(chain), np.zeros(3, np.int64), np.zeros(bodies.nodes), np.zeros(ITERATIONS))
+    state = State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((3, *q.shape)))
+    newton = Newton(
+        chain.length, _tolerance(chain), np.zeros(3, np.int64), np.zeros(bodies.nodes), np.zeros(ITERATIONS)
+    )
     fixed = (
         run.steps,
         run.stride,
@@ -168,7 +170,10 @@ def integrate(chain: Chain) -> Solution:
 def _tolerance(chain: Chain) -> float:
     """What may be left of the tolerance asked for, but no less than rounding of the coordinates allows."""
     furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    return max(KAPPA * chain.run.newton_tolerance, 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length))
+    return max(
+        KAPPA * chain.run.newton_tolerance,
+        32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length),
+    )
 
 
 def _stalled(chain: Chain, step: int, newton: Newton) -> Status:
@@ -234,7 +239,9 @@ def advance(
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - begin])
             _drag_hubs(state, hubs, coefficients)
-        if not _solve_step(state, coefficients, tables, links, factors, loads, load_table[step + 1 - begin], newton):
+        if not _solve_step(
+            state, coefficients, tables, links, factors, loads, load_table[step + 1 - begin], newton
+        ):
             return step + 1
     return -1
 

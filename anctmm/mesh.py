@@ -1,10 +1,12 @@
 """A scene cut into elements: nodes, reference coordinates, initial velocities and constant loads of every body.
 
-It knows nothing of chains or constraints: each body has its own nodes, in its own direction, as a global solver wants it.
+It knows nothing of chains or constraints: each body has its own nodes, in its own direction, as a global solver
+wants it.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,7 +78,8 @@ class BodyMesh:
         v = np.zeros((self.nodes, self.vectors, 2))
         if self.body.velocity is None:
             return v
-        fractions = np.linspace(*self._ends(0.0, 1.0), self.nodes)
+        first, last = self._ends(0.0, 1.0)
+        fractions = np.linspace(first, last, self.nodes)
         v[:, 0] = [self.body.velocity_at(float(s)) for s in fractions]
         sign = -1.0 if self.flipped else 1.0
         v[:, 1] = sign * np.array([self._velocity_slope(float(s)) for s in fractions]) / self.body.length
@@ -117,7 +120,8 @@ class BodyMesh:
             values = [self.body.velocity_at(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
             return np.reshape(values, np.broadcast(s, axis).shape)
 
-        result = derivative(
+        slope: Any = derivative  # its stubs do not know a direction given as a number
+        result = slope(
             component,
             np.full(2, fraction),
             args=(np.arange(2),),
@@ -132,11 +136,11 @@ def body_mesh(scene: Scene, run: Discretisation, name: str, flipped: bool = Fals
     """The mesh of one body of a scene."""
     body = scene.body(name)
     elements, kind = run.of(scene)[name]
-    element: Element
-    if kind == "shear":
-        element = ShearElement.of(body, elements)
-    else:
-        element = CableElement.of(body, elements, run.quadrature)
+    element: Element = (
+        ShearElement.of(body, elements)
+        if kind == "shear"
+        else CableElement.of(body, elements, run.quadrature)
+    )
     return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
 
 

@@ -108,8 +108,10 @@ def _common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp
     if a.size == 0 or b.size == 0:
         return np.empty(0, np.intp), np.empty(0, np.intp)
     tolerance = 1e-9 * max(float(a[-1]), float(b[-1]), 1e-300)
-    nearest = np.abs(a[:, None] - b[None, :]).argmin(axis=1) if a.size * b.size < 4_000_000 else np.clip(
-        np.searchsorted(b, a - tolerance), 0, b.size - 1
+    nearest = (
+        np.abs(a[:, None] - b[None, :]).argmin(axis=1)
+        if a.size * b.size < 4_000_000
+        else np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
     )
     match = np.abs(b[nearest] - a) <= tolerance
     return np.flatnonzero(match), nearest[match]

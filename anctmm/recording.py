@@ -23,7 +23,8 @@ BATCH = 20_000
 
 class Output(NamedTuple):
     """What kernels fill: coordinates, (outputs, rows, nodes), kinetic and strain energy and work, (outputs, 3), and
-    the work done until now, (1,)."""
+    the work done until now, (1,).
+    """
 
     q: Array
     energy: Array

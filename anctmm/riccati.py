@@ -1,14 +1,14 @@
 """The Riccati recursion along a chain, compiled (Rong 2014, eqs. 28-35, in the partition P = S δ̈ + e).
 
-At node i the forces transmitted from the inboard side are P = D δ̈ + e, D the condensed mass (or, in a Newton iteration, the
-condensed stiffness) of all that lies inboard: symmetric, never singular, whatever stands at the start. A link passes it
-on. With a the unknowns, b the loads and the constant matrices of each node
+At node i the forces transmitted from the inboard side are P = D δ̈ + e, D the condensed mass (or, in a Newton iteration,
+the condensed stiffness) of all that lies inboard: symmetric, never singular, whatever stands at the start. A link
+passes it on. With a the unknowns, b the loads and the constant matrices of each node
 
     G_i = (D_i + M_II)⁻¹ on the free components,   L_i = M_OI G_i,   D_{i+1} = M_OO − L_i M_IO,
 
-the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i+1} backwards. A pin, a weld and a break have
-the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1, L_rg = D_rg D_gg⁻¹,
-G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
+the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i+1} backwards. A pin, a weld and a break
+have the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1,
+L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
 
 Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld at an
 angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.

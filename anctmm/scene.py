@@ -230,7 +230,9 @@ class Scene:
         if len(self._by_name) < len(self.bodies):
             names = [b.name for b in self.bodies]
             twice = next(n for n in names if names.count(n) > 1)
-            raise DuplicateNameError(f"body name {twice!r} is used {names.count(twice)} times; once is allowed")
+            raise DuplicateNameError(
+                f"body name {twice!r} is used {names.count(twice)} times; once is allowed"
+            )
         self._check_joints()
         for load in self.loads:
             self.body_end(load.end)

@@ -71,7 +71,9 @@ class LagrangeField:
         elements = (self.positions.shape[1] - 1) // self.order
         i = min(int(fraction * elements), elements - 1)
         x = fraction * elements - i
-        weights = (1.0 - x, x) if self.order == 1 else ((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1))
+        weights = (
+            (1.0 - x, x) if self.order == 1 else ((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1))
+        )
         first = i * self.order
         return sum(w * self.positions[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
 
@@ -146,8 +148,10 @@ class Status:
         return f"{self.code}: {self.message}" if self.message else self.code
 
     def __eq__(self, other: object) -> bool:
-        return self.code == other if isinstance(other, str) else self is other or (
-            isinstance(other, Status) and vars(self) == vars(other)
+        return (
+            self.code == other
+            if isinstance(other, str)
+            else self is other or (isinstance(other, Status) and vars(self) == vars(other))
         )
 
     def __hash__(self) -> int:

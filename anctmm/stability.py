@@ -67,8 +67,16 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
     start = np.random.default_rng(0).standard_normal(n)
     try:
-        value = eigsh(operators[0], 1, operators[1], Minv=operators[2], which="LM", v0=start, tol=1e-7,
-                      return_eigenvectors=False)[0]
+        value = eigsh(
+            operators[0],
+            1,
+            operators[1],
+            Minv=operators[2],
+            which="LM",
+            v0=start,
+            tol=1e-7,
+            return_eigenvectors=False,
+        )[0]
     except ArpackNoConvergence as error:
         value = max(error.eigenvalues, default=0.0)
     return sqrt(max(float(value), 0.0))
@@ -97,8 +105,8 @@ def check_step(chain: Chain) -> None:
     limit = zhai_limit(run.psi, run.phi)
     if limit == 0.0:
         raise StabilityError(
-            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed, every other pair tried is unstable "
-            f"at any step (check_stability=False runs it all the same)"
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed, every other pair tried "
+            f"is unstable at any step (check_stability=False runs it all the same)"
         )
     if run.dt * element_bound(chain) <= limit:
         return

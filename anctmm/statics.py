@@ -71,9 +71,7 @@ def solve_static(
         kept = k + 1
     if status.ok and search.floor > chain.run.newton_tolerance:
         status = Status("ok", f"corrections stop falling at {search.floor:.1e}, the rounding of this scene")
-    return record.solution(
-        kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept]
-    )
+    return record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
 
 
 @dataclass

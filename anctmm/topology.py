@@ -62,9 +62,7 @@ def chains_of(bodies: list[str], joints: list[tuple[Any, tuple[End, ...]]]) -> l
     return chains
 
 
-def _walk(
-    first: End, at: dict[End, tuple[Any, End | None]], free: tuple[Any, End | None]
-) -> list[Link]:
+def _walk(first: End, at: dict[End, tuple[Any, End | None]], free: tuple[Any, End | None]) -> list[Link]:
     chain: list[Link] = []
     entry: End | None = first
     while entry is not None:

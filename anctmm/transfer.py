@@ -1,13 +1,15 @@
 """The paper's transfer matrices, dense and readable: the plain product and the Riccati recursion in any partition.
 
 The state of a node is z = [δ̈; P] (Rong 2014, eq. 14), P the generalized forces counted as transmitted through the node
-from inboard to outboard. Vectors of the plane are complex numbers here, x + iy: then a mass m ⊗ I₂ is the real matrix m
-and a turn by φ is the factor exp(iφ). A node of the shear element has k = 3 components (r, r_x, r_y), one of the cable 2.
+from inboard to outboard. Vectors of the plane are complex numbers here, x + iy: then a mass m ⊗ I₂ is the real
+matrix m and a turn by φ is the factor exp(iφ). A node of the shear element has k = 3 components (r, r_x, r_y), one of
+the cable 2.
 
 This is the form to read and to test against. Whoever wants speed uses `riccati`.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.errors import SolverError
 
-Complex = NDArray[np.complex128]
+Complex = NDArray[Any]
 Real = NDArray[np.float64]
 Partition = NDArray[np.bool_]
 
@@ -110,7 +112,9 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
     if len(chain.scene.chains()) > 1:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:
-        raise SolverError(f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here")
+        raise SolverError(
+            f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here"
+        )
     k = bodies.rows // 2
     outer = _complex(f)
     passages = []
@@ -200,7 +204,7 @@ def accelerations_riccati(row: Row) -> Complex:
     e = np.where(by_force, 0.0, row.known[0]).astype(complex)
     memory = [(by_force, S, e)]
     for passage in row.passages:
-        if passage.U is None:
+        if passage.U is None or passage.T is None:
             by_force, S, e = _swapped(by_force, S, e, np.arange(1, k))
             memory[-1] = (by_force, S, e)
             S, e = _pin(S, e)
@@ -223,7 +227,9 @@ def _state(by_force: Partition, S: Complex, e: Complex, zb: Complex) -> Complex:
     return z
 
 
-def riccati_step(S: Complex, e: Complex, U: Complex, T: Complex, by_force: Partition) -> tuple[Complex, Complex]:
+def riccati_step(
+    S: Complex, e: Complex, U: Complex, T: Complex, by_force: Partition
+) -> tuple[Complex, Complex]:
     """Pass (S, e) of za = S zb + e through z' = U z + T, the partition kept (Rong 2014, eqs. 30-31)."""
     a, b = _split(by_force)
     inverse = np.linalg.inv(U[np.ix_(b, a)] @ S + U[np.ix_(b, b)])

@@ -46,7 +46,7 @@ def within(
 def vector(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, float]:
     """Return `value` as a pair of finite floats, or raise `error`."""
     try:
-        x, y = value  # type: ignore[misc]
+        x, y = tuple(value)  # type: ignore[arg-type, var-annotated]
     except (TypeError, ValueError):
         raise error(f"{name} is {value!r}; a pair of finite numbers (x, y) is needed") from None
     return number(f"{name}, x", x, error), number(f"{name}, y", y, error)

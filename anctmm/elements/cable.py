@@ -53,7 +53,9 @@ class CableElement:
     def of(cls, body: Beam, elements: int, quadrature: str = "full") -> "CableElement":
         """Each of a body's equal elements."""
         s, m = body.section, body.material
-        return cls(body.length / elements, m.E * s.area, m.E * s.second_moment, m.density * s.area, quadrature)
+        return cls(
+            body.length / elements, m.E * s.area, m.E * s.second_moment, m.density * s.area, quadrature
+        )
 
     @cached_property
     def axial_rule(self) -> tuple[Array, Array]:

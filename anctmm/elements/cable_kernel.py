@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from anctmm.compiling import kernel
 from anctmm.elements.cable import CableElement
-from anctmm.elements.shapes import hermite
 
 Array = NDArray[np.float64]
 
@@ -81,7 +80,10 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
             i = first + j
             ux, uy = (q[0, i + 1] - q[0, i]) * r, (q[1, i + 1] - q[1, i]) * r
             bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
-            cx, cy = (b * q[2, i] + c * q[2, i + 1] - a * ux) * r, (b * q[3, i] + c * q[3, i + 1] - a * uy) * r
+            cx, cy = (
+                (b * q[2, i] + c * q[2, i + 1] - a * ux) * r,
+                (b * q[3, i] + c * q[3, i + 1] - a * uy) * r,
+            )
             s = 1.0 / (bx * bx + by * by)
             curvature = (bx * cy - by * cx) * s
             m = EIw * curvature * s
@@ -117,7 +119,10 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
             A, B, C = constants[at], constants[at + 1], constants[at + 2]
             a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
             bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
-            cx, cy = (b * q[2, i] + c * q[2, i + 1] - a * ux) / l, (b * q[3, i] + c * q[3, i + 1] - a * uy) / l
+            cx, cy = (
+                (b * q[2, i] + c * q[2, i + 1] - a * ux) / l,
+                (b * q[3, i] + c * q[3, i + 1] - a * uy) / l,
+            )
             curvature = (bx * cy - by * cx) / (bx * bx + by * by)
             total += 0.5 * EI * w * l * curvature * curvature
     return total

@@ -55,9 +55,7 @@ def _stress(p, w, chord, a, b, d_I, d_O, e, k2, c):  # type: ignore[no-untyped-d
 @inlined
 def _weighted(k, f, c):  # type: ignore[no-untyped-def]
     """Sum over the Gauss points of shape value k times component c of the stresses f."""
-    return (
-        P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
-    )
+    return P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
 
 
 @kernel
