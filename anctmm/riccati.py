@@ -10,8 +10,8 @@ the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i
 have the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1,
 L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
 
-Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld at an
-angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
+Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld
+at an angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
 """
 
 from typing import NamedTuple
