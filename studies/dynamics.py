@@ -46,11 +46,14 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Fine:
-    """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order."""
+    """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order.
+
+    Without a coarser mesh the reference is one of the step alone.
+    """
 
     solvers: tuple[str, ...]
     mesh: Mesh
-    coarser_mesh: Mesh
+    coarser_mesh: Mesh | None
     dt: float
     coarser_dt: float
     integrator: str = "zhai"
@@ -135,5 +138,7 @@ def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Ref
             dt=dt, t_end=base.t_end, output_dt=base.output_dt,
         )  # fmt: skip
 
-    coarser = (case(fine.coarser_mesh, fine.dt), case(fine.mesh, fine.coarser_dt))
+    coarser = [case(fine.mesh, fine.coarser_dt)]
+    if fine.coarser_mesh is not None:
+        coarser.append(case(fine.coarser_mesh, fine.dt))
     return refined_reference(runner, case(fine.mesh, fine.dt), coarser, base.probes, fine.solvers)

@@ -12,6 +12,7 @@ from studies.paper_table import paper_table
 from studies.plots import Picture
 from studies.runner import Mesh, Runner, mesh_label
 from studies.scenes import four_bar
+from studies.step_convergence import step_rates, step_sweep
 from studies.study import Options, Result
 from studies.tables import Table
 
@@ -74,14 +75,14 @@ FULL = Plan(
 QUICK = Plan(
     schemes=(
         Scheme("shear", "full", "zhai", OURS, SHEAR_MESHES[:2], lambda mesh: (1e-5,)),
-        Scheme("shear", "full", "generalized-alpha", OURS, SHEAR_MESHES[:2], lambda mesh: (1e-2, 5e-3)),
+        Scheme("shear", "full", "generalized-alpha", OURS, SHEAR_MESHES[:2], lambda mesh: (5e-3, 1.25e-3)),
         Scheme(
             "cable",
             "full",
             "generalized-alpha",
             (*OURS, "exudyn-cable"),
             CABLE_MESHES[:2],
-            lambda mesh: (1e-2, 5e-3),
+            lambda mesh: (5e-3, 1.25e-3),
         ),
     ),
     references={
@@ -90,15 +91,33 @@ QUICK = Plan(
     },
 )
 
+#: The step's error alone is shown on the paper's mesh; by whether the run is quick.
+STEP_MESH: Mesh = (2, 8, 2)
+STEP_FINE = {False: {"shear": 1.25e-6, "cable": 1.25e-6}, True: {"shear": 1e-5}}
+STEP_SCHEMES = {
+    False: tuple(
+        Scheme(element, "full", integrator, solvers, (), steps)
+        for element, peers in (("cable", ("exudyn-cable",)), ("shear", ()))
+        for integrator, solvers, steps in (
+            ("generalized-alpha", (*OURS, *peers), lambda mesh: (1e-2, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4)),
+            ("zhai", OURS, lambda mesh: (2e-5, 1e-5, 5e-6)),
+        )
+    ),
+    True: (Scheme("shear", "full", "generalized-alpha", OURS, (), lambda mesh: (5e-3, 2.5e-3, 1.25e-3)),),
+}
+
 
 def run(options: Options, runner: Runner) -> Result:
     """Run the study."""
     base = four_bar()
     swept = sweep(base, QUICK if options.quick else FULL, options, runner)
     paper = paper_table(base, swept.references, options, runner)
+    timed = step_sweep(
+        base, STEP_MESH, STEP_FINE[options.quick], STEP_SCHEMES[options.quick], options, runner
+    )
     frame = swept.frame
     notes = ("The element kinds are two models with own limits: each is measured against its own reference.",)
-    found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows)]
+    found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows), step_rates(timed)]
     found += [paper] if paper else []
     return Result(
         name="four-bar",
@@ -108,7 +127,7 @@ def run(options: Options, runner: Runner) -> Result:
         findings=tuple(findings(frame, paper)),
         assumptions=(*base.assumptions, f"Data: {base.source}."),
         tables=(*found, samples(swept.outcomes)),
-        pictures=tuple(pictures(swept, frame)),
+        pictures=tuple(pictures(swept, frame, timed)),
     )
 
 
@@ -141,7 +160,7 @@ def _paper_findings(frame: pd.DataFrame) -> list[str]:
     return said
 
 
-def pictures(swept: Sweep, frame: pd.DataFrame) -> list[Picture]:
+def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
     """What moved, and how wrong it was at what cost."""
     drawn: list[Picture] = []
     curves = _curves(swept)
@@ -154,14 +173,12 @@ def pictures(swept: Sweep, frame: pd.DataFrame) -> list[Picture]:
             mechanism_pictures.configurations(best, SNAPSHOTS),
         ]
     if (frame["error"] > 0).any():
-        drawn += [error_pictures.over_mesh(frame, {"shear": 2.0, "cable": 4.0})]
-        drawn += [error_pictures.over_step(frame)] if _has_implicit(frame) else []
+        drawn += [
+            error_pictures.over_mesh(frame),
+            error_pictures.over_step(timed.frame, mesh_label(STEP_MESH)),
+        ]
         drawn += [error_pictures.against_cost(frame)]
     return drawn
-
-
-def _has_implicit(frame: pd.DataFrame) -> bool:
-    return bool(((frame["integrator"] == "generalized-alpha") & (frame["error"] > 0)).any())
 
 
 def _curves(swept: Sweep) -> Mapping[str, Solution]:

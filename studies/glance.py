@@ -36,9 +36,9 @@ def _runs(scene: str, runs: pd.DataFrame) -> RichTable:
         rule = "" if run["quadrature"] in ("full", "-") else f" {run['quadrature']}"
         integrator = SHORT.get(run["integrator"], run["integrator"])
         # a failed run shows what became of it where its error would stand
-        error = text(run["error"]) if run["status"] == "ok" else run["status"].split(":")[0]
+        error = f"{run['error']:.3g}" if run["status"] == "ok" else run["status"].split(":")[0]
         shown.add_row(
             run["solver"], run["element"] + rule, integrator, run["elements"], text(run["dt"]), error,
-            f"{run['reference_error']:.1g}", text(run["cpu_s"]),
+            f"{run['reference_error']:.1g}", f"{run['cpu_s']:.3g}" if run["status"] == "ok" else "",
         )  # fmt: skip
     return shown

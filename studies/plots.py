@@ -12,7 +12,9 @@ import numpy as np
 import pandas as pd
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from studies.tables import atomic_write
@@ -111,6 +113,12 @@ def solver_colour(name: str) -> str:
     return SOLVER_COLOURS.get(name) or others[sum(name.encode()) % len(others)]
 
 
+def solver_marker(name: str) -> str:
+    """The marker a solver has in every picture."""
+    known = list(SOLVER_COLOURS)
+    return MARKERS[known.index(name)] if name in known else MARKERS[len(known)]
+
+
 # --- histories and shapes ----------------------------------------------------------------------------------
 
 
@@ -144,112 +152,132 @@ def sequence_colours(n: int) -> list[Any]:
 # --- errors ------------------------------------------------------------------------------------------------
 
 
-def convergence(
-    axes: Axes, rows: pd.DataFrame, by: str, x: str, x_label: str, order: float, title: str
-) -> None:
-    """Error over a refinement, a line for each value of `by`, with a slope triangle and the floor.
+def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: float, title: str) -> None:
+    """Error over a refinement, with a slope triangle and the reference's floor.
 
     Parameters
     ----------
     axes : Axes
         Drawn on.
-    rows : DataFrame
-        With columns `by`, `x`, "error", "reference_error".
-    by, x : str
-        Columns.
+    lines : DataFrame
+        With columns `x`, "error", "reference_error", and "label", "colour", "marker", "dash", one line a label.
+    x : str
+        Column of the refinement.
     x_label, title : str
         Texts.
     order : float
         Slope of the triangle: positive if errors fall with x falling, negative if with x rising.
     """
-    shown = rows[rows["error"] > 0.0]
-    lines = list(shown.groupby(by, sort=False))
-    for i, (label, line) in enumerate(lines):
-        line = line.sort_values(x)
+    shown = lines[lines["error"] > 0.0].sort_values(x)
+    groups = list(shown.groupby("label", sort=False))
+    for i, (label, line) in enumerate(groups):
+        style = line.iloc[0]
         axes.plot(
-            line[x], line["error"], label=str(label), color=_line_colour(by, str(label), i),
-            marker=MARKERS[i % len(MARKERS)], linestyle=DASHES[i % len(DASHES)],
-            markersize=7 - 1.2 * min(i, 3),
-            alpha=0.9,
-        )  # fmt: skip
+            line[x],
+            line["error"],
+            label=str(label),
+            color=style["colour"],
+            marker=style["marker"],
+            linestyle=style["dash"],
+            # lines that coincide: the later ones smaller and on top, so that all are seen
+            markersize=max(8.5 - 1.3 * i, 3.5),
+            linewidth=max(2.6 - 0.4 * i, 0.9),
+            markerfacecolor="none" if i % 2 else style["colour"],
+        )
     axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel="relative error", title=title)
-    if shown.empty:
+    if not groups:
         return
-    _sizes_as_ticks(axes, sorted(shown[x].unique()))
-    floor(axes, shown["reference_error"])
-    lowest = min((line for _, line in lines), key=lambda line: line["error"].min())
+    lowest = min((line for _, line in groups), key=lambda line: line["error"].min())
     slope_triangle(axes, lowest[x].to_numpy(float), lowest["error"].to_numpy(float), order)
+    floor(axes, shown["reference_error"], "left" if order < 0 else "right")
+    log_ticks(axes.yaxis, *axes.get_ylim())
+    sizes = sorted(shown[x].unique())
+    if len(sizes) <= 8:  # the values that were run, instead of powers of ten nobody chose
+        axes.set_xticks(list(sizes), [f"{s:g}" for s in sizes])
+        axes.xaxis.set_minor_locator(NullLocator())
 
 
-def _line_colour(by: str, label: str, i: int) -> str:
-    return solver_colour(label) if by == "solver" else PALETTE[i % len(PALETTE)]
+def log_ticks(axis: Axis, low: float, high: float) -> None:
+    """Ticks of a logarithmic axis that are few, and at least two."""
+    narrow = high / low < 60.0
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=9))
+    axis.set_minor_formatter(NullFormatter())
+    if narrow:
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
 
-def _sizes_as_ticks(axes: Axes, sizes: Sequence[float]) -> None:
-    """The values that were run, instead of powers of ten nobody chose."""
-    kept = sizes if len(sizes) <= 7 else sizes[:: len(sizes) // 6]
-    axes.set_xticks(list(kept), [f"{s:g}" for s in kept])
-    axes.minorticks_off()
-
-
-def floor(axes: Axes, uncertainties: pd.Series) -> None:
+def floor(axes: Axes, uncertainties: pd.Series, side: str = "right") -> None:
     """A line below which the reference itself is not known."""
     known = uncertainties[uncertainties > 0.0]
     if known.empty:
         return
     level = float(known.max())
     low, _ = axes.get_ylim()
+    place = 0.99 if side == "right" else 0.01
     if level < low / 30.0:  # far below everything drawn: a line would only squeeze the curves
-        axes.text(
-            0.01,
-            0.01,
-            f"reference uncertain by {level:.1g}",
-            transform=axes.transAxes,
-            fontsize=7.5,
-            color=INK,
-        )
+        words = f"reference known to {level:.0e}"
+        axes.text(place, 0.015, words, transform=axes.transAxes, fontsize=7.5, color=INK, ha=side)
         return
     axes.axhspan(min(low, level / 2.0), level, color="#7f7f87", alpha=0.15, linewidth=0)
     axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
     axes.annotate(
-        "reference's own uncertainty", (0.99, level), xycoords=("axes fraction", "data"), ha="right",
-        va="bottom",
-        fontsize=7.5, color=INK, xytext=(0, 1), textcoords="offset points",
-    )  # fmt: skip
-
-
-def slope_triangle(axes: Axes, x: Array, y: Array, order: float) -> None:
-    """A triangle of the given slope under the lower part of a curve."""
-    keep = np.argsort(x)
-    x, y = x[keep], y[keep]
-    if x.size < 2:
-        return
-    a, b = (x[-2], x[-1]) if order < 0 else (x[0], x[1])
-    anchor = (y[-1] if order < 0 else y[0]) * 0.35
-    left, right = (anchor * (a / b) ** order, anchor) if order < 0 else (anchor, anchor * (b / a) ** order)
-    corner = (a, right) if order < 0 else (b, left)
-    axes.fill(*zip((a, left), (b, right), corner, strict=True), color=INK, alpha=0.22, linewidth=0)
-    place = (np.sqrt(a * b), corner[1] / 1.25)
-    axes.annotate(
-        f"slope {order:+g}".replace("-", "−"), place, fontsize=7.5, color=INK, ha="center", va="top"
+        "reference's own uncertainty",
+        (place, level),
+        xycoords=("axes fraction", "data"),
+        ha=side,
+        va="top",
+        fontsize=7.5,
+        color=INK,
+        xytext=(0, -2),
+        textcoords="offset points",
     )
 
 
-def work_precision(axes: Axes, rows: pd.DataFrame, title: str = "") -> None:
-    """Error against CPU time: colour tells the solver, marker the integrator; down and left is better."""
-    shown = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
-    integrators = sorted(shown["integrator"].unique())
-    for (solver, integrator), points in shown.groupby(["solver", "integrator"], sort=False):
-        k = integrators.index(integrator)
+def slope_triangle(axes: Axes, x: Array, y: Array, order: float) -> None:
+    """A small triangle of the given slope below the finest part of a curve."""
+    keep = np.argsort(x) if order < 0 else np.argsort(x)[::-1]
+    x, y = x[keep], y[keep]
+    if x.size < 2:
+        return
+    # the middle half of the last refinement, a little below the curve
+    coarse, fine = x[-2] ** 0.75 * x[-1] ** 0.25, x[-2] ** 0.25 * x[-1] ** 0.75
+    foot = y[-2] ** 0.25 * y[-1] ** 0.75 * 0.5
+    head = foot * (coarse / fine) ** order
+    axes.fill([coarse, coarse, fine], [foot, head, foot], color=INK, alpha=0.25, linewidth=0)
+    axes.annotate(
+        f"slope {order:g}".replace("-", "−"),
+        (np.sqrt(coarse * fine), foot),
+        fontsize=7.5,
+        color=INK,
+        ha="center",
+        va="top",
+        xytext=(0, -2),
+        textcoords="offset points",
+    )
+    axes.update_datalim([(fine, foot / 2.0)])  # room for the words
+    axes.autoscale_view()
+
+
+def work_precision(axes: Axes, points: pd.DataFrame, title: str = "") -> None:
+    """Error against CPU time, with the columns of `convergence`; down and left is better."""
+    shown = points[(points["error"] > 0.0) & (points["cpu_s"] > 0.0)]
+    for label, found in shown.groupby("label", sort=False):
+        style = found.iloc[0]
         axes.plot(
-            points["cpu_s"], points["error"], linestyle="none", marker=MARKERS[k % len(MARKERS)],
-            color=solver_colour(str(solver)),
-            markerfacecolor=solver_colour(str(solver)) if k == 0 else "none",
-            label=f"{solver}, {integrator}", alpha=0.85,
-        )  # fmt: skip
+            found["cpu_s"],
+            found["error"],
+            linestyle="none",
+            marker=style["marker"],
+            color=style["colour"],
+            markerfacecolor="none" if style["hollow"] else style["colour"],
+            label=str(label),
+            alpha=0.9,
+        )
     axes.set(xscale="log", yscale="log", xlabel="CPU time (s)", ylabel="relative error", title=title)
     if not shown.empty:
         floor(axes, shown["reference_error"])
+        log_ticks(axes.xaxis, *axes.get_xlim())
+        log_ticks(axes.yaxis, *axes.get_ylim())
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:

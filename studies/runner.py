@@ -83,7 +83,7 @@ class Case:
         """Run it with a solver already found by name."""
         if self.integrator != STATIC:
             return solver(self.scene, self.run())
-        return static_of(solver)(
+        return static_of(self.solver, solver)(
             self.scene,
             mesh=self.by_body,
             element=self.element,
@@ -127,7 +127,7 @@ class Reference:
     solution: Solution | None = None
 
 
-def static_of(solver: Solver) -> Solver:
+def static_of(name: str, solver: Solver) -> Solver:
     """The `solve_static` that stands in the module of a registered solver.
 
     Raises
@@ -137,7 +137,7 @@ def static_of(solver: Solver) -> Solver:
     """
     static = getattr(import_module(solver.__module__), "solve_static", None)
     if static is None:
-        raise SolverError(f"solver {solver.__module__!r} has no solve_static; it runs dynamic scenes only")
+        raise SolverError(f"solver {name!r} has no solve_static beside it; it runs dynamic scenes only")
     return static  # type: ignore[no-any-return]
 
 

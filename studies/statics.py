@@ -1,6 +1,6 @@
 """Static cantilevers: convergence to the exact solutions of the continua the elements discretise."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,7 +36,10 @@ class StaticSweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of elements as a number."""
-        return pd.DataFrame(self.rows).assign(all_elements=[sum(o.case.mesh) for o in self.outcomes])
+        return pd.DataFrame(self.rows).assign(
+            all_elements=[sum(o.case.mesh) for o in self.outcomes],
+            family=[o.case.element for o in self.outcomes],
+        )
 
 
 def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
@@ -58,7 +61,7 @@ def exact_reference(base: BaseScene, model: str) -> Reference:
 def static_sweep(
     bases: Iterable[BaseScene],
     schemes: Iterable[tuple[str, str, tuple[str, ...]]],
-    meshes: tuple[Mesh, ...],
+    meshes: Mapping[str, tuple[Mesh, ...]],
     options: Options,
     runner: Runner,
 ) -> StaticSweep:
@@ -68,7 +71,7 @@ def static_sweep(
         for element, quadrature, listed in schemes:
             solvers = [s for s in options.solvers or listed if s in listed]
             mine = product(
-                base.scene, solvers, options.meshes or meshes, element=element, quadrature=quadrature,
+                base.scene, solvers, options.meshes or meshes[element], element=element, quadrature=quadrature,
                 integrator=STATIC,
             )  # fmt: skip
             cases += mine

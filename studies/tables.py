@@ -79,9 +79,9 @@ def _base_time(frame: pd.DataFrame) -> pd.Series:
 
 
 def text(value: Any) -> str:
-    """A cell as a reader wants it: four digits of a float, nothing for a NaN."""
+    """A cell as a reader wants it: five digits of a float, nothing for a NaN."""
     if isinstance(value, float):
-        return "" if isnan(value) else f"{value:.4g}"
+        return "" if isnan(value) else f"{value:.5g}"
     return str(value)
 
 
