@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import kernel
+from anctmm.compiling import inlined, kernel
 from anctmm.elements import cable_kernel, shear_kernel
 from anctmm.elements.cable import CableElement
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.shear_kernel import BLOCK, TANGENT_BLOCK
 from anctmm.mesh import BodyMesh
 
 Array = NDArray[np.float64]
@@ -229,30 +229,47 @@ def kinetic_energy(v: Array, first: Ints, elements: Ints, masses: Array) -> floa
 
 
 @kernel
-def element_tangent(q: Array, node: int, kind: int, constants: Array, small: Array, K: Array) -> None:
-    """Tangent of one element in the numbering of a chain, written into K, (2 rows, 2 rows).
+def block_tangents(q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array) -> None:
+    """Tangents of `count` ≤ TANGENT_BLOCK elements of one kind from a node on.
 
     Parameters
     ----------
-    node : int
-        Its first node.
+    q : ndarray, shape (rows, nodes)
+    node, count : int
     kind : int
         CABLE or SHEAR.
     constants : ndarray
-        Its row of `Bodies.constants`.
-    small : ndarray, shape (8, 8)
-        Scratch, used where a cable lies in a chain of six rows.
+        The body's row of `Bodies.constants`.
+    buffer : ndarray, shape (TANGENT_BUFFER,)
+        Written, in the layout of the element kernels, for `unpack_tangent`.
     """
-    rows = q.shape[0]
     if kind == SHEAR:
-        shear_kernel.tangent(q, node, constants, K)
-    elif rows == 4:
-        cable_kernel.tangent(q, node, constants, K)
+        shear_kernel.tangents(q, node, count, constants, buffer)
     else:
-        cable_kernel.tangent(q, node, constants, small)
+        cable_kernel.tangents(q, node, count, constants, buffer)
+
+
+@kernel
+def unpack_tangent(buffer: Array, j: int, kind: int, K: Array) -> None:
+    """Tangent of element j of a block, (2 rows, 2 rows): the components of node I, then those of node O."""
+    rows = K.shape[0] // 2
+    if kind == SHEAR:
+        _unpack(buffer, j, 3, 6, K)
+    elif rows == 4:
+        _unpack(buffer, j, 2, 4, K)
+    else:  # a cable among shear elements
         K[:] = 0.0
-        for i in range(2):
-            for j in range(2):
-                for k in range(4):
-                    for m in range(4):
-                        K[rows * i + k, rows * j + m] = small[4 * i + k, 4 * j + m]
+        _unpack(buffer, j, 2, 6, K)
+
+
+@inlined
+def _unpack(buffer, j, vectors, rows, K):  # type: ignore[no-untyped-def]
+    """The same for given numbers of vectors and rows of a node: constants, so that the loops are unrolled."""
+    for k in range(2 * vectors):
+        for m in range(k, 2 * vectors):
+            row, column = k // vectors * rows + 2 * (k % vectors), m // vectors * rows + 2 * (m % vectors)
+            for r in range(2):
+                for s in range(2):
+                    value = buffer[(24 * k + 4 * m + 2 * r + s) * TANGENT_BLOCK + j]
+                    K[row + r, column + s] = value
+                    K[column + s, row + r] = value

@@ -20,9 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.actuation import Loads
-from anctmm.assembly import Tables, element_tangent
+from anctmm.assembly import Tables, block_tangents, unpack_tangent
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.compiling import inlined, kernel
+from anctmm.elements.shear_kernel import TANGENT_BLOCK, TANGENT_BUFFER
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -57,7 +58,7 @@ class BlockFactors(NamedTuple):
     D : ndarray, shape (rows, rows)
         Scratch, as are the next two.
     K : ndarray, shape (2 rows, 2 rows)
-    small : ndarray, shape (8, 8)
+    buffer : ndarray, shape (TANGENT_BUFFER,)
     """
 
     unit: tuple[int, ...]
@@ -65,7 +66,7 @@ class BlockFactors(NamedTuple):
     G: Array
     D: Array
     K: Array
-    small: Array
+    buffer: Array
 
 
 class Links(NamedTuple):
@@ -94,7 +95,7 @@ def block_factors(nodes: int, rows: int) -> BlockFactors:
         np.zeros((nodes, rows, rows)),
         np.zeros((rows, rows)),
         np.zeros((2 * rows, 2 * rows)),
-        np.zeros((8, 8)),
+        np.zeros(TANGENT_BUFFER),
     )
 
 
@@ -199,7 +200,7 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    unit, L, G, D, K, small = factors
+    unit, L, G, D, K, buffer = factors
     first, _, kinds, constants, masses, _ = tables
     link, turn, prescribed = links
     d = len(unit)
@@ -213,7 +214,11 @@ def factorize(
                     _add_torque_stiffness(D, q, i, loads.rows[n], stiffness * load_values[n, 0])
             if i < last:
                 if stiffness != 0.0:
-                    element_tangent(q, i, kinds[b], constants[b], small, K)
+                    j = (i - first[b]) % TANGENT_BLOCK
+                    if j == 0:
+                        count = min(TANGENT_BLOCK, last - i)
+                        block_tangents(q, i, count, kinds[b], constants[b], buffer)
+                    unpack_tangent(buffer, j, kinds[b], K)
                 _combine(unit, mass, masses[b], stiffness, K)
                 for k in range(d):
                     for m in range(d):

@@ -9,13 +9,12 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import kernel
+from anctmm.compiling import inlined, kernel
 from anctmm.elements.cable import CableElement
+from anctmm.elements.shear_kernel import BLOCK, TANGENT_BLOCK, TANGENTS
 
 Array = NDArray[np.float64]
 
-#: Elements handled at once. The buffer has 12 rows of this length, as for the shear element; 8 are used.
-BLOCK = 64
 #: Where the points start among the constants, and how many numbers an axial and a bending point take.
 HEAD, AXIAL, BENDING = 5, 4, 7
 
@@ -129,59 +128,113 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
 
 
 @kernel
-def tangent(q: Array, i: int, constants: Array, K: Array) -> None:
-    """Hessian of the energy of the element between nodes i and i + 1, written into K, (8, 8).
+def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
+    """Hessians of the energy of a block of elements.
 
-    Rows and columns: the four components of node I, then those of node O.
+    Parameters
+    ----------
+    q : ndarray, shape (≥ 4, nodes)
+    first, count : int
+        First node of the block, number of its elements, at most TANGENT_BLOCK.
+    constants : ndarray
+        See `constants`.
+    out : ndarray, shape (TANGENT_BUFFER,)
+        Written, with scratch behind: entry (2k + r, 2m + s) of element j, k ≤ m < 4 the nodal vectors r_I,
+        r'_I, r_O, r'_O, in row 24 k + 4 m + 2 r + s, rows being TANGENT_BLOCK long.
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
-    ux, uy = (q[0, i + 1] - q[0, i]) / l, (q[1, i + 1] - q[1, i]) / l
-    for k in range(8):
-        for m in range(8):
-            K[k, m] = 0.0
+    v = 1.0 / l
+    for k in range(4):
+        for m in range(k, 4):
+            for e in range(4):
+                for j in range(count):
+                    out[(24 * k + 4 * m + e) * TANGENT_BLOCK + j] = 0.0
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
-        bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
-        stretch = sqrt(bx * bx + by * by)
-        tx, ty = bx / stretch, by / stretch
         f = EA * w * l
-        g, h = f * (1.0 - 1.0 / stretch), f / stretch
-        xx, xy, yy = g + h * tx * tx, h * tx * ty, g + h * ty * ty
-        rows = (A / l, B, -A / l, C)
+        for j in range(count):
+            i = first + j
+            bx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * v
+            by = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * v
+            s = 1.0 / (bx * bx + by * by)
+            h = f * sqrt(s)
+            out[TANGENTS + 0 * TANGENT_BLOCK + j] = f - h + h * bx * bx * s
+            out[TANGENTS + 1 * TANGENT_BLOCK + j] = h * bx * by * s
+            out[TANGENTS + 2 * TANGENT_BLOCK + j] = f - h + h * by * by * s
+        rows = (A * v, B, -A * v, C)
         for k in range(4):
-            for m in range(4):
-                n = rows[k] * rows[m]
-                K[2 * k, 2 * m] += n * xx
-                K[2 * k, 2 * m + 1] += n * xy
-                K[2 * k + 1, 2 * m] += n * xy
-                K[2 * k + 1, 2 * m + 1] += n * yy
+            for m in range(k, 4):
+                n, row = rows[k] * rows[m], 24 * k + 4 * m
+                for j in range(count):
+                    out[(row) * TANGENT_BLOCK + j] += n * out[TANGENTS + 0 * TANGENT_BLOCK + j]
+                    out[(row + 1) * TANGENT_BLOCK + j] += n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
+                    out[(row + 2) * TANGENT_BLOCK + j] += n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
+                    out[(row + 3) * TANGENT_BLOCK + j] += n * out[TANGENTS + 2 * TANGENT_BLOCK + j]
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
         A, B, C = constants[at], constants[at + 1], constants[at + 2]
-        a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
+        a, b, c = constants[at + 3], constants[at + 4], constants[at + 5]
+        _bending_blocks(q, first, count, A, B, C, a, b, c, v, EI * constants[at + 6] * l, out)
+        rows, curves = (A * v, B, -A * v, C), (a * v * v, b * v, -a * v * v, c * v)
+        for k in range(4):
+            for m in range(k, 4):
+                n, o, row = rows[k] * rows[m], rows[k] * curves[m], 24 * k + 4 * m
+                t, u = curves[k] * rows[m], curves[k] * curves[m]
+                for j in range(count):
+                    Qxx, Qxy, Qyx, Qyy = (
+                        out[TANGENTS + 3 * TANGENT_BLOCK + j],
+                        out[TANGENTS + 4 * TANGENT_BLOCK + j],
+                        out[TANGENTS + 5 * TANGENT_BLOCK + j],
+                        out[TANGENTS + 6 * TANGENT_BLOCK + j],
+                    )
+                    out[(row) * TANGENT_BLOCK + j] += (
+                        n * out[TANGENTS + 0 * TANGENT_BLOCK + j]
+                        + (o + t) * Qxx
+                        + u * out[TANGENTS + 7 * TANGENT_BLOCK + j]
+                    )
+                    out[(row + 1) * TANGENT_BLOCK + j] += (
+                        n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
+                        + o * Qxy
+                        + t * Qyx
+                        + u * out[TANGENTS + 8 * TANGENT_BLOCK + j]
+                    )
+                    out[(row + 2) * TANGENT_BLOCK + j] += (
+                        n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
+                        + o * Qyx
+                        + t * Qxy
+                        + u * out[TANGENTS + 8 * TANGENT_BLOCK + j]
+                    )
+                    out[(row + 3) * TANGENT_BLOCK + j] += (
+                        n * out[TANGENTS + 2 * TANGENT_BLOCK + j]
+                        + (o + t) * Qyy
+                        + u * out[TANGENTS + 9 * TANGENT_BLOCK + j]
+                    )
+
+
+@inlined
+def _bending_blocks(q, first, count, A, B, C, a, b, c, v, f, out):  # type: ignore[no-untyped-def]
+    """Second derivatives of ½ f κ² at a point, in rows of the scratch: 0-2 by r' twice, 3-6 by r' and r'', 7-9 by r''."""
+    for j in range(count):
+        i = first + j
+        ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
         bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
-        cx, cy = (b * q[2, i] + c * q[2, i + 1] - a * ux) / l, (b * q[3, i] + c * q[3, i + 1] - a * uy) / l
+        cx, cy = (b * q[2, i] + c * q[2, i + 1] - a * ux) * v, (b * q[3, i] + c * q[3, i + 1] - a * uy) * v
         s = 1.0 / (bx * bx + by * by)
         curvature = (bx * cy - by * cx) * s
-        # gradient of κ by r' and r'', then its second derivatives (that by r'' twice is zero)
+        # gradient of κ by r', g, and by r'', h; κ is linear in r''
         gx, gy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
         hx, hy = -by * s, bx * s
-        xx = -2.0 * (2.0 * bx * gx + curvature) * s
-        xy = -2.0 * (bx * gy + by * gx) * s
-        yy = -2.0 * (2.0 * by * gy + curvature) * s
-        mxx, mxy = -2.0 * bx * hx * s, s - 2.0 * bx * hy * s
-        myx, myy = -s - 2.0 * by * hx * s, -2.0 * by * hy * s
-        f = EI * w * l
-        moment = f * curvature
-        rows, curves = (A / l, B, -A / l, C), (a / l**2, b / l, -a / l**2, c / l)
-        for k in range(4):
-            dx, dy = rows[k] * gx + curves[k] * hx, rows[k] * gy + curves[k] * hy
-            for m in range(4):
-                ex, ey = rows[m] * gx + curves[m] * hx, rows[m] * gy + curves[m] * hy
-                n, o, v = rows[k] * rows[m], rows[k] * curves[m], curves[k] * rows[m]
-                K[2 * k, 2 * m] += f * dx * ex + moment * (n * xx + (o + v) * mxx)
-                K[2 * k, 2 * m + 1] += f * dx * ey + moment * (n * xy + o * mxy + v * myx)
-                K[2 * k + 1, 2 * m] += f * dy * ex + moment * (n * xy + o * myx + v * mxy)
-                K[2 * k + 1, 2 * m + 1] += f * dy * ey + moment * (n * yy + (o + v) * myy)
+        m = f * curvature
+        n = 2.0 * m * s
+        out[TANGENTS + 0 * TANGENT_BLOCK + j] = f * gx * gx - n * (2.0 * bx * gx + curvature)
+        out[TANGENTS + 1 * TANGENT_BLOCK + j] = f * gx * gy - n * (bx * gy + by * gx)
+        out[TANGENTS + 2 * TANGENT_BLOCK + j] = f * gy * gy - n * (2.0 * by * gy + curvature)
+        out[TANGENTS + 3 * TANGENT_BLOCK + j] = f * gx * hx - n * bx * hx
+        out[TANGENTS + 4 * TANGENT_BLOCK + j] = f * gx * hy + m * s - n * bx * hy
+        out[TANGENTS + 5 * TANGENT_BLOCK + j] = f * gy * hx - m * s - n * by * hx
+        out[TANGENTS + 6 * TANGENT_BLOCK + j] = f * gy * hy - n * by * hy
+        out[TANGENTS + 7 * TANGENT_BLOCK + j] = f * hx * hx
+        out[TANGENTS + 8 * TANGENT_BLOCK + j] = f * hx * hy
+        out[TANGENTS + 9 * TANGENT_BLOCK + j] = f * hy * hy

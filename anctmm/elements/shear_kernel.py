@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 
 #: Elements handled at once; the buffer of their forces has 12 rows of this length: 6 for node I, 6 for node O.
 BLOCK = 64
+#: Elements whose tangents are found at once; room for the tangents, and with scratch of 21 rows behind them.
+TANGENT_BLOCK = 16
+TANGENTS, TANGENT_BUFFER = 144 * TANGENT_BLOCK, 165 * TANGENT_BLOCK
 
 _XI, _W = gauss(POINTS)
 #: Each Gauss point: ξ, 1 − ξ, the derivatives l S1', S2', S5' of the Hermite functions (S4' = −S1') and the weight.
@@ -128,55 +131,110 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
 
 
 @kernel
-def tangent(q: Array, i: int, constants: Array, K: Array) -> None:
-    """Hessian of the energy of the element between nodes i and i + 1, written into K, (12, 12).
+def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
+    """Hessians of the energy of a block of elements.
 
-    Rows and columns: the six components of node I, then those of node O. Each of the three vectors c', d', d is a
-    combination of a few nodal vectors; H holds the second derivatives by the three, in 2 × 2 blocks.
+    Each of the three vectors c', d', d is a combination of a few of the nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O,
+    r_y,O; the scratch holds the second derivatives of the energy by the three at a Gauss point, in 2 × 2 blocks.
+
+    Parameters
+    ----------
+    q : ndarray, shape (6, nodes)
+    first, count : int
+        First node of the block, number of its elements, at most TANGENT_BLOCK.
+    constants : ndarray, shape (8,)
+    out : ndarray, shape (TANGENT_BUFFER,)
+        Written, with scratch behind: entry (2k + r, 2m + s) of element j, k ≤ m < 6 the nodal vectors,
+        in row 24 k + 4 m + 2 r + s, rows being TANGENT_BLOCK long.
     """
-    l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
-    lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
-    ex, ey = (q[4, i + 1] - q[4, i]) / l, (q[5, i + 1] - q[5, i]) / l
-    k2 = 0.5 * (ex * ex + ey * ey)
-    for k in range(12):
-        for m in range(12):
-            K[k, m] = 0.0
+    l = constants[0]  # noqa: E741
+    for k in range(6):
+        for m in range(k, 6):
+            for e in range(4):
+                for j in range(count):
+                    out[(24 * k + 4 * m + e) * TANGENT_BLOCK + j] = 0.0
     for p in range(POINTS):
         x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
-        w = TABLE[p, 5] * l
-        cx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) / l
-        cy = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) / l
+        _blocks(q, first, count, x, y, A, B, C, TABLE[p, 5] * l, constants, out)
+        on_c = (A / l, B, 0.0, -A / l, C, 0.0)
+        on_d, on_e = (0.0, 0.0, y, 0.0, 0.0, x), (0.0, 0.0, -1.0 / l, 0.0, 0.0, 1.0 / l)
+        for k in range(6):
+            for m in range(k, 6):
+                row = 24 * k + 4 * m
+                if k % 3 != 2 and m % 3 != 2:
+                    n = on_c[k] * on_c[m]
+                    for e in range(4):
+                        for j in range(count):
+                            out[(row + e) * TANGENT_BLOCK + j] += (
+                                n * out[TANGENTS + (e - (e > 1)) * TANGENT_BLOCK + j]
+                            )
+                elif k % 3 != 2:
+                    n, o = on_c[k] * on_e[m], on_c[k] * on_d[m]
+                    for e in range(4):
+                        for j in range(count):
+                            out[(row + e) * TANGENT_BLOCK + j] += (
+                                n * out[TANGENTS + (3 + e) * TANGENT_BLOCK + j]
+                                + o * out[TANGENTS + (7 + e) * TANGENT_BLOCK + j]
+                            )
+                elif m % 3 != 2:  # the transpose of the case before
+                    n, o = on_e[k] * on_c[m], on_d[k] * on_c[m]
+                    for e in range(4):
+                        other = 2 * (e % 2) + e // 2
+                        for j in range(count):
+                            out[(row + e) * TANGENT_BLOCK + j] += (
+                                n * out[TANGENTS + (3 + other) * TANGENT_BLOCK + j]
+                                + o * out[TANGENTS + (7 + other) * TANGENT_BLOCK + j]
+                            )
+                else:
+                    n, o, s, t = on_e[k] * on_e[m], on_e[k] * on_d[m], on_d[k] * on_e[m], on_d[k] * on_d[m]
+                    for e in range(4):
+                        other = 2 * (e % 2) + e // 2
+                        for j in range(count):
+                            out[(row + e) * TANGENT_BLOCK + j] += (
+                                n * out[TANGENTS + (11 + e - (e > 1)) * TANGENT_BLOCK + j]
+                                + o * out[TANGENTS + (14 + e) * TANGENT_BLOCK + j]
+                                + s * out[TANGENTS + (14 + other) * TANGENT_BLOCK + j]
+                                + t * out[TANGENTS + (18 + e - (e > 1)) * TANGENT_BLOCK + j]
+                            )
+
+
+@inlined
+def _blocks(q, first, count, x, y, A, B, C, w, constants, out):  # type: ignore[no-untyped-def]
+    """Second derivatives at a Gauss point: rows 0-2 of the scratch by c' twice, 3-6 by c' and d', 7-10 by c' and d,
+    11-13 by d' twice, 14-17 by d' and d, 18-20 by d twice; three rows where a block is symmetric.
+    """
+    l, LA, LI, LJ = constants[0], w * constants[1], w * constants[2], w * constants[3]  # noqa: E741
+    lA, lI, GA, GI = w * constants[4], w * constants[5], w * constants[6], w * constants[7]
+    v = 1.0 / l
+    for j in range(count):
+        i = first + j
+        ex, ey = (q[4, i + 1] - q[4, i]) * v, (q[5, i + 1] - q[5, i]) * v
+        cx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * v
+        cy = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * v
         dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
+        k2 = 0.5 * (ex * ex + ey * ey)
         e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
         N0, N1 = LA * e0 + LI * k2 + lA * eyy, LI * (cx * ex + cy * ey)
         N2, Ny = LI * e0 + LJ * k2 + lI * eyy, LA * eyy + lA * e0 + lI * k2
         Q0, Q1 = GA * (cx * dx + cy * dy), GI * (ex * dx + ey * dy)
-        c, e, d = (cx, cy), (ex, ey), (dx, dy)
-        # shape values of the vectors c', d', d on the nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O
-        on_c, on_e, on_d = (A / l, B, 0.0, -A / l, C, 0.0), (-1.0 / l, 1.0 / l), (y, x)
-        for r in range(2):
-            for s in range(2):
-                cc = w * (LA * c[r] * c[s] + LI * e[r] * e[s] + GA * d[r] * d[s])
-                ce = w * (LI * (c[r] * e[s] + e[r] * c[s]))
-                cd = w * (lA * c[r] * d[s] + GA * d[r] * c[s])
-                ee = w * (LI * c[r] * c[s] + LJ * e[r] * e[s] + GI * d[r] * d[s])
-                ed = w * (lI * e[r] * d[s] + GI * d[r] * e[s])
-                dd = w * (LA * d[r] * d[s] + GA * c[r] * c[s] + GI * e[r] * e[s])
-                if r == s:
-                    cc, ce, cd = cc + w * N0, ce + w * N1, cd + w * Q0
-                    ee, ed, dd = ee + w * N2, ed + w * Q1, dd + w * Ny
-                de = w * (lI * e[s] * d[r] + GI * d[s] * e[r])
-                if r == s:
-                    de += w * Q1
-                for k in (0, 1, 3, 4):
-                    for m in (0, 1, 3, 4):
-                        K[2 * k + r, 2 * m + s] += on_c[k] * on_c[m] * cc
-                    for n in range(2):
-                        value = on_c[k] * (on_e[n] * ce + on_d[n] * cd)
-                        K[2 * k + r, 4 + 6 * n + s] += value
-                        K[4 + 6 * n + s, 2 * k + r] += value
-                for n in range(2):
-                    for o in range(2):
-                        value = on_e[n] * on_e[o] * ee + on_d[n] * on_d[o] * dd
-                        value += on_e[n] * on_d[o] * ed + on_d[n] * on_e[o] * de
-                        K[4 + 6 * n + r, 4 + 6 * o + s] += value
+        out[TANGENTS + 0 * TANGENT_BLOCK + j] = LA * cx * cx + LI * ex * ex + GA * dx * dx + N0
+        out[TANGENTS + 1 * TANGENT_BLOCK + j] = LA * cx * cy + LI * ex * ey + GA * dx * dy
+        out[TANGENTS + 2 * TANGENT_BLOCK + j] = LA * cy * cy + LI * ey * ey + GA * dy * dy + N0
+        out[TANGENTS + 3 * TANGENT_BLOCK + j] = 2.0 * LI * cx * ex + N1
+        out[TANGENTS + 4 * TANGENT_BLOCK + j] = LI * (cx * ey + ex * cy)
+        out[TANGENTS + 5 * TANGENT_BLOCK + j] = LI * (cy * ex + ey * cx)
+        out[TANGENTS + 6 * TANGENT_BLOCK + j] = 2.0 * LI * cy * ey + N1
+        out[TANGENTS + 7 * TANGENT_BLOCK + j] = (lA + GA) * cx * dx + Q0
+        out[TANGENTS + 8 * TANGENT_BLOCK + j] = lA * cx * dy + GA * dx * cy
+        out[TANGENTS + 9 * TANGENT_BLOCK + j] = lA * cy * dx + GA * dy * cx
+        out[TANGENTS + 10 * TANGENT_BLOCK + j] = (lA + GA) * cy * dy + Q0
+        out[TANGENTS + 11 * TANGENT_BLOCK + j] = LI * cx * cx + LJ * ex * ex + GI * dx * dx + N2
+        out[TANGENTS + 12 * TANGENT_BLOCK + j] = LI * cx * cy + LJ * ex * ey + GI * dx * dy
+        out[TANGENTS + 13 * TANGENT_BLOCK + j] = LI * cy * cy + LJ * ey * ey + GI * dy * dy + N2
+        out[TANGENTS + 14 * TANGENT_BLOCK + j] = (lI + GI) * ex * dx + Q1
+        out[TANGENTS + 15 * TANGENT_BLOCK + j] = lI * ex * dy + GI * dx * ey
+        out[TANGENTS + 16 * TANGENT_BLOCK + j] = lI * ey * dx + GI * dy * ex
+        out[TANGENTS + 17 * TANGENT_BLOCK + j] = (lI + GI) * ey * dy + Q1
+        out[TANGENTS + 18 * TANGENT_BLOCK + j] = LA * dx * dx + GA * cx * cx + GI * ex * ex + Ny
+        out[TANGENTS + 19 * TANGENT_BLOCK + j] = LA * dx * dy + GA * cx * cy + GI * ex * ey
+        out[TANGENTS + 20 * TANGENT_BLOCK + j] = LA * dy * dy + GA * cy * cy + GI * ey * ey + Ny

@@ -7,6 +7,7 @@ implicit, for the coordinates themselves. It shares the element kernels with ANC
 from typing import Any
 
 from anctmm.discretisation import Discretisation, discretise
+from anctmm.errors import DiscretisationError
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from anctmm.validation import one_of
@@ -14,8 +15,10 @@ from reference.global_dae.explicit import Zhai
 from reference.global_dae.history import Marcher
 from reference.global_dae.implicit import GeneralizedAlpha
 from reference.global_dae.model import Model
+from reference.global_dae.stability import check_step
+from reference.global_dae.static import equilibria
 
-__all__ = ["solve", "solve_dense"]
+__all__ = ["solve", "solve_dense", "solve_static"]
 
 LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
 STABILIZATION = ("projection", "none")
@@ -63,6 +66,8 @@ def solve(
     model, dense = Model.of(scene, run), linear_algebra == "dense-refactor"
     marcher: Marcher
     if run.integrator == "zhai":
+        if run.check_stability:
+            check_step(model)
         marcher = Zhai(model, dense, stabilization == "projection")
     else:
         marcher = GeneralizedAlpha(model, dense)
@@ -72,3 +77,32 @@ def solve(
 def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
     """Motion of a scene with `linear_algebra="dense-refactor"`, see `solve`."""
     return solve(scene, run, linear_algebra="dense-refactor", **options)
+
+
+def solve_static(
+    scene: Scene, run: Discretisation | None = None, *, load_steps: int = 1, **options: Any
+) -> Solution:
+    """Equilibrium of a scene under gravity and the loads of t = 0, by Newton's iteration with multipliers.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its parameters as keywords; mesh, element, quadrature and newton_tolerance matter.
+    load_steps : int
+        Equal parts of the load whose equilibria are kept; parts that Newton does not reach are halved as needed.
+
+    Returns
+    -------
+    Solution
+        `t` holds the load factors; `energy.potential` is that of the whole dead load.
+
+    Raises
+    ------
+    DiscretisationError
+        Or one of its kinds, as in `solve`.
+    """
+    run = discretise(run, options)
+    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
+        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
+    return equilibria(Model.of(scene, run), load_steps, "global-dae")

@@ -1,48 +1,48 @@
 """The linear system of one Newton iteration, assembled into a fixed sparse pattern by a compiled kernel."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anctmm.assembly import element_tangent
+from anctmm.assembly import block_tangents, unpack_tangent
 from anctmm.compiling import kernel
+from anctmm.elements.shear_kernel import TANGENT_BLOCK
 from reference.global_dae.loads import Loads
+from reference.global_dae.lu import Index
 from reference.global_dae.model import Matrix, Model, Parts, kkt
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Integers = NDArray[np.integer[Any]]
 
 
 class System(NamedTuple):
     """Numbers of [c M + K, sΦᵀ; sΦ, 0] by columns.
 
-    `mass` and `joints` are the numbers of M and of the sΦ blocks in that pattern; `element` (elements, (2 rows)²) and
-    `load` (loads, 4) say where the entries of tangents go, −1: nowhere. `column` and `row` are the pattern.
+    `mass` and `joints` are the numbers of M and of the sΦ blocks in that pattern, given by `column` and `row`;
+    `element` (elements, 2 rows, 2 rows) and `load` (loads, 4) are the places of the entries of tangents. One number
+    behind the pattern's takes the entries of components that a cable does not have.
     """
 
-    column: Ints
-    row: Ints
+    column: Index
+    row: Index
     mass: Array
     joints: Array
-    element: Ints
-    load: Ints
+    element: Index
+    load: Index
 
 
-def system_of(model: Model, scale: float, stiffness: bool = True) -> System:
-    """Pattern and constant numbers of the linear system; without stiffness the constant [M, sΦᵀ; sΦ, 0], all in `mass`."""
+def system_of(model: Model, scale: float) -> System:
+    """Pattern and constant numbers of the linear system; `scale` is that of the constraint rows."""
     n = model.dofs
     numbers = _component_numbers(model)
-    element = _element_numbers(model, numbers)
-    places = model.loads.place
-    x = numbers.reshape(-1)[places] if len(places) else np.zeros(0, dtype=np.int64)
-    load = np.stack([np.stack([x, x], 1), np.stack([x, x + 1], 1), np.stack([x + 1, x], 1), np.stack([x + 1] * 2, 1)])
-    pairs = [element.reshape(-1, 2), load.reshape(-1, 2)] if stiffness else []
-    used = np.concatenate([*pairs, np.zeros((0, 2), dtype=np.int64)])
+    element, load = _element_numbers(model, numbers), _load_numbers(model, numbers)
+    used = np.concatenate([element.reshape(-1, 2), load.reshape(-1, 2)])
     used = used[(used >= 0).all(axis=1)]
     block = sparse.csc_array((np.ones(len(used)), (used[:, 0], used[:, 1])), shape=(n, n))
-    full = kkt(abs(block) + abs(model.mass) + sparse.eye_array(n), abs(model.constraints), scale)
+    full = kkt(Matrix(block + sparse.eye_array(n)), abs(model.constraints), scale)
     full.sort_indices()
     index = sparse.csc_array((np.arange(1, full.nnz + 1), full.indices, full.indptr), shape=full.shape)
 
@@ -52,22 +52,21 @@ def system_of(model: Model, scale: float, stiffness: bool = True) -> System:
         data[_lookup(index, entries.row, entries.col)] = entries.data
         return data
 
-    mass = numbers_of(kkt(model.mass, model.constraints, 0.0))
-    joints = numbers_of(kkt(Matrix((n, n)), model.constraints, scale))
     return System(
-        full.indptr.astype(np.int64),
-        full.indices.astype(np.int64),
-        mass if stiffness else mass + joints,
-        joints,
-        _targets(index, element) if stiffness else np.zeros((0, 0), dtype=np.int64),
-        _targets(index, load.transpose(1, 0, 2)) if stiffness else np.zeros((0, 0), dtype=np.int64),
+        full.indptr.astype(np.uint32),
+        full.indices.astype(np.uint32),
+        numbers_of(kkt(model.mass, model.constraints, 0.0)),
+        numbers_of(kkt(Matrix((n, n)), model.constraints, scale)),
+        _targets(index, element),
+        _targets(index, load),
     )
 
 
 def matrix_of(system: System, data: Array) -> Matrix:
     """The linear system as a sparse matrix."""
     n = len(system.column) - 1
-    return Matrix((data, system.row, system.column), shape=(n, n))
+    where = system.row.astype(np.int64), system.column.astype(np.int64)
+    return Matrix((data[: len(system.row)], *where), shape=(n, n))
 
 
 def _component_numbers(model: Model) -> Ints:
@@ -85,15 +84,22 @@ def _element_numbers(model: Model, numbers: Ints) -> Ints:
     return np.stack(np.broadcast_arrays(own[:, :, None], own[:, None, :]), axis=-1)
 
 
-def _targets(index: Matrix, pairs: Ints) -> Ints:
-    flat = pairs.reshape(-1, 2)
-    there = (flat >= 0).all(axis=1)
-    targets = np.full(len(flat), -1, dtype=np.int64)
-    targets[there] = _lookup(index, flat[there, 0], flat[there, 1])
-    return targets.reshape(len(pairs), int(np.prod(pairs.shape[1:-1])))
+def _load_numbers(model: Model, numbers: Ints) -> Ints:
+    """Component numbers of each entry of each varying load's tangent, (loads, 4, 2)."""
+    x = numbers.reshape(-1)[model.loads.place]
+    pairs = [(x, x), (x, x + 1), (x + 1, x), (x + 1, x + 1)]
+    return np.stack([np.stack(pair, axis=-1) for pair in pairs], axis=1)
 
 
-def _lookup(index: Matrix, row: Ints, column: Ints) -> Ints:
+def _targets(index: Matrix, pairs: Ints) -> Index:
+    """Places of entries (…, 2) in the numbers of a matrix; behind its last where there is no such entry."""
+    there = (pairs >= 0).all(axis=-1)
+    targets = np.full(pairs.shape[:-1], index.nnz, dtype=np.uint32)
+    targets[there] = _lookup(index, pairs[there][:, 0], pairs[there][:, 1])
+    return targets
+
+
+def _lookup(index: Matrix, row: Integers, column: Integers) -> Ints:
     """Position of entries in the numbers of `index`, whose indices are sorted."""
     keys = np.repeat(np.arange(index.shape[1]), np.diff(index.indptr)).astype(np.int64) * index.shape[0]
     return np.searchsorted(keys + index.indices, column.astype(np.int64) * index.shape[0] + row)
@@ -120,21 +126,23 @@ def assemble(
     value : ndarray, shape (loads, 2)
         Of the varying loads.
     q : ndarray, shape (rows, nodes)
-    small, K : ndarray, shapes (8, 8) and (2 rows, 2 rows)
+    small, K : ndarray, shapes (TANGENT_BUFFER,) and (2 rows, 2 rows)
         Scratch.
     data : ndarray
-        Written.
+        Written; one longer than the pattern.
     """
-    for i in range(len(data)):
+    for i in range(len(system.mass)):
         data[i] = coefficient * system.mass[i] + system.joints[i]
-    e, entries = 0, K.size
+    e = 0
     for b in range(len(parts.elements)):
         for k in range(parts.elements[b]):
-            element_tangent(q, parts.first[b] + k, parts.kinds[b], parts.constants[b], small, K)
-            for i in range(entries):
-                at = system.element[e, i]
-                if at >= 0:
-                    data[at] += K[i // K.shape[1], i % K.shape[1]]
+            if k % TANGENT_BLOCK == 0:
+                count = min(TANGENT_BLOCK, parts.elements[b] - k)
+                block_tangents(q, parts.first[b] + k, count, parts.kinds[b], parts.constants[b], small)
+            unpack_tangent(small, k % TANGENT_BLOCK, parts.kinds[b], K)
+            for i in range(K.shape[0]):
+                for j in range(K.shape[1]):
+                    data[system.element[e, i, j]] += K[i, j]
             e += 1
     for k in range(len(loads.place)):
         if loads.torque[k] == 1:
@@ -149,16 +157,16 @@ def assemble(
 
 
 @kernel
-def fill_dense(system: System, data: Array, A: Array) -> None:
-    """The linear system as a dense matrix, written into A."""
+def fill_dense(column: Index, row: Index, data: Array, A: Array) -> None:
+    """A sparse matrix, given by columns, as a dense one, written into A."""
     A[:] = 0.0
-    for j in range(len(system.column) - 1):
-        for t in range(system.column[j], system.column[j + 1]):
-            A[system.row[t], j] = data[t]
+    for j in range(len(column) - 1):
+        for t in range(column[j], column[j + 1]):
+            A[row[t], j] = data[t]
 
 
 @kernel
-def solve_dense(A: Array, source: Ints, right: Array, left: Array) -> None:
+def solve_dense(A: Array, source: Index, right: Array, left: Array) -> None:
     """Solve with a dense matrix by LAPACK; places of the unknowns in the flat vectors in `source`."""
     x = np.linalg.solve(A, right[source])
     for i in range(len(source)):

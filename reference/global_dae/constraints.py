@@ -1,7 +1,7 @@
 """Joints as constraints Φ q = b(t), linear in the coordinates with a constant Φ.
 
 Vectors of the plane are written as complex numbers here, so that a rotation is a factor: the row of a weld between
-gradients is g_B − e^{iΔ} g_A = 0. As an end is part of one joint only, no coordinate is in two rows and Φ Φᴴ is diagonal.
+gradients is g_B − e^{iΔ} g_A = 0. As an end is part of one joint only, no coordinate is in two rows: Φ Φᴴ is diagonal.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.assembly import Bodies
-from anctmm.compiling import kernel
+from anctmm.compiling import inlined
 from anctmm.errors import DiscretisationError
 from anctmm.scene import Clamp, Joint, Scene, Weld
 
@@ -115,7 +115,9 @@ def compiled_rows(rows: Sequence[Row], bodies: Bodies, scale: float) -> Rows:
     factors = np.array([t.factor for t in terms], dtype=complex)
     first = np.cumsum([0, *(len(row.terms) for row in rows)]).astype(np.int64)
     q = bodies.reference()
-    values = [sum(t.factor * complex(*q[2 * t.vector : 2 * t.vector + 2, t.node]) for t in r.terms) for r in rows]
+    values = [
+        sum(t.factor * complex(*q[2 * t.vector : 2 * t.vector + 2, t.node]) for t in r.terms) for r in rows
+    ]
     driven = [j for j, row in enumerate(rows) if row.drive >= 0]
     return Rows(
         first=first,
@@ -131,15 +133,15 @@ def compiled_rows(rows: Sequence[Row], bodies: Bodies, scale: float) -> Rows:
     )
 
 
-@kernel
-def prescribe(rows: Rows, angles: Array, b: Array, rate: Array, acceleration: Array) -> None:
-    """b, ḃ, b̈ of the driven rows, each (m, 2), from cos θ, sin θ, θ', θ'' of each drive, (drives, 4).
+@inlined
+def prescribe(rows: Rows, angles: Array, n: int, b: Array, rate: Array, acceleration: Array) -> None:
+    """b, ḃ, b̈ of the driven rows, each (m, 2), from row n of cos θ, sin θ, θ', θ'' of the drives, (steps, drives, 4).
 
     With the reference value g: b = e^{iθ} g, ḃ = iθ' b, b̈ = (iθ'' − θ'²) b.
     """
     for k in range(len(rows.driven)):
         j, d = rows.driven[k], rows.drive[k]
-        cos, sin, w, e = angles[d, 0], angles[d, 1], angles[d, 2], angles[d, 3]
+        cos, sin, w, e = angles[n, d, 0], angles[n, d, 1], angles[n, d, 2], angles[n, d, 3]
         gx, gy = rows.reference[j, 0], rows.reference[j, 1]
         x, y = cos * gx - sin * gy, sin * gx + cos * gy
         b[j, 0], b[j, 1] = x, y
@@ -147,7 +149,7 @@ def prescribe(rows: Rows, angles: Array, b: Array, rate: Array, acceleration: Ar
         acceleration[j, 0], acceleration[j, 1] = -e * y - w * w * x, e * x - w * w * y
 
 
-@kernel
+@inlined
 def misfit(rows: Rows, j: int, q: Array, b: Array) -> tuple[float, float]:
     """(Φ q − b) of row j; q flat."""
     x, y = -b[j, 0], -b[j, 1]
@@ -159,7 +161,7 @@ def misfit(rows: Rows, j: int, q: Array, b: Array) -> tuple[float, float]:
     return x, y
 
 
-@kernel
+@inlined
 def add_transposed(rows: Rows, j: int, x: float, y: float, f: Array) -> None:
     """Add Φ_jᵀ (x, y) to f, flat."""
     for t in range(rows.first[j], rows.first[j + 1]):
@@ -168,7 +170,7 @@ def add_transposed(rows: Rows, j: int, x: float, y: float, f: Array) -> None:
         f[i + rows.nodes] += rows.real[t] * y - rows.imag[t] * x
 
 
-@kernel
+@inlined
 def project(rows: Rows, q: Array, b: Array) -> None:
     """q ← q − Φᵀ (Φ Φᵀ)⁻¹ (Φ q − b), row by row as Φ Φᵀ is diagonal."""
     for j in range(len(rows.weight)):

@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.assembly import elastic_forces
-from anctmm.compiling import kernel
-from reference.global_dae.assemble import System, fill_dense, solve_dense, system_of
+from anctmm.compiling import inlined, kernel
+from reference.global_dae.assemble import fill_dense, solve_dense
 from reference.global_dae.constraints import Rows, prescribe, project
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
 from reference.global_dae.loads import Loads, add_loads, work_since
-from reference.global_dae.lu import Factors, factorise, no_factors, solve_factored
+from reference.global_dae.lu import Factors, Index, factorise, no_factors, solve_factored
 from reference.global_dae.model import Model, Parts, kkt, typical
 
 Array = NDArray[np.float64]
@@ -23,13 +23,20 @@ Ints = NDArray[np.int64]
 
 
 class Scheme(NamedTuple):
-    """Step h (s), ψ, φ; whether positions and velocities are projected, and whether the solve is dense."""
+    """Step h (s), ψ, φ; whether positions and velocities are projected."""
 
     h: float
     psi: float
     phi: float
     project: bool
-    dense: bool
+
+
+class Constant(NamedTuple):
+    """[M, sΦᵀ; sΦ, 0] by columns, from which the dense solve assembles its matrix anew each step."""
+
+    column: Index
+    row: Index
+    data: Array
 
 
 class State(NamedTuple):
@@ -48,25 +55,32 @@ class State(NamedTuple):
     dense: Array
 
 
-@kernel
+@inlined
 def accelerate(
-    dense: bool, parts: Parts, rows: Rows, loads: Loads, factors: Factors, system: System, value: Array, s: State
+    parts: Parts,
+    rows: Rows,
+    loads: Loads,
+    factors: Factors,
+    constant: Constant,
+    table: Array,
+    n: int,
+    s: State,
 ) -> bool:
-    """q̈ and μ of the present state; False if they are not finite."""
+    """Solve for q̈ and μ of the present state, loads in row n of their table; False if they are not finite."""
     m, size = s.motion, s.before.size
     elastic_forces(m.q, parts.first, parts.elements, parts.kinds, parts.constants, m.buffer, s.force)
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i]
-    add_loads(loads, value, m.flat_q, s.right)
+    add_loads(loads, table, n, m.flat_q, s.right)
     for k in range(len(rows.driven)):
         j = rows.driven[k]
         s.right[size + 2 * j] = rows.scale * m.acceleration[j, 0]
         s.right[size + 2 * j + 1] = rows.scale * m.acceleration[j, 1]
-    if dense:
+    if len(factors.width) == 0:
         for i in range(size):
             if not abs(s.right[i]) < HUGE:  # LAPACK's wrapper would raise
                 return False
-        fill_dense(system, system.mass, s.dense)
+        fill_dense(constant.column, constant.row, constant.data, s.dense)
         solve_dense(s.dense, factors.source, s.right, s.left)
     else:
         solve_factored(factors, s.right, s.left, s.scratch)
@@ -76,7 +90,7 @@ def accelerate(
     return not bad
 
 
-@kernel
+@inlined
 def advance(scheme: Scheme, s: State) -> None:
     """One step of positions and velocities."""
     h, c = scheme.h, scheme.h * scheme.h
@@ -97,7 +111,7 @@ def march(
     rows: Rows,
     loads: Loads,
     factors: Factors,
-    system: System,
+    constant: Constant,
     values: Array,
     angles: Array,
     span: tuple[int, int, int],
@@ -124,14 +138,14 @@ def march(
     for n in range(span[0], span[1]):
         at = n - span[0]
         if n == 0:
-            prescribe(rows, angles[0], m.b, m.rate, m.acceleration)
+            prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
             project(rows, m.flat_v, m.rate)
-        if not accelerate(scheme.dense, parts, rows, loads, factors, system, values[at], s):
+        if not accelerate(parts, rows, loads, factors, constant, values, at, s):
             return n, count
         if n == 0:
             s.before[:] = s.left[:size]
         if len(m.trail):
-            work = work_since(loads, values[at], rows, s.left, size, m.flat_q, m.trail)
+            work = work_since(loads, values, at, rows, s.left, size, m.flat_q, m.trail)
             if n > 0:
                 m.work[0] += work
         if n == wanted[count]:
@@ -140,7 +154,7 @@ def march(
         if n == span[2]:
             break
         advance(scheme, s)
-        prescribe(rows, angles[at + 1], m.b, m.rate, m.acceleration)
+        prescribe(rows, angles, at + 1, m.b, m.rate, m.acceleration)
         if scheme.project:
             project(rows, m.flat_q, m.b)
             project(rows, m.flat_v, m.rate)
@@ -155,21 +169,23 @@ class Zhai(Marcher):
     def __init__(self, model: Model, dense: bool, stabilise: bool) -> None:
         super().__init__(model)
         run = model.run
-        self.scheme = Scheme(float(run.times(np.array([1]))[0]), run.psi, run.phi, stabilise, dense)
+        self.scheme = Scheme(float(run.times(np.array([1]))[0]), run.psi, run.phi, stabilise)
+        self.dense = dense
 
     def prepare(self) -> None:
         """Set the state to t = 0 and factor the constant matrix."""
         model = self.model
         scale = typical(model.scalar_mass)
         self.rows = model.rows(scale)
-        self.system = system_of(model, scale, stiffness=False)
-        if self.scheme.dense:
+        full = kkt(model.mass, model.constraints, scale)
+        self.constant = Constant(full.indptr.astype(np.uint32), full.indices.astype(np.uint32), full.data)
+        if self.dense:
             self.factors = no_factors(model.places(1))
         elif model.separable:
             matrix = kkt(model.scalar_mass, model.complex_constraints.real, scale)
             self.factors = factorise(matrix, model.places(2))
         else:
-            self.factors = factorise(kkt(model.mass, model.constraints, scale), model.places(1))
+            self.factors = factorise(full, model.places(1))
         self.state = self._start()
 
     def _start(self) -> State:
@@ -182,7 +198,7 @@ class Zhai(Marcher):
             left=np.zeros_like(right),
             before=np.zeros(model.size),
             scratch=np.zeros(unknowns),
-            dense=np.zeros((unknowns, unknowns) if self.scheme.dense else (0, 0)),
+            dense=np.zeros((unknowns, unknowns) if self.dense else (0, 0)),
         )
 
     def batch(
@@ -191,10 +207,10 @@ class Zhai(Marcher):
         """Do steps first … last − 1; see `march`."""
         model, span = self.model, (first, last, self.model.run.steps)
         step, outputs = march(
-            self.scheme, model.parts, self.rows, model.loads, self.factors, self.system,
+            self.scheme, model.parts, self.rows, model.loads, self.factors, self.constant,
             values, angles, span, wanted, self.state, kept, energies,
         )  # fmt: skip
-        self.factorizations = step if self.scheme.dense else 1
+        self.factorizations = step if self.dense else 1
         if step == last:
             return Reached(step, outputs)
         size = np.where(np.isfinite(self.state.force), np.abs(self.state.force), np.inf).max(axis=0)

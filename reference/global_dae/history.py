@@ -133,7 +133,9 @@ class Marcher:
             self.newton_iterations,
             self.factorizations,
         )
-        return solution(solver, self.model, run.times(wanted[:count]), kept[:count], energies[:count], cost, status)
+        return solution(
+            solver, self.model, run.times(wanted[:count]), kept[:count], energies[:count], cost, status
+        )
 
     def _tables(self, first: int, last: int) -> tuple[Array, Array]:
         t = self.model.run.times(np.arange(first, last + 1))
@@ -142,9 +144,8 @@ class Marcher:
     def _diverged(self, reached: Reached) -> Status:
         t = float(self.model.run.times(np.array([reached.step]))[0])
         body, element = self.model.bodies.element_at(reached.node)
-        message = (
-            f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: {self.advice}"
-        )
+        message = f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: "
+ f"{self.advice}"
         return Status("diverged", message, t, reached.step, body, element)
 
 

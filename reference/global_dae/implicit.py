@@ -8,10 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 
 from anctmm.assembly import elastic_forces, mass_product
 from anctmm.compiling import kernel
+from anctmm.elements.shear_kernel import TANGENT_BUFFER
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
@@ -25,7 +26,7 @@ Ints = NDArray[np.int64]
 #: Newton iterations a step may take; ratio of successive corrections above which the tangent is renewed.
 ITERATIONS, SLOW = 30, 0.15
 #: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
-ROUNDINGS = 8.0
+ROUNDINGS, EPSILON = 8.0, float(np.finfo(np.float64).eps)
 #: How a Newton iteration ended.
 CONVERGED, FAILED, SINGULAR = 0, 1, 2
 
@@ -46,7 +47,6 @@ class Scheme(NamedTuple):
     by_velocity: float
     tolerance: float
     length: float
-    dense: bool
 
 
 class State(NamedTuple):
@@ -81,7 +81,7 @@ class State(NamedTuple):
     counts: Ints
 
 
-def scheme_of(model: Model, dense: bool) -> Scheme:
+def scheme_of(model: Model) -> Scheme:
     """Coefficients for the spectral radius ρ of the run (Chung & Hulbert 1993)."""
     run = model.run
     h, rho = float(run.times(np.array([1]))[0]), run.spectral_radius
@@ -90,9 +90,7 @@ def scheme_of(model: Model, dense: bool) -> Scheme:
     beta = 0.25 * (gamma + 0.5) ** 2
     by_acceleration = (1.0 - alpha_m) / (beta * h * h * (1.0 - alpha_f))
     tolerance, length = run.newton_tolerance, model.length
-    return Scheme(
-        h, alpha_m, alpha_f, beta, gamma, by_acceleration, gamma / (beta * h), tolerance, length, dense
-    )
+    return Scheme(h, alpha_m, alpha_f, beta, gamma, by_acceleration, gamma / (beta * h), tolerance, length)
 
 
 @kernel
@@ -108,7 +106,7 @@ def predict(c: Scheme, s: State) -> None:
 
 
 @kernel
-def residual(parts: Parts, rows: Rows, loads: Loads, value: Array, s: State) -> bool:
+def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: State) -> bool:
     """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; False if it is not finite."""
     size = s.new_q.size
     elastic_forces(s.new, parts.first, parts.elements, parts.kinds, parts.constants, s.motion.buffer, s.force)
@@ -117,11 +115,13 @@ def residual(parts: Parts, rows: Rows, loads: Loads, value: Array, s: State) -> 
     inertia = s.product.reshape(size)
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i] - inertia[i]
-    add_loads(loads, value, s.new_q, s.right)
+    add_loads(loads, table, n, s.new_q, s.right)
     for j in range(len(rows.weight)):
         x, y = misfit(rows, j, s.new_q, s.motion.b)
         s.right[size + 2 * j], s.right[size + 2 * j + 1] = -rows.scale * x, -rows.scale * y
-        add_transposed(rows, j, -rows.scale * s.multiplier[2 * j], -rows.scale * s.multiplier[2 * j + 1], s.right)
+        add_transposed(
+            rows, j, -rows.scale * s.multiplier[2 * j], -rows.scale * s.multiplier[2 * j + 1], s.right
+        )
     bad = False
     for i in range(size):
         bad |= not abs(s.right[i]) < HUGE
@@ -159,7 +159,7 @@ def at_rounding(system: System, s: State) -> bool:
             s.left[s.places[system.row[t]]] += abs(s.data[t]) * value
     for i in range(size):
         largest, found = max(largest, s.left[i]), max(found, abs(s.right[i]))
-    return found <= ROUNDINGS * np.finfo(np.float64).eps * largest
+    return found <= ROUNDINGS * EPSILON * largest
 
 
 @kernel
@@ -171,24 +171,26 @@ def newton(
     system: System,
     pattern: Pattern,
     factors: Factors,
-    value: Array,
+    table: Array,
+    n: int,
     s: State,
 ) -> int:
     """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if dense, else while it contracts with an old one."""
-    before, renew = np.inf, c.dense or s.counts[3] == 0
+    dense = len(factors.width) == 0
+    before, renew = np.inf, dense or s.counts[3] == 0
     for _ in range(ITERATIONS):
-        if not residual(parts, rows, loads, value, s):
+        if not residual(parts, rows, loads, table, n, s):
             return FAILED
         fresh = renew
         if renew:
-            assemble(system, c.by_acceleration, parts, loads, value, s.new, s.small, s.K, s.data)
+            assemble(system, c.by_acceleration, parts, loads, table[n], s.new, s.small, s.K, s.data)
             s.counts[1] += 1
-            if not c.dense and not refactor(pattern, s.data, factors, s.column):
+            if not dense and not refactor(pattern, s.data, factors, s.column):
                 s.counts[3] = 0
                 return SINGULAR
             s.counts[3] = 1
-        if c.dense:
-            fill_dense(system, s.data, s.dense)
+        if dense:
+            fill_dense(system.column, system.row, s.data, s.dense)
             solve_dense(s.dense, factors.source, s.right, s.left)
         else:
             solve_factored(factors, s.right, s.left, s.scratch)
@@ -198,7 +200,7 @@ def newton(
             return CONVERGED
         if fresh and size > 0.5 * before and at_rounding(system, s):
             return CONVERGED
-        renew = c.dense or size > SLOW * before
+        renew = dense or size > SLOW * before
         before = size
     return FAILED
 
@@ -252,14 +254,14 @@ def march(
         at = n - span[0]
         s.counts[4] = n
         if n > 0:
-            prescribe(rows, angles[at], m.b, m.rate, m.acceleration)
+            prescribe(rows, angles, at, m.b, m.rate, m.acceleration)
             predict(c, s)
-            code = newton(c, parts, rows, loads, system, pattern, factors, values[at], s)
+            code = newton(c, parts, rows, loads, system, pattern, factors, values, at, s)
             if code != CONVERGED:
                 return code
             accept(c, s)
         if len(m.trail):
-            work = work_since(loads, values[at], rows, s.multiplier, 0, m.flat_q, m.trail)
+            work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)
             if n > 0:
                 m.work[0] += work
         if n == wanted[s.counts[5]]:
@@ -276,26 +278,27 @@ class GeneralizedAlpha(Marcher):
 
     def __init__(self, model: Model, dense: bool) -> None:
         super().__init__(model)
-        self.scheme = scheme_of(model, dense)
+        self.scheme = scheme_of(model)
+        self.dense = dense
 
     def prepare(self) -> None:
         """Set the state to t = 0, with accelerations and multipliers, and choose order and pivots."""
         model, c = self.model, self.scheme
         q = model.bodies.reference()
         bare = system_of(model, 1.0)
-        self.state = _start(model, bare, c.dense)
+        self.state = _start(model, bare, self.dense)
         values, angles = self._tables(0, 0)
         assemble_into(self.state.data, bare, c, model, values[0], q, self.state)
         scale = typical(matrix_of(bare, self.state.data)[: model.dofs, : model.dofs])
         self.rows, self.system = model.rows(scale), bare._replace(joints=scale * bare.joints)
-        _accelerate(model, self.rows, values[0], angles[0], self.state)
+        _accelerate(model, self.rows, values, angles, self.state)
         self._choose_pivots(values[0], q)
 
     def _choose_pivots(self, value: Array, q: Array) -> None:
         places, data = self.model.places(1), self.state.data
         assemble_into(data, self.system, self.scheme, self.model, value, q, self.state)
-        if self.scheme.dense:
-            nothing = np.zeros(0, dtype=np.int64)
+        if self.dense:
+            nothing = np.zeros(0, dtype=np.uint32)
             self.pattern, self.factors = Pattern(nothing, nothing, nothing), no_factors(places)
         else:
             self.pattern, self.factors = choose(matrix_of(self.system, data), places)
@@ -363,8 +366,8 @@ def _start(model: Model, system: System, dense: bool) -> State:
         right=right,
         left=np.zeros_like(right),
         product=np.zeros_like(new),
-        data=np.zeros(len(system.row)),
-        small=np.zeros((8, 8)),
+        data=np.zeros(len(system.row) + 1),
+        small=np.zeros(TANGENT_BUFFER),
         K=np.zeros((2 * rows, 2 * rows)),
         scratch=np.zeros(unknowns),
         column=np.zeros(unknowns),
@@ -374,16 +377,16 @@ def _start(model: Model, system: System, dense: bool) -> State:
     )
 
 
-def _accelerate(model: Model, rows: Rows, value: Array, angles: Array, s: State) -> None:
+def _accelerate(model: Model, rows: Rows, values: Array, angles: Array, s: State) -> None:
     """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0."""
     m, size = s.motion, model.size
-    prescribe(rows, angles, m.b, m.rate, m.acceleration)
+    prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
     project(rows, m.flat_v, m.rate)
     s.right[:size] = model.parts.dead
-    add_loads(model.loads, value, m.flat_q, s.right)
+    add_loads(model.loads, values, 0, m.flat_q, s.right)
     scale = typical(model.scalar_mass)
     s.right[size:] = scale * m.acceleration.reshape(-1)
-    s.left[s.places] = np.atleast_1d(spsolve(kkt(model.mass, model.constraints, scale), s.right[s.places]))
+    s.left[s.places] = splu(kkt(model.mass, model.constraints, scale)).solve(s.right[s.places])
     s.acceleration[:] = s.left[:size]
     s.auxiliary[:] = s.left[:size]
     s.multiplier[:] = s.left[size:] * (scale / rows.scale)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.assembly import Bodies
-from anctmm.compiling import kernel
+from anctmm.compiling import inlined
 from anctmm.drives import tabulate
 from anctmm.mesh import constant_forces, varying_loads
 from anctmm.scene import Scene, Torque
@@ -69,29 +69,29 @@ def drive_table(scene: Scene, t: Array) -> Array:
     return table
 
 
-@kernel
-def load_on(loads: Loads, k: int, value: Array, q: Array) -> tuple[float, float]:
-    """Generalized force of load k on its vector; of a moment M it is M (−g_y, g_x)/|g|²."""
+@inlined
+def load_on(loads: Loads, k: int, table: Array, n: int, q: Array) -> tuple[float, float]:
+    """Generalized force of load k on its vector, in row n of the table; of a moment M it is M (−g_y, g_x)/|g|²."""
     if loads.torque[k] == 0:
-        return value[k, 0], value[k, 1]
+        return table[n, k, 0], table[n, k, 1]
     i = loads.place[k]
     x, y = q[i], q[i + loads.nodes]
-    m = value[k, 0] / (x * x + y * y)
+    m = table[n, k, 0] / (x * x + y * y)
     return -m * y, m * x
 
 
-@kernel
-def add_loads(loads: Loads, value: Array, q: Array, f: Array) -> None:
-    """Add all varying loads to the forces f; q and f flat."""
+@inlined
+def add_loads(loads: Loads, table: Array, n: int, q: Array, f: Array) -> None:
+    """Add all varying loads, in row n of their table, to the forces f; q and f flat."""
     for k in range(len(loads.place)):
-        x, y = load_on(loads, k, value, q)
+        x, y = load_on(loads, k, table, n, q)
         f[loads.place[k]] += x
         f[loads.place[k] + loads.nodes] += y
 
 
-@kernel
+@inlined
 def work_since(
-    loads: Loads, value: Array, rows: Rows, multiplier: Array, at: int, q: Array, trail: Array
+    loads: Loads, table: Array, n: int, rows: Rows, multiplier: Array, at: int, q: Array, trail: Array
 ) -> float:
     """Work of varying loads and drives since the last call, J: ½ (F_n + F_{n+1}) · (q_{n+1} − q_n).
 
@@ -99,6 +99,8 @@ def work_since(
 
     Parameters
     ----------
+    table : ndarray, shape (steps, loads, 2)
+        Values of the loads, those of now in row n.
     multiplier : ndarray
         μ/s of the constraint rows, from its place `at` on.
     trail : ndarray, shape (loads + driven rows, 4)
@@ -109,7 +111,7 @@ def work_since(
     for k in range(count + len(rows.driven)):
         if k < count:
             i = loads.place[k]
-            fx, fy = load_on(loads, k, value, q)
+            fx, fy = load_on(loads, k, table, n, q)
         else:
             j = rows.driven[k - count]
             i = rows.place[rows.first[j]]

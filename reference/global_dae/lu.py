@@ -4,7 +4,7 @@ SuperLU (through SciPy) chooses ordering and pivots once. A matrix that stays co
 whose numbers change is refactored in the same pattern with the same pivots, as KLU does, until a pivot turns bad.
 """
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,12 +12,16 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from anctmm.compiling import kernel
+from anctmm.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+#: Indices of the hot loops: as they cannot be negative, the compiler need not look for indices counted from the end.
+Index = NDArray[np.uint32]
 Matrix = sparse.csc_array
 
+#: Pivots are taken from the diagonal where these fractions of their column's largest entry let them be.
+THRESHOLDS = (1e-3, 1.0)
 #: Entry of L above which the pivots of a refactorisation count as bad.
 GROWTH = 1e8
 
@@ -27,17 +31,17 @@ class Factors(NamedTuple):
 
     Unknown p of the permuted system takes its right-hand sides from `source` and puts its results into `sink`: flat
     places, one for each of the `width` right-hand sides that are solved at once. `width` is a tuple of that length,
-    so that the compiler knows it.
+    so that the compiler knows it; it is empty where there are no factors and the solve is dense.
     """
 
     width: tuple[int, ...]
-    source: Ints
-    sink: Ints
-    lower_first: Ints
-    lower_row: Ints
+    source: Index
+    sink: Index
+    lower_first: Index
+    lower_row: Index
     lower: Array
-    upper_first: Ints
-    upper_row: Ints
+    upper_first: Index
+    upper_row: Index
     upper: Array
     inverse: Array
 
@@ -45,9 +49,9 @@ class Factors(NamedTuple):
 class Pattern(NamedTuple):
     """Where the numbers of A go: column p of the permuted matrix has the rows `row` and the numbers data[take]."""
 
-    first: Ints
-    row: Ints
-    take: Ints
+    first: Index
+    row: Index
+    take: Index
 
 
 def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
@@ -56,18 +60,18 @@ def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
     Tried: the natural order along the bodies, reverse Cuthill-McKee, minimum degree and COLAMD, each with pivots
     from the diagonal where they are not small, and with partial pivoting.
     """
-    n = A.shape[0]
-    natural = np.arange(n)
+    natural = np.arange(A.shape[0])
     band = np.asarray(reverse_cuthill_mckee(sparse.csr_matrix(abs(A)), symmetric_mode=True), dtype=np.int64)
-    best: tuple[SuperLU, Ints, Ints] | None = None
-    for before, spec in [
+    orders: list[tuple[Ints, Literal["MMD_AT_PLUS_A", "COLAMD", "NATURAL"]]] = [
         (natural, "MMD_AT_PLUS_A"),
         (natural, "COLAMD"),
         (natural, "NATURAL"),
         (band, "NATURAL"),
-    ]:
+    ]
+    best: tuple[SuperLU, Ints, Ints] | None = None
+    for before, spec in orders:
         B = Matrix(A[before][:, before])
-        for threshold in (0.1, 1.0):
+        for threshold in THRESHOLDS:
             try:
                 lu = splu(B, permc_spec=spec, diag_pivot_thresh=threshold)
             except RuntimeError:  # exactly singular in this order
@@ -88,8 +92,8 @@ def factorise(A: Matrix, places: Ints) -> Factors:
     upper.eliminate_zeros()
     return Factors(
         (0,) * places.shape[1],
-        places[rows].reshape(-1).astype(np.int64),
-        places[columns].reshape(-1).astype(np.int64),
+        places[rows].reshape(-1).astype(np.uint32),
+        places[columns].reshape(-1).astype(np.uint32),
         *_arrays(lower),
         *_arrays(upper),
         1.0 / lu.U.diagonal(),
@@ -103,13 +107,16 @@ def choose(A: Matrix, places: Ints) -> tuple[Pattern, Factors]:
     permuted = sparse.csc_array(counted[rows][:, columns])
     permuted.sort_indices()
     pattern = Pattern(
-        permuted.indptr.astype(np.int64), permuted.indices.astype(np.int64), permuted.data.astype(np.int64) - 1
+        *(part.astype(np.uint32) for part in (permuted.indptr, permuted.indices, permuted.data - 1))
     )
-    lower_first, lower_row, upper_first, upper_row = fill_in(pattern.first, pattern.row)
+    lower_first, lower_row, upper_first, upper_row = (
+        part.astype(np.uint32)
+        for part in fill_in(permuted.indptr.astype(np.int64), permuted.indices.astype(np.int64))
+    )
     factors = Factors(
         (0,) * places.shape[1],
-        places[rows].reshape(-1).astype(np.int64),
-        places[columns].reshape(-1).astype(np.int64),
+        places[rows].reshape(-1).astype(np.uint32),
+        places[columns].reshape(-1).astype(np.uint32),
         lower_first,
         lower_row,
         np.zeros(len(lower_row)),
@@ -123,13 +130,13 @@ def choose(A: Matrix, places: Ints) -> tuple[Pattern, Factors]:
 
 def no_factors(places: Ints) -> Factors:
     """Only the places of the unknowns, for a dense solve."""
-    at, ints, numbers = places.reshape(-1).astype(np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
-    return Factors((0,) * places.shape[1], at, at, ints, ints, numbers, ints, ints, numbers, numbers)
+    at, ints, numbers = places.reshape(-1).astype(np.uint32), np.zeros(0, dtype=np.uint32), np.zeros(0)
+    return Factors((), at, at, ints, ints, numbers, ints, ints, numbers, numbers)
 
 
-def _arrays(A: sparse.csc_array) -> tuple[Ints, Ints, Array]:
+def _arrays(A: sparse.csc_array) -> tuple[Index, Index, Array]:
     A.sort_indices()
-    return A.indptr.astype(np.int64), A.indices.astype(np.int64), np.ascontiguousarray(A.data)
+    return A.indptr.astype(np.uint32), A.indices.astype(np.uint32), np.ascontiguousarray(A.data)
 
 
 @kernel
@@ -203,7 +210,7 @@ def refactor(pattern: Pattern, data: Array, f: Factors, w: Array) -> bool:
     return good
 
 
-@kernel
+@inlined
 def solve_factored(f: Factors, right: Array, left: Array, z: Array) -> None:
     """Solve with the factors: from the flat vector `right` into the flat vector `left`; z (n width,) is scratch."""
     n, width = len(f.inverse), len(f.width)

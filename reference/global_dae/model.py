@@ -116,7 +116,9 @@ class Model:
         entries = [
             (j, self.numbers[t.vector, t.node], t.factor) for j, r in enumerate(self.joints) for t in r.terms
         ]
-        j, i, factor = (np.array(c) for c in zip(*entries, strict=True)) if entries else (np.zeros(0, int),) * 3
+        j, i, factor = (
+            (np.array(c) for c in zip(*entries, strict=True)) if entries else (np.zeros(0, int),) * 3
+        )
         shape = (len(self.joints), self.vectors)
         return sparse.csr_array((factor.astype(complex), (j, i)), shape=shape)
 
@@ -168,13 +170,13 @@ class Model:
         return np.concatenate([coordinates, multipliers]).reshape(-1, width)
 
 
-def kkt(upper: sparse.sparray, constraints: sparse.sparray, scale: float) -> Matrix:
+def kkt(upper: Matrix, constraints: sparse.csr_array, scale: float) -> Matrix:
     """[A, sΦᵀ; sΦ, 0]; multipliers then come out divided by s."""
-    phi = scale * constraints
+    phi = sparse.csr_array(scale * constraints)
     blocks = [[upper, phi.T], [phi, None]] if constraints.shape[0] else [[upper]]
     return Matrix(sparse.block_array(blocks, format="csc"))
 
 
-def typical(A: sparse.sparray) -> float:
+def typical(A: Matrix) -> float:
     """Mean size of the diagonal: the scale that constraint rows are given beside A (Bottasso et al. 2008)."""
     return float(np.abs(A.diagonal()).mean())
