@@ -144,8 +144,10 @@ class Marcher:
     def _diverged(self, reached: Reached) -> Status:
         t = float(self.model.run.times(np.array([reached.step]))[0])
         body, element = self.model.bodies.element_at(reached.node)
-        message = f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: "
- f"{self.advice}"
+        message = (
+            f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: "
+            f"{self.advice}"
+        )
         return Status("diverged", message, t, reached.step, body, element)
 
 

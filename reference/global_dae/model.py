@@ -172,9 +172,11 @@ class Model:
 
 def kkt(upper: Matrix, constraints: sparse.csr_array, scale: float) -> Matrix:
     """[A, sΦᵀ; sΦ, 0]; multipliers then come out divided by s."""
+    if not constraints.shape[0]:
+        return upper
     phi = sparse.csr_array(scale * constraints)
-    blocks = [[upper, phi.T], [phi, None]] if constraints.shape[0] else [[upper]]
-    return Matrix(sparse.block_array(blocks, format="csc"))
+    none = Matrix((phi.shape[0], phi.shape[0]))
+    return Matrix(sparse.vstack([sparse.hstack([upper, phi.T]), sparse.hstack([phi, none])]))
 
 
 def typical(A: Matrix) -> float:

@@ -1,0 +1,95 @@
+"""Stability limit of the explicit integrator, from sparse K and M on the null space of the constraints."""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, eigsh, splu
+
+from anctmm.elements.shear_kernel import TANGENT_BUFFER
+from anctmm.errors import StabilityError
+from reference.global_dae.assemble import assemble, matrix_of, system_of
+from reference.global_dae.loads import load_table
+from reference.global_dae.model import Matrix, Model
+
+Array = NDArray[np.float64]
+
+#: Coordinates up to which the dense eigenvalue solver is used.
+DENSE = 400
+
+
+def stiffness(model: Model) -> Matrix:
+    """K_T of the undeformed scene without torques, (dofs, dofs)."""
+    system = system_of(model, 1.0)
+    rows, data = 2 * model.bodies.rows, np.zeros(len(system.row) + 1)
+    q, none = model.bodies.reference(), 0.0 * load_table(model.scene, np.zeros(1))[0]
+    scratch = np.zeros(TANGENT_BUFFER), np.zeros((rows, rows))
+    assemble(system, 0.0, model.parts, model.loads, none, q, *scratch, data)
+    return Matrix(matrix_of(system, data)[: model.dofs, : model.dofs])
+
+
+def null_space(model: Model) -> Matrix:
+    """Z with Φ Z = 0, (dofs, free coordinates): the last coordinate of each row follows from the others.
+
+    A row holds a vector g_B = e^{iΔ} g_A, or a single one that is fixed; no vector is in two rows.
+    """
+    follower, source, factor = [], [], []
+    for row in model.joints:
+        last = row.terms[-1]
+        follower.append(model.numbers[last.vector, last.node])
+        for term in row.terms[:-1]:
+            source.append((follower[-1], model.numbers[term.vector, term.node]))
+            factor.append(-term.factor / last.factor)
+    free = np.setdiff1d(np.arange(model.vectors), follower)
+    rows = np.concatenate([free, np.array([s[0] for s in source], dtype=np.int64)])
+    columns = np.concatenate([free, np.array([s[1] for s in source], dtype=np.int64)])
+    values = np.concatenate([np.ones(len(free)), np.array(factor, dtype=complex)])
+    Z = sparse.csc_array((values, (rows, columns)), shape=(model.vectors, model.vectors))[:, free]
+    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
+    return Matrix(sparse.kron(Z.real, np.eye(2)) + sparse.kron(Z.imag, turn))
+
+
+def highest_frequency(model: Model) -> float:
+    """Largest angular frequency of the undeformed scene with its joints, rad/s; 0 if nothing is free."""
+    Z = null_space(model)
+    K, M = Matrix(Z.T @ stiffness(model) @ Z), Matrix(Z.T @ model.mass @ Z)
+    n = K.shape[0]
+    if n == 0:
+        return 0.0
+    if n <= DENSE:
+        largest = eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0]
+    else:
+        inverse = LinearOperator((n, n), matvec=splu(M).solve, dtype=float)
+        start = np.random.default_rng(0).standard_normal(n)
+        largest = eigsh(K, 1, M, Minv=inverse, v0=start, tol=1e-8, return_eigenvectors=False)[0]
+    return sqrt(max(float(largest), 0.0))
+
+
+def limit(psi: float, phi: float) -> float:
+    """Largest stable h ω of Zhai's integrator without damping: √(2/ψ) for ψ = φ ≥ ½; else there is none, 0."""
+    return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
+
+
+def check_step(model: Model) -> None:
+    """Refuse a step above the stability limit.
+
+    Raises
+    ------
+    StabilityError
+        Naming the step and the largest one allowed.
+    """
+    run = model.run
+    allowed = limit(run.psi, run.phi)
+    if allowed == 0.0:
+        raise StabilityError(
+            f"psi is {run.psi!r} and phi is {run.phi!r}; no step is stable unless psi = phi >= 0.5 "
+            f"(check_stability=False runs it all the same)"
+        )
+    frequency = highest_frequency(model)
+    if run.dt * frequency > allowed * (1.0 + 1e-9):
+        raise StabilityError(
+            f"dt is {run.dt!r} s; at most {allowed / frequency:.6g} s is stable, for the highest frequency of scene "
+            f"{model.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
+        )

@@ -1,0 +1,178 @@
+"""Statics of the global system: Newton's iteration on [K_T, sΦᵀ; sΦ, 0], with load steps that halve where needed."""
+
+from dataclasses import dataclass
+from time import perf_counter, process_time
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
+
+from anctmm.assembly import elastic_forces, strain_energy
+from anctmm.elements.shear_kernel import TANGENT_BUFFER
+from anctmm.solution import Cost, Solution, Status
+from reference.global_dae.assemble import assemble, matrix_of, system_of
+from reference.global_dae.history import solution
+from reference.global_dae.loads import add_loads, load_table
+from reference.global_dae.model import Matrix, Model, typical
+from reference.global_dae.stability import stiffness
+
+Array = NDArray[np.float64]
+
+#: Newton iterations of a load step; correction of a gradient that is out of Newton's reach; smallest load step.
+ITERATIONS, REACH, SMALLEST = 25, 1.0, 1e-6
+#: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
+ROUNDINGS = 8.0
+
+
+@dataclass
+class Equilibrium:
+    """An equilibrium: load factor, coordinates (rows, nodes) and multipliers divided by their scale."""
+
+    factor: float
+    q: Array
+    multiplier: Array
+
+    def towards(self, before: "Equilibrium", factor: float) -> "Equilibrium":
+        """On the secant through an earlier one."""
+        s = (factor - self.factor) / (self.factor - before.factor) if self.factor > before.factor else 0.0
+        multiplier = self.multiplier + s * (self.multiplier - before.multiplier)
+        return Equilibrium(factor, self.q + s * (self.q - before.q), multiplier)
+
+
+class Search:
+    """Newton's iteration and load stepping for one model."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.scale = typical(stiffness(model))
+        self.system = system_of(model, self.scale)
+        self.rows = model.rows(self.scale)
+        self.loads = load_table(model.scene, np.zeros(1))[0]
+        self.places = model.places(1).reshape(-1)
+        self.phi = self.scale * model.constraints
+        self.data = np.zeros(len(self.system.row) + 1)
+        self.scratch = np.zeros(TANGENT_BUFFER), np.zeros((2 * model.bodies.rows, 2 * model.bodies.rows))
+        self.buffer, self.force = model.bodies.buffer(), model.bodies.reference()
+        self.iterations, self.floor, self.node = 0, 0.0, 0
+
+    def start(self) -> Equilibrium:
+        """The undeformed scene without loads."""
+        self.floor, self.iterations = 0.0, 0
+        return Equilibrium(0.0, self.model.bodies.reference(), np.zeros(2 * len(self.model.joints)))
+
+    def reach(self, start: Equilibrium, target: float) -> Equilibrium:
+        """Go to a load factor; the last equilibrium on the way if it cannot be reached."""
+        now, before, step = start, start, target - start.factor
+        while now.factor < target:
+            near = target - now.factor <= step * (1.0 + 1e-9)
+            found = self.newton(now.towards(before, target if near else now.factor + step))
+            if found is not None:
+                before, now = now, found
+                step *= 2.0
+            elif step < SMALLEST:
+                break
+            else:
+                before, step = now, 0.5 * min(step, target - now.factor)
+        return now
+
+    def newton(self, guess: Equilibrium) -> Equilibrium | None:
+        """The equilibrium near a guess; None if the iteration leaves its reach or is too slow."""
+        q, multiplier, last = guess.q.copy(), guess.multiplier.copy(), np.inf
+        dofs, tolerance = self.model.dofs, self.model.run.newton_tolerance
+        value = guess.factor * self.loads
+        for _ in range(ITERATIONS):
+            right = self._residual(guess.factor, q, multiplier)
+            A = self._matrix(value, q)
+            x = _solve(A, right)
+            if x is None:
+                return None
+            self.iterations += 1
+            change = np.zeros_like(q)
+            change.reshape(-1)[self.places[:dofs]] = x[:dofs]
+            sizes = np.maximum(
+                np.abs(change[:2]).max(axis=0) / self.model.length, np.abs(change[2:]).max(axis=0)
+            )
+            size, self.node = float(sizes.max()), int(sizes.argmax())
+            if not size < REACH:
+                return None
+            q += change
+            multiplier += x[dofs:]
+            if size <= tolerance:
+                return Equilibrium(guess.factor, q, multiplier)
+            if size > 0.5 * last and self._rounded(A, q, right):
+                self.floor = max(self.floor, size)
+                return Equilibrium(guess.factor, q, multiplier)
+            last = size
+        return None
+
+    def _residual(self, factor: float, q: Array, multiplier: Array) -> Array:
+        model, parts, dofs = self.model, self.model.parts, self.model.dofs
+        elastic_forces(q, parts.first, parts.elements, parts.kinds, parts.constants, self.buffer, self.force)
+        f = factor * parts.dead - self.force.reshape(-1)
+        add_loads(model.loads, factor * self.loads[None], 0, q.reshape(-1), f)
+        x = q.reshape(-1)[self.places[:dofs]]
+        gap = self.scale * self.rows.reference.reshape(-1) - self.phi @ x
+        return np.concatenate([f[self.places[:dofs]] - self.phi.T @ multiplier, gap])
+
+    def _matrix(self, value: Array, q: Array) -> Matrix:
+        assemble(self.system, 0.0, self.model.parts, self.model.loads, value, q, *self.scratch, self.data)
+        return matrix_of(self.system, self.data)
+
+    def _rounded(self, A: Matrix, q: Array, right: Array) -> bool:
+        """Whether the residual is as small as rounding of its terms, |K| |q|, lets it be."""
+        dofs = self.model.dofs
+        terms = abs(A)[:dofs, :dofs] @ np.abs(q.reshape(-1)[self.places[:dofs]])
+        return bool(np.abs(right[:dofs]).max() <= ROUNDINGS * np.finfo(float).eps * terms.max())
+
+
+def _solve(A: Matrix, right: Array) -> Array | None:
+    try:
+        x = splu(A).solve(right)
+    except RuntimeError:  # exactly singular
+        return None
+    return x if np.isfinite(x).all() else None
+
+
+def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
+    """Equilibria at the load factors 0, 1/load_steps, … 1, as far as they can be reached."""
+    search = Search(model)
+    search.newton(search.start())  # compiles
+    start = process_time(), perf_counter()
+    now, status = search.start(), Status()
+    factors = np.arange(load_steps + 1) / load_steps
+    kept, energies = [now.q], [_energies(model, now)]
+    for factor in factors[1:]:
+        now = search.reach(now, float(factor))
+        if now.factor != factor:
+            status = _stuck(model, search, now.factor)
+            break
+        kept.append(now.q)
+        energies.append(_energies(model, now))
+    if status.ok and search.floor > 0.0:
+        status = Status(
+            "ok", f"corrections end at {search.floor:.1e}: the residual is as small as rounding allows"
+        )
+    cost = Cost(
+        process_time() - start[0],
+        perf_counter() - start[1],
+        len(kept) - 1,
+        search.iterations,
+        search.iterations,
+    )
+    return solution(solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status)
+
+
+def _energies(model: Model, e: Equilibrium) -> Array:
+    """Kinetic, strain, potential, work; the last is not followed along the load steps where it is not zero."""
+    parts, work = model.parts, np.nan if e.factor > 0.0 and len(model.loads.place) else 0.0
+    strain = strain_energy(e.q, parts.first, parts.elements, parts.kinds, parts.constants)
+    return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), work])
+
+
+def _stuck(model: Model, search: Search, factor: float) -> Status:
+    body, element = model.bodies.element_at(search.node)
+    message = (
+        f"no equilibrium found beyond {factor:.6g} of the load, body {body!r}, element {element}: the scene may be "
+        f"free to move or buckle there; hold it, take more load_steps or a finer mesh"
+    )
+    return Status("diverged", message, factor, None, body, element)
