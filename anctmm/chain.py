@@ -15,7 +15,7 @@ from anctmm.assembly import Bodies
 from anctmm.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
 from anctmm.mesh import body_mesh, constant_forces
-from anctmm.scene import Clamp, Pin, Scene, Weld
+from anctmm.scene import Clamp, Scene, Weld
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -106,9 +106,9 @@ class Chain:
         for i, mesh in enumerate(bodies.meshes):
             mask[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = True
         for joint in self.scene.joints:
-            if len(joint.ends) == 1:
-                body, side = self.scene.body_end(joint.ends[0])
-                mask[: 2 if isinstance(joint, Pin) else None, bodies.node(body.name, side)] = True
+            for end in joint.ends if joint.grounded else ():
+                held = None if isinstance(joint, Clamp) else 2
+                mask[:held, bodies.node(*_name_and_side(self.scene, end))] = True
         return mask
 
     @cached_property

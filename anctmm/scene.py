@@ -119,22 +119,40 @@ class Beam:
 
 @dataclass(frozen=True, init=False)
 class Pin:
-    """Hinge of two ends, or of one end with the ground."""
+    """Hinge of two ends, or of one end with the ground.
+
+    Parameters
+    ----------
+    *ends : str
+    grounded : bool
+        Whether a hinge of two ends is held in place, as by a support.
+    """
 
     ends: tuple[str, ...]
+    grounded: bool
 
-    def __init__(self, *ends: str) -> None:
+    def __init__(self, *ends: str, grounded: bool = False) -> None:
         object.__setattr__(self, "ends", ends)
+        object.__setattr__(self, "grounded", bool(grounded) or len(ends) == 1)
 
 
 @dataclass(frozen=True, init=False)
 class Weld:
-    """Rigid connection of two ends: positions and all gradients, at the angle they have in the reference."""
+    """Rigid connection of two ends: positions and all gradients, at the angle they have in the reference.
+
+    Parameters
+    ----------
+    *ends : str
+    grounded : bool
+        Whether its place is pinned to the ground, as where a continuous beam passes over a support.
+    """
 
     ends: tuple[str, ...]
+    grounded: bool
 
-    def __init__(self, *ends: str) -> None:
+    def __init__(self, *ends: str, grounded: bool = False) -> None:
         object.__setattr__(self, "ends", ends)
+        object.__setattr__(self, "grounded", bool(grounded))
 
 
 @dataclass(frozen=True)
@@ -155,6 +173,11 @@ class Clamp:
     def ends(self) -> tuple[str, ...]:
         """The one end it holds."""
         return (self.end,)
+
+    @property
+    def grounded(self) -> bool:
+        """Always."""
+        return True
 
 
 Joint = Pin | Weld | Clamp
@@ -290,7 +313,7 @@ class Scene:
                 _check_angle(joint)
             for other in places[1:]:
                 self._check_meeting(joint, places[0], other)
-            if len(places) == 1 and not (isinstance(joint, Clamp) and joint.angle is not None):
+            if joint.grounded and not (isinstance(joint, Clamp) and joint.angle is not None):
                 body, side = places[0]
                 if (velocity := body.velocity_at(float(side))) != (0.0, 0.0):
                     raise JointGapError(

@@ -218,6 +218,8 @@ class Model:
         else:
             other_body, other = self.node(joint.ends[1])
             matrix = self.beams.welded(body, other_body) if isinstance(joint, Weld) else np.eye(2, width)
+            if joint.grounded:
+                self._fix(other, range(2))
             self._tie(node, other, matrix)
 
     def _fix(self, node: Any, coordinates: range) -> None:

@@ -95,7 +95,10 @@ def _rows_of(
         yield Row((Term(nodes[0], 0, 1.0),))
     else:
         a, b = nodes
-        yield Row((Term(a, 0, 1.0), Term(b, 0, -1.0)))
+        if joint.grounded:
+            yield from (Row((Term(node, 0, 1.0),)) for node in nodes)
+        else:
+            yield Row((Term(a, 0, 1.0), Term(b, 0, -1.0)))
         if isinstance(joint, Weld):
             turn = _turn(reference, a, b)
             for k in range(1, vectors):
@@ -147,6 +150,15 @@ def prescribe(rows: Rows, angles: Array, n: int, b: Array, rate: Array, accelera
         b[j, 0], b[j, 1] = x, y
         rate[j, 0], rate[j, 1] = -w * y, w * x
         acceleration[j, 0], acceleration[j, 1] = -e * y - w * w * x, e * x - w * w * y
+
+
+@inlined
+def scale_driven(rows: Rows, acceleration: Array, right: Array, at: int) -> None:
+    """Put s b̈ of the driven rows into a right-hand side, whose constraint rows begin at `at`; the others stay zero."""
+    for k in range(len(rows.driven)):
+        j = rows.driven[k]
+        right[at + 2 * j] = rows.scale * acceleration[j, 0]
+        right[at + 2 * j + 1] = rows.scale * acceleration[j, 1]
 
 
 @inlined
