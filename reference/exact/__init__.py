@@ -1,0 +1,46 @@
+"""Exact solutions, in closed form or solved to rounding; nothing here knows a finite element.
+
+Static cantilevers of three continua (`cantilever_static`, `solve_static`, `solve_rod`, `solve_director`),
+their closed forms, natural frequencies, and the rigid motions that stiff beams tend to.
+"""
+
+from reference.exact.cantilever import Cantilever
+from reference.exact.closed_forms import (
+    inextensible_tip,
+    moment_arc,
+    poisson_locking_factor,
+    timoshenko_tip_deflection,
+)
+from reference.exact.director import DirectorShape, graded_breaks, solve_director
+from reference.exact.frequencies import (
+    axial_frequencies,
+    euler_bernoulli_frequencies,
+    timoshenko_frequencies,
+)
+from reference.exact.pendulums import DoublePendulum, FreeBar, Pendulum, bar_reduced_length
+from reference.exact.rods import Rigidity, RodShape, solve_rod
+from reference.exact.scenes import cantilever_problem, cantilever_static, solve_static
+
+__all__ = [
+    "Cantilever",
+    "DirectorShape",
+    "DoublePendulum",
+    "FreeBar",
+    "Pendulum",
+    "Rigidity",
+    "RodShape",
+    "axial_frequencies",
+    "bar_reduced_length",
+    "cantilever_problem",
+    "cantilever_static",
+    "euler_bernoulli_frequencies",
+    "graded_breaks",
+    "inextensible_tip",
+    "moment_arc",
+    "poisson_locking_factor",
+    "solve_director",
+    "solve_rod",
+    "solve_static",
+    "timoshenko_frequencies",
+    "timoshenko_tip_deflection",
+]

@@ -1,0 +1,62 @@
+"""The static problem all rod models here are asked: a cantilever under dead loads."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.scene import Point
+from anctmm.validation import number, positive, vector
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cantilever:
+    """A straight rod, clamped at its start, under loads that keep their direction.
+
+    Parameters
+    ----------
+    length : float
+        Undeformed, m.
+    force : (float, float)
+        On the end, N.
+    moment : float
+        On the end, positive counter-clockwise, N m.
+    weight : (float, float)
+        Per undeformed length, N/m.
+    start : (float, float)
+        Place of the clamp, m.
+    angle : float
+        Direction of the undeformed rod, rad.
+
+    Raises
+    ------
+    PropertyError
+        If a value is not finite, or the length is not positive.
+    """
+
+    length: float
+    force: Point = (0.0, 0.0)
+    moment: float = 0.0
+    weight: Point = (0.0, 0.0)
+    start: Point = (0.0, 0.0)
+    angle: float = 0.0
+
+    def __post_init__(self) -> None:
+        positive("cantilever length (m)", self.length)
+        vector("cantilever force (N)", self.force)
+        number("cantilever moment (N m)", self.moment)
+        vector("cantilever weight (N/m)", self.weight)
+        vector("cantilever start (m)", self.start)
+        number("cantilever angle (rad)", self.angle)
+
+    def internal_force(self, fraction: Array) -> Array:
+        """Force the outer part exerts at fractions of the length, (n, 2), N: statically determinate."""
+        beyond = self.length * (1.0 - np.asarray(fraction, float))
+        return np.asarray(self.force) + np.multiply.outer(beyond, self.weight)
+
+    def undeformed(self, fraction: float) -> Array:
+        """Position before the loads, (2,), m."""
+        along = self.length * fraction * np.array([np.cos(self.angle), np.sin(self.angle)])
+        return np.asarray(self.start) + along

@@ -1,0 +1,412 @@
+"""The continuum the paper's shear-deformable element tends to, solved by its own high-order Ritz method.
+
+The motion is r(s, y) = c(s) + y d(s) with any centre line c and director d, and the energy that of the
+element (method, section 1): Saint Venant-Kirchhoff's, in Green strains of f = c' + y d' and d,
+
+    ε_xx = ½ (f·f − 1),   ε_yy = ½ (d·d − 1),   ε_xy = ½ f·d.
+
+The section is replaced by three fibres, y = 0 and ±√(J/I), that have its moments A, 0, I, 0, J. So nothing
+here is shared with the element but the physics.
+
+What the clamp holds. The energy contains c' but no derivative of it: c' is a field of its own, p, that force
+balance determines point by point, ∂W/∂p = n(s). Its value at one point costs nothing, so a clamp that holds
+the full gradient, c'(0) too, has the same limit as one that holds c(0) and d(0) only; the limit's c'(0) is
+sheared by about n/GA against the clamp. An element's c' cannot jump: with c'(0) held it loses the shear
+strain over a part of the first element's length l, and the body is too stiff by a term of *first* order in l.
+That is small (about 0.12 l/L of the shear's share of the deflection at small load) but outlives the
+second-order error of the rest. Measured with the element itself towards this limit, from 256 to 512 elements:
+with c'(0) held orders 1.54 (L/h = 10, small load), 1.36 (L/h = 20, PL²/EI = 3), 1.09 (L/h = 5, PL²/EI = 1),
+with c'(0) free 2.00 in all of them. `hold_slope` shows the same.
+
+The director has boundary layers of about the section's height at clamp and loaded end, so breaks are graded
+there.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.polynomial.legendre import legder, legint, legval, legvander
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from anctmm.errors import DiscretisationError, SolverError
+from anctmm.scene import Material
+from anctmm.sections import Section
+from reference.exact.cantilever import Cantilever
+from reference.exact.legendre import gauss
+from reference.exact.rods import Rigidity, RodShape, solve_rod
+
+Array = NDArray[np.float64]
+NEWTON_ITERATIONS = 40
+
+
+@dataclass(frozen=True)
+class Fibres:
+    """Section and material as three fibres.
+
+    Parameters
+    ----------
+    section : Section
+    material : Material
+    """
+
+    section: Section
+    material: Material
+
+    @cached_property
+    def places(self) -> Array:
+        """Their y, m."""
+        y = sqrt(self.section.fourth_moment / self.section.second_moment)
+        return np.array([-y, 0.0, y])
+
+    @cached_property
+    def areas(self) -> Array:
+        """Area of each, m²; the middle one's may be zero."""
+        outer = self.section.second_moment**2 / self.section.fourth_moment
+        return np.array([0.5 * outer, self.section.area - outer, 0.5 * outer])
+
+    @cached_property
+    def moduli(self) -> Array:
+        """Derivatives of the stresses by (ε_xx, ε_yy, 2 ε_xy), (3, 3), Pa."""
+        lame, G = self.material.lame
+        return np.array([[lame + 2 * G, lame, 0.0], [lame, lame + 2 * G, 0.0], [0.0, 0.0, G]])
+
+    def strains(self, gradient: Array) -> Array:
+        """ε_xx, ε_yy, 2 ε_xy of the gradients (f, d), (..., 2, 2)."""
+        f, d = gradient[..., 0, :], gradient[..., 1, :]
+        return np.stack([0.5 * (_dot(f, f) - 1.0), 0.5 * (_dot(d, d) - 1.0), _dot(f, d)], axis=-1)
+
+    def energy(self, gradient: Array) -> Array:
+        """Strain energy per volume, J/m³."""
+        e = self.strains(gradient)
+        return 0.5 * np.einsum("...i,ij,...j->...", e, self.moduli, e)
+
+    def stress(self, gradient: Array) -> Array:
+        """First Piola-Kirchhoff stresses, the energy's derivatives by f and d, (..., 2, 2), Pa."""
+        return _symmetric(self.strains(gradient) @ self.moduli) @ gradient
+
+    def tangent(self, gradient: Array) -> Array:
+        """The energy's second derivatives by f and d, (..., 4, 4), Pa."""
+        f, d = gradient[..., 0, :], gradient[..., 1, :]
+        zero = np.zeros_like(f)
+        rows = [np.concatenate(pair, axis=-1) for pair in ((f, zero), (zero, d), (d, f))]
+        E = np.stack(rows, axis=-2)
+        geometric = np.kron(_symmetric(self.strains(gradient) @ self.moduli), np.eye(2))
+        return np.swapaxes(E, -1, -2) @ self.moduli @ E + geometric
+
+
+@dataclass(frozen=True)
+class DirectorShape:
+    """Deformed cantilever of the two-director continuum.
+
+    Parameters
+    ----------
+    problem : Cantilever
+    breaks : ndarray, shape (elements + 1,)
+        Fractions of the length.
+    slopes : ndarray, shape (elements, degree + 1, 2)
+        Legendre coefficients of c' in each part.
+    directors : ndarray, shape (elements, degree + 2, 2)
+        Legendre coefficients of d.
+    strain_energy : float
+        J.
+    residual : float
+        Largest unbalanced generalised force over the largest one that balances.
+    uncertainty : float
+        Change of the tip since the last lower degree, m; NaN where it was not asked for.
+    """
+
+    problem: Cantilever
+    breaks: Array
+    slopes: Array
+    directors: Array
+    strain_energy: float
+    residual: float
+    uncertainty: float = field(default=float("nan"))
+
+    def _part(self, fraction: float) -> tuple[int, float]:
+        e = int(np.clip(np.searchsorted(self.breaks, fraction, side="right") - 1, 0, len(self.slopes) - 1))
+        a, b = self.breaks[e : e + 2]
+        return e, 2.0 * (fraction - a) / (b - a) - 1.0
+
+    def position(self, fraction: float) -> Array:
+        """Position of the centre line at a fraction of the undeformed length, (2,), m."""
+        e, x = self._part(fraction)
+        lengths = np.diff(self.breaks) * self.problem.length
+        before = lengths[:e] @ self.slopes[:e, 0]
+        within = 0.5 * lengths[e] * legval(x, legint(self.slopes[e], lbnd=-1))
+        return np.asarray(self.problem.start) + before + within
+
+    def slope(self, fraction: float) -> Array:
+        """c', (2,)."""
+        e, x = self._part(fraction)
+        return np.asarray(legval(x, self.slopes[e]))
+
+    def director(self, fraction: float) -> Array:
+        """d, (2,)."""
+        e, x = self._part(fraction)
+        return np.asarray(legval(x, self.directors[e]))
+
+    def angle(self, fraction: float) -> float:
+        """Angle of the section's normal (of d less a right angle) from the x axis, rad, not wrapped."""
+        d = np.array([self.director(f) for f in np.linspace(0.0, fraction, 257)])
+        turn = np.unwrap(np.arctan2(d[:, 1], d[:, 0]))
+        return self.problem.angle + float(turn[-1] - turn[0])
+
+    @property
+    def load_potential(self) -> float:
+        """Potential of force and weight, zero before the loads, J."""
+        x, w = gauss(self.slopes.shape[1] + 1)
+        n = self.problem.internal_force(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        stretch = np.einsum("gk,ekc->egc", legvander(2.0 * x - 1.0, self.slopes.shape[1] - 1), self.slopes)
+        stretch = stretch - [np.cos(self.problem.angle), np.sin(self.problem.angle)]
+        lengths = np.diff(self.breaks) * self.problem.length
+        return -float(np.einsum("e,g,egc,egc->", lengths, w, n, stretch))
+
+    @property
+    def moment_work(self) -> float:
+        """End moment times the end director's turn, J."""
+        return self.problem.moment * (self.angle(1.0) - self.problem.angle)
+
+
+def graded_breaks(problem: Cantilever, section: Section) -> Array:
+    """Fractions 0 … 1, fine within the section's size of both ends and growing fourfold inwards."""
+    first = sqrt(section.second_moment / section.area) / problem.length
+    growing = first * 4.0 ** np.arange(40)
+    left = growing[growing < 0.3]
+    return np.concatenate([[0.0], left, [0.5], 1.0 - left[::-1], [1.0]])
+
+
+def solve_director(
+    problem: Cantilever,
+    section: Section,
+    material: Material,
+    *,
+    degree: int = 14,
+    breaks: Array | None = None,
+    hold_slope: bool = False,
+) -> DirectorShape:
+    """Equilibrium of the continuum behind the paper's shear-deformable element.
+
+    Parameters
+    ----------
+    problem : Cantilever
+        Length and loads; the torque turns the end's d.
+    section : Section
+        Area, second and fourth moment.
+    material : Material
+        Poisson's ratio included.
+    degree : int
+        Of c' in each part, at least 1; d has one more.
+    breaks : ndarray, optional
+        Fractions of the length, 0 and 1 included; `graded_breaks` without them.
+    hold_slope : bool
+        Whether the clamp also holds c'(0), as an element's does. The limit is the same, see the module.
+
+    Returns
+    -------
+    DirectorShape
+
+    Raises
+    ------
+    DiscretisationError
+        If degree or breaks cannot be used.
+    SolverError
+        If Newton's iteration finds no equilibrium near that of the rod with the same rigidities.
+    """
+    if degree < 1:
+        raise DiscretisationError(f"degree is {degree!r}; a whole number from 1 on is needed")
+    breaks = graded_breaks(problem, section) if breaks is None else np.asarray(breaks, float)
+    if breaks[0] != 0.0 or breaks[-1] != 1.0 or np.diff(breaks).min() <= 0.0:
+        raise DiscretisationError(f"breaks are {breaks!r}; fractions growing from 0 to 1 are needed")
+    fibres = Fibres(section, material)
+    rod = solve_rod(problem, Rigidity.shear_element(section, material))
+    lower = _Ritz(problem, fibres, breaks, max(degree - 3, 1), hold_slope)
+    coarse = lower.shape(lower.solve(lower.guess(rod)))
+    ritz = _Ritz(problem, fibres, breaks, degree, hold_slope)
+    fine = ritz.shape(ritz.solve(ritz.raised(coarse)))
+    change = float(np.abs(fine.position(1.0) - coarse.position(1.0)).max())
+    return DirectorShape(**{**vars(fine), "uncertainty": change})
+
+
+class _Ritz:
+    """Stationary potential in piecewise polynomials: c' may jump between the parts, d is continuous.
+
+    Coefficients, each a pair: of c' (part by part, Legendre), of d at the breaks, of d's bubbles (Legendre,
+    integrated).
+    """
+
+    def __init__(
+        self, problem: Cantilever, fibres: Fibres, breaks: Array, degree: int, hold_slope: bool
+    ) -> None:
+        self.problem, self.fibres, self.breaks, self.degree = problem, fibres, breaks, degree
+        self.parts = len(breaks) - 1
+        self.lengths = np.diff(breaks) * problem.length
+        self.split = np.cumsum([self.parts * (degree + 1), self.parts + 1, self.parts * degree])
+        x, w = gauss(2 * degree + 3)
+        self.fractions = breaks[:-1, None] + np.diff(breaks)[:, None] * x
+        volumes = np.multiply.outer(np.multiply.outer(self.lengths, w), fibres.areas)
+        self.weights = volumes.reshape(-1)
+        self.operator = sparse.kron(self._gradients(x), sparse.eye_array(2), format="csr")
+        self.loads = self._loads(x, w)
+        self.free, self.fixed = self._clamped(hold_slope)
+
+    def _shapes(self, x: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+        """At fractions x of a part: Legendre values; values of hats and bubbles; their derivatives by x."""
+        P = legvander(2.0 * x - 1.0, self.degree)
+        integrals = legint(np.eye(self.degree + 1), lbnd=-1, scl=0.5)
+        bubbles = legvander(2.0 * x - 1.0, self.degree + 1) @ integrals
+        hats = np.stack([1.0 - x, x], axis=-1)
+        one = np.ones_like(hats)
+        return P, np.hstack([hats, bubbles[:, 1:]]), np.hstack([one * [-1.0, 1.0], P[:, 1:]])
+
+    def _columns(self, e: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Coefficients of c' and of d in a part."""
+        slope = np.arange(e * (self.degree + 1), (e + 1) * (self.degree + 1))
+        bubbles = self.split[1] + np.arange(e * self.degree, (e + 1) * self.degree)
+        return slope, np.concatenate([self.split[0] + np.array([e, e + 1]), bubbles])
+
+    def _gradients(self, x: Array) -> sparse.csr_array:
+        """Matrix from the coefficients to (f, d) of every part, point and fibre."""
+        P, D, dD = self._shapes(x)
+        y = self.fibres.places
+        shape = (self.parts, len(x), len(y), 2, self.split[2])
+        matrix = np.zeros(shape)
+        for e in range(self.parts):
+            slope, director = self._columns(e)
+            matrix[e, :, :, 0, slope] = P.T[:, :, None]
+            matrix[e, :, :, 0, director] = dD.T[:, :, None] * y / self.lengths[e]
+            matrix[e, :, :, 1, director] = D.T[:, :, None]
+        return sparse.csr_array(matrix.reshape(-1, self.split[2]))
+
+    def _loads(self, x: Array, w: Array) -> Array:
+        """Generalised force of force and weight, ∫ n·δc' ds, flat."""
+        P, _, _ = self._shapes(x)
+        n = self.problem.internal_force(self.fractions)
+        force = np.zeros((self.split[2], 2))
+        force[: self.split[0]] = np.einsum("e,g,gk,egc->ekc", self.lengths, w, P, n).reshape(-1, 2)
+        return force.reshape(-1)
+
+    def _clamped(self, hold_slope: bool) -> tuple[sparse.csc_array, Array]:
+        """Matrix and constant of all coefficients in terms of the free ones."""
+        free = np.eye(self.split[2])
+        fixed = np.zeros((self.split[2], 2))
+        c, s = np.cos(self.problem.angle), np.sin(self.problem.angle)
+        gone = [int(self.split[0])]
+        fixed[self.split[0]] = -s, c
+        if hold_slope:  # c'(0) = Σ (−1)^k c_k
+            free[0, : self.degree + 1] = -((-1.0) ** np.arange(self.degree + 1))
+            gone.append(0)
+            fixed[0] = c, s
+        matrix = sparse.csc_array(np.delete(free, gone, axis=1))
+        return sparse.kron(matrix, sparse.eye_array(2), format="csc"), fixed.reshape(-1)
+
+    def guess(self, rod: RodShape) -> Array:
+        """Coefficients of a rod's fields, flat."""
+        x, _ = gauss(self.degree + 1)
+        P = np.linalg.inv(legvander(2.0 * x - 1.0, self.degree))
+        theta = rod.theta(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        moment = rod.bending_moment(self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * x)
+        normal = np.stack([np.cos(theta), np.sin(theta)], axis=-1)
+        turn = -(self.lengths[:, None] * moment / rod.rigidity.bending)[..., None] * normal
+        at_breaks = np.stack([-np.sin(rod.theta(self.breaks)), np.cos(rod.theta(self.breaks))], axis=-1)
+        return self._flat(P @ normal, at_breaks, (P @ turn)[:, 1:])
+
+    def raised(self, shape: DirectorShape) -> Array:
+        """Coefficients of a shape of lower degree on the same breaks, flat."""
+        slopes = np.zeros((self.parts, self.degree + 1, 2))
+        slopes[:, : shape.slopes.shape[1]] = shape.slopes
+        bubbles = np.zeros((self.parts, self.degree + 1, 2))
+        for e, series in enumerate(shape.directors):
+            derivative = 2.0 * legder(series)
+            bubbles[e, : len(derivative)] = derivative
+        at_breaks = np.array([shape.director(f) for f in self.breaks])
+        return self._flat(slopes, at_breaks, bubbles[:, 1:])
+
+    def _flat(self, slopes: Array, at_breaks: Array, bubbles: Array) -> Array:
+        return np.concatenate([a.reshape(-1) for a in (slopes, at_breaks, bubbles)])
+
+    def solve(self, guess: Array) -> Array:
+        """Newton's iteration to where rounding stops it."""
+        u = self.fixed + self.free @ (self.free.T @ guess)
+        last = np.inf
+        for _ in range(NEWTON_ITERATIONS):
+            residual, tangent = self.free.T @ self.residual(u), self.free.T @ self.tangent(u) @ self.free
+            step = self.free @ splu(tangent.tocsc()).solve(residual)
+            u, size = u - step, float(np.abs(step).max())
+            if not size < 1e3:
+                break
+            if size < 1e-14 or (size < 1e-8 and size > 0.3 * last):
+                return u
+            last = size
+        raise SolverError(
+            f"two-director cantilever of {self.problem!r} finds no equilibrium near the rod's: "
+            f"last Newton step {size:.3g} after {NEWTON_ITERATIONS} iterations"
+        )
+
+    def residual(self, u: Array) -> Array:
+        """Gradient of the potential, flat."""
+        stress = self.fibres.stress(self._at_points(u)) * self.weights[:, None, None]
+        force = self.operator.T @ stress.reshape(-1) - self.loads
+        force[self._tip] -= self.problem.moment * _turn_gradient(u[self._tip])
+        return force
+
+    def tangent(self, u: Array) -> sparse.csr_array:
+        """Hessian of the potential."""
+        blocks = self.fibres.tangent(self._at_points(u)) * self.weights[:, None, None]
+        n = len(blocks)
+        pointwise = sparse.bsr_array((blocks, np.arange(n), np.arange(n + 1)), shape=(4 * n, 4 * n))
+        matrix = (self.operator.T @ pointwise @ self.operator).tolil()
+        matrix[self._tip, self._tip] -= self.problem.moment * _turn_hessian(u[self._tip])
+        return matrix.tocsr()
+
+    @property
+    def _tip(self) -> slice:
+        last = 2 * int(self.split[1])
+        return slice(last - 2, last)
+
+    def _at_points(self, u: Array) -> Array:
+        return (self.operator @ u).reshape(-1, 2, 2)
+
+    def shape(self, u: Array) -> DirectorShape:
+        """The shape of coefficients."""
+        pairs = u.reshape(-1, 2)
+        slopes = pairs[: self.split[0]].reshape(self.parts, self.degree + 1, 2)
+        directors = np.zeros((self.parts, self.degree + 2, 2))
+        for e in range(self.parts):
+            _, columns = self._columns(e)
+            left, right, *bubbles = pairs[columns]
+            series = np.vstack([right - left, bubbles])
+            directors[e] = legint(series, lbnd=-1, scl=0.5)
+            directors[e, 0] += left
+        energy = float(self.weights @ self.fibres.energy(self._at_points(u)))
+        unbalanced = self.free.T @ self.residual(u)
+        scale = max(np.abs(self.loads).max(), abs(self.problem.moment), np.finfo(float).tiny)
+        return DirectorShape(
+            self.problem, self.breaks, slopes, directors, energy, float(np.abs(unbalanced).max() / scale)
+        )
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.einsum("...i,...i->...", a, b))
+
+
+def _symmetric(stress: Array) -> Array:
+    """Second Piola-Kirchhoff stresses (xx, yy, xy) as matrices."""
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+
+
+def _turn_gradient(d: Array) -> Array:
+    """Derivative of the angle of d."""
+    return np.array([-d[1], d[0]]) / (d @ d)
+
+
+def _turn_hessian(d: Array) -> Array:
+    """Second derivative of the angle of d."""
+    x, y = d
+    return np.array([[2 * x * y, y * y - x * x], [y * y - x * x, -2 * x * y]]) / (d @ d) ** 2
