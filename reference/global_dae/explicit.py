@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anctmm.assembly import elastic_forces
 from anctmm.compiling import inlined, kernel
 from reference.global_dae.assemble import fill_dense, solve_dense
-from reference.global_dae.constraints import Rows, prescribe, project
+from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
 from reference.global_dae.loads import Loads, add_loads, work_since
 from reference.global_dae.lu import Factors, Index, factorise, no_factors, solve_factored
@@ -56,52 +56,34 @@ class State(NamedTuple):
 
 
 @inlined
-def accelerate(
-    parts: Parts,
-    rows: Rows,
-    loads: Loads,
-    factors: Factors,
-    constant: Constant,
-    table: Array,
-    n: int,
-    s: State,
-) -> bool:
-    """Solve for q̈ and μ of the present state, loads in row n of their table; False if they are not finite."""
-    m, size = s.motion, s.before.size
-    elastic_forces(m.q, parts.first, parts.elements, parts.kinds, parts.constants, m.buffer, s.force)
-    for i in range(size):
-        s.right[i] = parts.dead[i] - s.right[i]
-    add_loads(loads, table, n, m.flat_q, s.right)
-    for k in range(len(rows.driven)):
-        j = rows.driven[k]
-        s.right[size + 2 * j] = rows.scale * m.acceleration[j, 0]
-        s.right[size + 2 * j + 1] = rows.scale * m.acceleration[j, 1]
-    if len(factors.width) == 0:
-        for i in range(size):
-            if not abs(s.right[i]) < HUGE:  # LAPACK's wrapper would raise
-                return False
-        fill_dense(constant.column, constant.row, constant.data, s.dense)
-        solve_dense(s.dense, factors.source, s.right, s.left)
-    else:
-        solve_factored(factors, s.right, s.left, s.scratch)
+def solve(factors: Factors, constant: Constant, right: Array, left: Array, scratch: Array, dense: Array) -> bool:
+    """Accelerations and multipliers from forces; False if they are not finite."""
     bad = False
-    for i in range(size):
-        bad |= not abs(s.left[i]) < HUGE
+    if len(factors.width) == 0:
+        for i in range(right.size):
+            bad |= not abs(right[i]) < HUGE
+        if bad:  # LAPACK's wrapper would raise
+            return False
+        fill_dense(constant.column, constant.row, constant.data, dense)
+        solve_dense(dense, factors.source, right, left)
+    else:
+        solve_factored(factors, right, left, scratch)
+    for i in range(left.size):
+        bad |= not abs(left[i]) < HUGE
     return not bad
 
 
 @inlined
-def advance(scheme: Scheme, s: State) -> None:
-    """One step of positions and velocities."""
+def advance(scheme: Scheme, q: Array, v: Array, left: Array, before: Array) -> None:
+    """One step of positions and velocities, flat."""
     h, c = scheme.h, scheme.h * scheme.h
     now, back = (0.5 + scheme.psi) * c, scheme.psi * c
     faster, slower = (1.0 + scheme.phi) * h, scheme.phi * h
-    q, v = s.motion.flat_q, s.motion.flat_v
     for i in range(q.size):
-        a, b = s.left[i], s.before[i]
+        a, b = left[i], before[i]
         q[i] += h * v[i] + now * a - back * b
         v[i] += faster * a - slower * b
-        s.before[i] = a
+        before[i] = a
 
 
 @kernel
@@ -134,30 +116,40 @@ def march(
     int, int
         Step reached (below span[1] if the acceleration there is not finite), outputs kept.
     """
+    # arrays are taken out of their tuples once: their references would be counted at every step
     count, m, size = 0, s.motion, s.before.size
+    q, flat_q, flat_v, force, right, left, before = m.q, m.flat_q, m.flat_v, s.force, s.right, s.left, s.before
+    b, rate, acceleration, trail, buffer, scratch, dense = (
+        m.b, m.rate, m.acceleration, m.trail, m.buffer, s.scratch, s.dense
+    )  # fmt: skip
+    first, elements, kinds, constants, dead = parts.first, parts.elements, parts.kinds, parts.constants, parts.dead
     for n in range(span[0], span[1]):
         at = n - span[0]
         if n == 0:
-            prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
-            project(rows, m.flat_v, m.rate)
-        if not accelerate(parts, rows, loads, factors, constant, values, at, s):
+            prescribe(rows, angles, 0, b, rate, acceleration)
+            project(rows, flat_v, rate)
+        elastic_forces(q, first, elements, kinds, constants, buffer, force)
+        for i in range(size):
+            right[i] = dead[i] - right[i]
+        add_loads(loads, values, at, flat_q, right)
+        scale_driven(rows, acceleration, right, size)
+        if not solve(factors, constant, right, left, scratch, dense):
             return n, count
         if n == 0:
-            s.before[:] = s.left[:size]
-        if len(m.trail):
-            work = work_since(loads, values, at, rows, s.left, size, m.flat_q, m.trail)
-            if n > 0:
-                m.work[0] += work
+            before[:] = left[:size]
+        if len(trail):
+            work = work_since(loads, values, at, rows, left, size, flat_q, trail)
+            m.work[0] += work if n > 0 else 0.0
         if n == wanted[count]:
             keep(parts, m, count, kept, energies)
             count += 1
         if n == span[2]:
             break
-        advance(scheme, s)
-        prescribe(rows, angles, at + 1, m.b, m.rate, m.acceleration)
+        advance(scheme, flat_q, flat_v, left, before)
+        prescribe(rows, angles, at + 1, b, rate, acceleration)
         if scheme.project:
-            project(rows, m.flat_q, m.b)
-            project(rows, m.flat_v, m.rate)
+            project(rows, flat_q, b)
+            project(rows, flat_v, rate)
     return span[1], count
 
 
