@@ -1,13 +1,16 @@
 """How kernels are compiled and cached.
 
 Numba notices a change of the file a kernel stands in, not of the kernels it calls from other files. So the cache
-lies in a directory named after a hash of all sources of this package: a stale kernel cannot be found.
+lies in a directory named after a hash of all sources of this package, and of the kernel's own package where that is
+another one (a reference has kernels, too): a stale kernel cannot be found.
 """
 
 import hashlib
 import os
+import sys
 import tempfile
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -28,10 +31,14 @@ def source_digest(root: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_directory() -> Path:
-    """Where compiled kernels of this very source tree are kept; ANCTMM_CACHE or the user's cache directory."""
+@lru_cache
+def cache_directory(package: str) -> Path:
+    """Where compiled kernels of a top-level package are kept; below ANCTMM_CACHE or the user's cache directory."""
     base = os.environ.get("ANCTMM_CACHE") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    directory = Path(base) / "anctmm" / f"kernels-{source_digest(Path(__file__).parent)}"
+    digests = [source_digest(Path(__file__).parent)]
+    if package != __name__.partition(".")[0] and hasattr(sys.modules.get(package), "__path__"):
+        digests += [source_digest(Path(root)) for root in sys.modules[package].__path__]
+    directory = Path(base) / "anctmm" / "-".join(["kernels", *digests])
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError:  # no writable home: kernels then live as long as the machine's temporary files
@@ -40,13 +47,10 @@ def cache_directory() -> Path:
     return directory
 
 
-_DIRECTORY = str(cache_directory())
-
-
 def kernel(function: Callable[..., Any]) -> Any:
     """Compile a function in nopython mode on first use, cached on disk."""
     previous = config.CACHE_DIR
-    config.CACHE_DIR = _DIRECTORY
+    config.CACHE_DIR = str(cache_directory(function.__module__.partition(".")[0]))
     try:
         return numba.njit(function, cache=True, fastmath=FASTMATH, error_model="numpy")
     finally:
