@@ -9,7 +9,9 @@ import hashlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,8 @@ from numba.core import config as _config
 config: Any = _config
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning.
 FASTMATH = {"contract"}
+#: Kernels found in the cache load faster than this, s.
+PATIENCE = 1.5
 
 
 def source_digest(root: Path) -> str:
@@ -60,3 +64,18 @@ def kernel(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a small function that its callers absorb."""
     return numba.njit(function, fastmath=FASTMATH, error_model="numpy", forceinline=True)
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """Say on standard error that kernels are being compiled, if what is done here takes longer than PATIENCE."""
+    message = (
+        "anctmm: compiling kernels for this kind of scene; they are kept, the next run starts at once …\n"
+    )
+    timer = threading.Timer(PATIENCE, lambda: sys.stderr.write(message))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()

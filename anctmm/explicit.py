@@ -15,7 +15,7 @@ from anctmm.accelerations import by_blocks, by_scalars
 from anctmm.actuation import Actuation, Hubs, Loads, place_hubs, set_loads, turn_hubs, work_done
 from anctmm.assembly import Tables
 from anctmm.chain import Chain
-from anctmm.compiling import kernel
+from anctmm.compiling import announced, kernel
 from anctmm.recording import (
     STRETCH_LIMIT,
     Output,
@@ -26,7 +26,7 @@ from anctmm.recording import (
     too_large,
     worst_element,
 )
-from anctmm.riccati import BlockFactors, SplitFactors, block_factors, mass_factors, split_factors
+from anctmm.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
 from anctmm.solution import Solution, Status
 from anctmm.stability import check_step
 
@@ -34,14 +34,13 @@ Array = NDArray[np.float64]
 
 
 class Numbers(NamedTuple):
-    """Last step, steps between outputs, Δt (s), ψ, φ, and whether the mass is factored in scalar blocks."""
+    """Last step, steps between outputs, Δt (s), ψ and φ."""
 
     steps: int
     stride: int
     dt: float
     psi: float
     phi: float
-    split: bool
 
 
 class State(NamedTuple):
@@ -80,11 +79,19 @@ def integrate(chain: Chain) -> Solution:
     q, v = bodies.reference(), bodies.initial_velocity()
     dead = chain.dead_load
     fixed = (
-        Numbers(run.steps, run.stride, run.dt, run.psi, run.phi, chain.split),
-        State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, np.zeros_like(q)),
+        Numbers(run.steps, run.stride, run.dt, run.psi, run.phi),
+        State(
+            q,
+            v,
+            np.zeros_like(q),
+            np.zeros_like(q),
+            dead.copy(),
+            dead,
+            np.zeros((1, 1)) if chain.split else np.zeros_like(q),
+        ),
         bodies.tables(),
-        split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
-        block_factors(1, bodies.rows) if chain.split else mass_factors(chain),
+        split_factors(chain) if chain.split else None,
+        None if chain.split else mass_factors(chain),
         actuation.hubs(),
         actuation.loads(),
         record.arrays(),
@@ -94,7 +101,8 @@ def integrate(chain: Chain) -> Solution:
         t = run.times(np.arange(begin, end))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
-    one(0, 0)  # compiles
+    with announced():
+        one(0, 0)
     record.start()
     failed = run_batches(chain, one)
     if failed < 0:
@@ -123,8 +131,8 @@ def advance(
     numbers: Numbers,
     state: State,
     tables: Tables,
-    split: SplitFactors,
-    block: BlockFactors,
+    split: SplitFactors | None,
+    block: BlockFactors | None,
     hubs: Hubs,
     loads: Loads,
     out: Output,
@@ -132,6 +140,8 @@ def advance(
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
+
+    One of `split` and `block` is None: only the branch that a scene needs is compiled.
 
     The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
@@ -144,7 +154,7 @@ def advance(
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
             set_loads(q, f, state.dead, loads, load_table[step - begin])
-        if numbers.split:
+        if block is None:
             by_scalars(q, f, tables, hubs, split, now)
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)

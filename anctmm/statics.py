@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from anctmm.actuation import Actuation, set_loads
 from anctmm.assembly import elastic_forces, strain_energy
 from anctmm.chain import Chain
+from anctmm.compiling import announced
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.recording import Record, worst_element
 from anctmm.riccati import block_factors, factorize, links, solve
@@ -55,7 +56,8 @@ def solve_static(
     positive("load_steps", load_steps)
     chain = Chain(scene, discretise(run, options))
     search = _Search(chain)
-    search.newton(0.0)  # compiles
+    with announced():
+        search.newton(0.0)
     search.reset()
     factors = np.arange(load_steps + 1) / load_steps
     record = Record(chain, outputs=load_steps + 1)

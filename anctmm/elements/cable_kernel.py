@@ -215,7 +215,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
 
 @inlined
 def _bending_blocks(q, first, count, A, B, C, a, b, c, v, f, out):  # type: ignore[no-untyped-def]
-    """Second derivatives of ½ f κ² at a point, in rows of the scratch: 0-2 by r' twice, 3-6 by r' and r'', 7-9 by r''."""
+    """Second derivatives of ½ f κ² at a point; rows of the scratch: 0-2 by r' twice, 3-6 by r' and r'', 7-9 by r''."""
     for j in range(count):
         i = first + j
         ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
