@@ -113,6 +113,6 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     if not np.isfinite(table).all():
         row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
         raise PropertyError(
-            f"{name}: the history is {table[row].tolist()!r} at t = {t[row]!r} s; finite numbers are needed"
+            f"{name}: the history is {table[row].tolist()!r} at t = {float(t[row])!r} s; finite numbers are needed"
         )
     return table

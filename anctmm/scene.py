@@ -351,7 +351,7 @@ def _check_angle(clamp: Clamp) -> None:
         raise PropertyError(
             f"clamp {clamp.end!r} angle is {clamp.angle!r}; None or a callable t -> (θ, θ', θ'') is allowed"
         )
-    start = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, np.zeros(1), 3)[0, 0]
+    start = float(tabulate(f"clamp {clamp.end!r} angle", clamp.angle, np.zeros(1), 3)[0, 0])
     if start != 0.0:
         raise PropertyError(
             f"clamp {clamp.end!r} angle is {start!r} rad at t = 0; 0 is needed: it turns from the reference"

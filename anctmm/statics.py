@@ -11,11 +11,11 @@ from anctmm.assembly import elastic_forces, strain_energy
 from anctmm.chain import Chain
 from anctmm.compiling import announced
 from anctmm.discretisation import Discretisation, discretise
+from anctmm.errors import DiscretisationError
 from anctmm.recording import Record, worst_element
 from anctmm.riccati import block_factors, factorize, links, solve
 from anctmm.scene import Scene
 from anctmm.solution import Solution, Status
-from anctmm.validation import positive
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,8 @@ def solve_static(
     DiscretisationError
         If the options are wrong or do not fit the scene.
     """
-    positive("load_steps", load_steps)
+    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
+        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
     chain = Chain(scene, discretise(run, options))
     search = _Search(chain)
     with announced():
