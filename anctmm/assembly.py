@@ -127,12 +127,17 @@ class Bodies:
 
     def node(self, name: str, side: int) -> int:
         """Node at the start (0) or end (1) of a body."""
-        i = next(k for k, m in enumerate(self.meshes) if m.body.name == name)
+        i = self._places[name]
         return int(self.first[i]) + self.meshes[i].node(side)
 
     def turning_row(self, name: str) -> int:
         """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
-        return 2 * next(m.vectors for m in self.meshes if m.body.name == name) - 2
+        return 2 * self.meshes[self._places[name]].vectors - 2
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Where each body stands: a search would make the cost of many joints quadratic."""
+        return {mesh.body.name: i for i, mesh in enumerate(self.meshes)}
 
     def element_at(self, node: int) -> tuple[str, int]:
         """Body and element, counted from the body's start, next to a node."""

@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 from anctmm.assembly import Bodies
 from anctmm.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
-from anctmm.mesh import body_mesh, constant_forces
+from anctmm.mesh import body_meshes, constant_forces
 from anctmm.scene import Clamp, Scene, Weld
 
 Array = NDArray[np.float64]
@@ -64,7 +64,7 @@ class Chain:
     @cached_property
     def bodies(self) -> Bodies:
         """Bodies in the order and direction of the chain."""
-        return Bodies([body_mesh(self.scene, self.run, link.body, link.reversed) for link in self._links])
+        return Bodies(body_meshes(self.scene, self.run, [(k.body, k.reversed) for k in self._links]))
 
     @cached_property
     def link(self) -> Ints:

@@ -4,6 +4,7 @@ It knows nothing of chains or constraints: each body has its own nodes, in its o
 wants it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -132,14 +133,25 @@ class BodyMesh:
         return np.asarray(result.df)
 
 
-def body_mesh(scene: Scene, run: Discretisation, name: str, flipped: bool = False) -> BodyMesh:
-    """The mesh of one body of a scene."""
+def body_meshes(
+    scene: Scene, run: Discretisation, passed: Iterable[tuple[str, bool]] | None = None
+) -> list[BodyMesh]:
+    """Meshes of bodies, by name and whether flipped; of all, in their own direction, without `passed`.
+
+    Raises
+    ------
+    MeshError
+        If the discretisation does not fit the scene's bodies.
+    """
+    cut = run.of(scene)  # once for all bodies: it looks at all of them
+    passed = ((body.name, False) for body in scene.bodies) if passed is None else passed
+    return [_body_mesh(scene, run.quadrature, name, *cut[name], flipped) for name, flipped in passed]
+
+
+def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
     body = scene.body(name)
-    elements, kind = run.of(scene)[name]
     element: Element = (
-        ShearElement.of(body, elements)
-        if kind == "shear"
-        else CableElement.of(body, elements, run.quadrature)
+        ShearElement.of(body, elements) if kind == "shear" else CableElement.of(body, elements, quadrature)
     )
     return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
 
@@ -152,7 +164,7 @@ def build(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:
     MeshError
         If the discretisation does not fit the scene's bodies.
     """
-    return {body.name: body_mesh(scene, run, body.name) for body in scene.bodies}
+    return {mesh.body.name: mesh for mesh in body_meshes(scene, run)}
 
 
 def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
