@@ -16,6 +16,13 @@ QUADRATURES = ("full", "reduced", "lobatto")
 INTEGRATORS = ("zhai", "generalized-alpha")
 
 
+class _NotGiven(float):
+    """A default that can be told from the same number given by the user."""
+
+
+NOT_GIVEN = _NotGiven(1e-3)
+
+
 @dataclass(frozen=True)
 class Discretisation:
     """How a scene is cut into elements and steps.
@@ -31,9 +38,13 @@ class Discretisation:
     integrator : str
         "zhai" (explicit) or "generalized-alpha" (implicit).
     dt, t_end : float
-        Step and run length, s; `t_end` a whole number of steps.
+        Step (1e-3 without it) and run length, s; `t_end` a whole number of steps.
     output_dt : float, optional
-        Interval of the output, s, a whole number of steps; every step without it.
+        Interval of the output, s, a whole number of steps; without it every step, or with a tolerance the 200th part
+        of the run.
+    tolerance : float, optional
+        Error in time that is wanted, instead of `dt`, relative to the largest displacement: an estimate of the local
+        error then drives the step of generalized-α.
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).
     spectral_radius : float
@@ -53,9 +64,10 @@ class Discretisation:
     element: Any = "cable"
     quadrature: str = "full"
     integrator: str = "generalized-alpha"
-    dt: float = 1e-3
+    dt: float = NOT_GIVEN
     t_end: float = 1.0
     output_dt: float | None = None
+    tolerance: float | None = None
     psi: float = 0.5
     phi: float = 0.5
     spectral_radius: float = 0.9
@@ -82,11 +94,26 @@ class Discretisation:
         within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
         positive("dt (s)", self.dt, StepError)
         positive("t_end (s)", self.t_end, StepError)
-        output_dt = (
-            self.dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
-        )
-        object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, self.dt))
-        object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, self.dt), self.steps))
+        dt = self.dt if self.tolerance is None else self._interval()
+        output_dt = dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
+        object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, dt))
+        object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, dt), self.steps))
+
+    def _interval(self) -> float:
+        """With a tolerance, the interval of the output, s: `steps` then counts intervals."""
+        within("tolerance", self.tolerance, 0.0, 0.5, "()", StepError)
+        if not isinstance(self.dt, _NotGiven):
+            raise StepError(
+                f"dt is {self.dt!r} s beside tolerance {self.tolerance!r}; one of them is allowed"
+            )
+        if self.integrator != "generalized-alpha":
+            raise StepError(
+                f"tolerance is {self.tolerance!r} with integrator {self.integrator!r}; "
+                f"'generalized-alpha' is needed: stability bounds an explicit step, not accuracy"
+            )
+        if self.output_dt is None:
+            return self.t_end / 200
+        return positive("output_dt (s)", self.output_dt, StepError)
 
     @property
     def output_steps(self) -> NDArray[np.int64]:
@@ -124,14 +151,32 @@ class FrozenMapping(dict[str, Any]):
         return hash(tuple(sorted(self.items())))
 
 
-def discretise(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
+def discretise(
+    run: Discretisation | None, options: dict[str, Any], *, fixed_step: bool = True
+) -> Discretisation:
     """A discretisation given whole, or as keywords.
+
+    Parameters
+    ----------
+    run : Discretisation or None
+    options : dict
+    fixed_step : bool
+        Whether the solver that asks can only take a fixed step.
 
     Raises
     ------
     DiscretisationError
-        If both or neither are given, or a keyword is unknown.
+        If both or neither are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
     """
+    run = _whole(run, options)
+    if fixed_step and run.tolerance is not None:
+        raise StepError(
+            f"tolerance is {run.tolerance!r}, but this solver takes a fixed step; dt is needed instead"
+        )
+    return run
+
+
+def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
     if run is not None:
         if options or not isinstance(run, Discretisation):
             raise DiscretisationError(

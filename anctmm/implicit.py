@@ -135,11 +135,7 @@ def integrate(chain: Chain) -> Solution:
     """
     run, bodies = chain.run, chain.bodies
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
-    q, v, dead = bodies.reference(), bodies.initial_velocity(), chain.dead_load
-    state = State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((3, *q.shape)))
-    newton = Newton(
-        chain.length, _tolerance(chain), np.zeros(3, np.int64), np.zeros(bodies.nodes), np.zeros(ITERATIONS)
-    )
+    state, newton = new_state(chain), new_newton(chain)
     fixed = (
         run.steps,
         run.stride,
@@ -170,6 +166,22 @@ def integrate(chain: Chain) -> Solution:
     return record.solution(kept, status, done, int(newton.counts[0]), int(newton.counts[1]))
 
 
+def new_state(chain: Chain) -> State:
+    """State of a scene at t = 0, accelerations apart."""
+    q, v, dead = chain.bodies.reference(), chain.bodies.initial_velocity(), chain.dead_load
+    return State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((3, *q.shape)))
+
+
+def new_newton(chain: Chain) -> Newton:
+    """Newton's iteration for a scene; what may be left of its tolerance is no less than rounding allows."""
+    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
+    rounding = 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
+    left = max(KAPPA * chain.run.newton_tolerance, rounding)
+    return Newton(
+        chain.length, left, np.zeros(3, np.int64), np.zeros(chain.bodies.nodes), np.zeros(ITERATIONS)
+    )
+
+
 def start(
     state: State,
     tables: Tables,
@@ -190,15 +202,6 @@ def start(
     by_blocks(state.q, state.f, tables, hubs, factors, state.load, state.w)
     state.a[:] = state.w
     newton.counts[:] = 0, 1, 1
-
-
-def _tolerance(chain: Chain) -> float:
-    """What may be left of the tolerance asked for, but no less than rounding of the coordinates allows."""
-    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    return max(
-        KAPPA * chain.run.newton_tolerance,
-        32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length),
-    )
 
 
 def _stalled(chain: Chain, step: int, newton: Newton) -> Status:
@@ -251,11 +254,11 @@ def advance(
             keep(step, stride, q, v, tables, out)
         if step == steps:
             break
-        _predict(state, coefficients)
+        predict(state, coefficients)
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - begin])
-            _drag_hubs(state, hubs, coefficients)
-        if not _solve_step(
+            drag_hubs(state, hubs, coefficients)
+        if not solve_step(
             state, coefficients, tables, links, factors, loads, load_table[step + 1 - begin], newton
         ):
             return step + 1
@@ -263,7 +266,7 @@ def advance(
 
 
 @inlined
-def _predict(state, c):  # type: ignore[no-untyped-def]
+def predict(state, c):  # type: ignore[no-untyped-def]
     """State at the end of the step if w stayed as it is."""
     q, v, a, w = state.q, state.v, state.a, state.w
     for k in range(q.shape[0]):
@@ -275,7 +278,7 @@ def _predict(state, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
+def drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
     """Give the hubs' nodes their known positions; velocities and accelerations follow."""
     for h in range(len(hubs.nodes)):
         i = hubs.nodes[h]
@@ -288,7 +291,7 @@ def _drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _solve_step(
+def solve_step(
     state: State,
     coefficients: Coefficients,
     tables: Tables,

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from anctmm import explicit, implicit
+from anctmm import adaptive, explicit, implicit
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.scene import Scene
@@ -32,6 +32,7 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
     DiscretisationError
         Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
     """
-    chain = Chain(scene, discretise(run, options))
-    integrator = explicit if chain.run.integrator == "zhai" else implicit
-    return integrator.integrate(chain)
+    chain = Chain(scene, discretise(run, options, fixed_step=False))
+    if chain.run.integrator == "zhai":
+        return explicit.integrate(chain)
+    return implicit.integrate(chain) if chain.run.tolerance is None else adaptive.integrate(chain)
