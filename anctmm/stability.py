@@ -35,6 +35,11 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     chain : Chain
     q : ndarray, shape (rows, nodes), optional
         The undeformed scene without it.
+
+    Returns
+    -------
+    float
+        0 where nothing can move.
     """
     bodies = chain.bodies
     q = bodies.reference() if q is None else q
@@ -61,6 +66,8 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
         return join.unknowns(solve(inverse, join.load(f)))
 
     n = join.size
+    if n == 0:
+        return 0.0
     if n < 3:
         K, M = (np.stack([g(e) for e in np.eye(n)]) for g in (stiffness, mass))
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(np.linalg.solve(M, K)))))))
