@@ -11,38 +11,40 @@ from anctmm.assembly import SHEAR, Tables, elastic_forces
 from anctmm.compiling import inlined, kernel
 from anctmm.elements import cable_kernel, shear_kernel
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.riccati import BlockFactors, SplitFactors, sweep
+from anctmm.riccati import BlockFactors, sweep
 
 Array = NDArray[np.float64]
 
 
 @inlined
-def by_scalars(q: Array, f: Array, tables: Tables, hubs: Hubs, factors: SplitFactors, a: Array) -> None:
+def by_scalars(q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
     """Accelerations of a chain without angled welds, and the reactions of its hubs.
 
     Parameters
     ----------
     q, f : ndarray, shape (rows, nodes)
         Coordinates and the external forces on them.
-    tables : Tables
-    hubs : Hubs
-        Their accelerations are read, their reactions written.
-    factors : SplitFactors
+    first, kinds, constants, masses, buffer : ndarray
+        Of `Tables`.
+    of, motion, reaction : ndarray
+        Of `Hubs`; the reactions are written.
+    L, G, D : ndarray
+        Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
-    _forward(q, f, tables, hubs, factors, a)
-    _backward(tables, hubs, factors, a)
+    _forward(q, f, first, kinds, constants, masses, buffer, of, motion, L, a)
+    _backward(first, kinds, masses, of, motion, reaction, L, G, D, a)
 
 
 @inlined
-def _forward(q, f, tables, hubs, factors, a):  # type: ignore[no-untyped-def]
+def _forward(q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  # type: ignore[no-untyped-def]
     """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
 
     A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
     product stands between a node and the next.
     """
-    first, kinds, L, buffer, director = tables.first, tables.kinds, factors.L, tables.buffer, q.shape[0] == 6
+    director = q.shape[0] == 6
     rx = ry = gx = gy = dx = dy = 0.0
     for b in range(len(kinds)):
         orx = ory = ogx = ogy = odx = ody = 0.0  # of the element before on its node O
@@ -50,11 +52,11 @@ def _forward(q, f, tables, hubs, factors, a):  # type: ignore[no-untyped-def]
         for start in range(first[b], last, BLOCK):
             count = min(BLOCK, last - start)
             if kinds[b] == SHEAR:
-                shear_kernel.forces(q, start, count, tables.constants[b], buffer)
+                shear_kernel.forces(q, start, count, constants[b], buffer)
             else:
-                cable_kernel.forces(q, start, count, tables.constants[b], buffer)
-            if start == first[b] and hubs.of[0, b] >= 0:
-                _push(tables.masses[b], hubs.motion[2, hubs.of[0, b]], buffer)
+                cable_kernel.forces(q, start, count, constants[b], buffer)
+            if start == first[b] and of[0, b] >= 0:
+                _push(masses, b, motion, of[0, b], buffer)
             for j in range(count):
                 i = start + j
                 trx, try_ = f[0, i] - (buffer[j] + orx), f[1, i] - (buffer[BLOCK + j] + ory)
@@ -92,29 +94,29 @@ def _forward(q, f, tables, hubs, factors, a):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _push(m, acceleration, buffer):  # type: ignore[no-untyped-def]
+def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
     """Add to the first element's force on its node O the inertia that the hub's motion of node I brings."""
-    for k in range(len(acceleration)):
-        for n in range(k % 2, len(acceleration), 2):
-            buffer[(6 + k) * BLOCK] += m[3 + k // 2, n // 2] * acceleration[n]
+    for k in range(motion.shape[2]):
+        for n in range(k % 2, motion.shape[2], 2):
+            buffer[(6 + k) * BLOCK] += masses[b, 3 + k // 2, n // 2] * motion[2, hub, n]
 
 
 @inlined
-def _backward(tables, hubs, factors, a):  # type: ignore[no-untyped-def]
+def _backward(first, kinds, masses, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
     """Backward sweep: the loads in a become accelerations."""
-    first, L, G, director = tables.first, factors.L, factors.G, a.shape[0] == 6
+    director = a.shape[0] == 6
     rx = ry = gx = gy = dx = dy = 0.0
-    for b in range(len(tables.kinds) - 1, -1, -1):
+    for b in range(len(kinds) - 1, -1, -1):
         last = first[b + 1] - 1
         for i in range(last, first[b] - 1, -1):
-            if i == last and hubs.of[1, b] >= 0:
-                _hold_last(i, hubs, hubs.of[1, b], factors.D, a)
+            if i == last and of[1, b] >= 0:
+                _hold_last(i, motion, reaction, of[1, b], D, a)
                 rx, ry, gx, gy = a[0, i], a[1, i], a[2, i], a[3, i]
                 if director:
                     dx, dy = a[4, i], a[5, i]
                 continue
-            if i == first[b] and hubs.of[0, b] >= 0:
-                _hold_first(i, hubs, hubs.of[0, b], tables.masses[b], a)
+            if i == first[b] and of[0, b] >= 0:
+                _hold_first(i, motion, reaction, of[0, b], masses, b, a)
                 rx, ry, gx, gy = a[0, i], a[1, i], a[2, i], a[3, i]
                 if director:
                     dx, dy = a[4, i], a[5, i]
@@ -132,30 +134,30 @@ def _backward(tables, hubs, factors, a):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _hold_first(i, hubs, hub, m, a):  # type: ignore[no-untyped-def]
+def _hold_first(i, motion, reaction, hub, masses, b, a):  # type: ignore[no-untyped-def]
     """At a chain's start: reaction M_II a_I + M_IO a_O − b, then the known acceleration for the loads b in a."""
-    known = hubs.motion[2, hub]
     for k in range(a.shape[0]):
-        reaction = -a[k, i]
+        force = -a[k, i]
         for n in range(k % 2, a.shape[0], 2):
-            reaction += m[k // 2, n // 2] * known[n] + m[k // 2, 3 + n // 2] * a[n, i + 1]
-        hubs.reaction[hub, k] = reaction
+            force += (
+                masses[b, k // 2, n // 2] * motion[2, hub, n] + masses[b, k // 2, 3 + n // 2] * a[n, i + 1]
+            )
+        reaction[hub, k] = force
     for k in range(a.shape[0]):
-        a[k, i] = known[k]
+        a[k, i] = motion[2, hub, k]
 
 
 @inlined
-def _hold_last(i, hubs, hub, D, a):  # type: ignore[no-untyped-def]
+def _hold_last(i, motion, reaction, hub, D, a):  # type: ignore[no-untyped-def]
     """At a chain's end: reaction D a − b with the condensed mass D, then the known acceleration for b in a."""
-    known = hubs.motion[2, hub]
     for c in range(2):
-        r, g = known[c], known[2 + c]
-        hubs.reaction[hub, c] = D[0, i] * r + D[1, i] * g - a[c, i]
-        hubs.reaction[hub, 2 + c] = D[1, i] * r + D[2, i] * g - a[2 + c, i]
+        r, g = motion[2, hub, c], motion[2, hub, 2 + c]
+        reaction[hub, c] = D[0, i] * r + D[1, i] * g - a[c, i]
+        reaction[hub, 2 + c] = D[1, i] * r + D[2, i] * g - a[2 + c, i]
         if a.shape[0] == 6:
-            hubs.reaction[hub, 4 + c] = D[3, i] * known[4 + c] - a[4 + c, i]
+            reaction[hub, 4 + c] = D[3, i] * motion[2, hub, 4 + c] - a[4 + c, i]
     for k in range(a.shape[0]):
-        a[k, i] = known[k]
+        a[k, i] = motion[2, hub, k]
 
 
 @kernel

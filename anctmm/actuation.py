@@ -176,7 +176,7 @@ def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
 @kernel
 def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> None:
     """Generalized forces that turn the hubs, M a + F_elastic − f of their nodes."""
-    for b in range(len(tables.kinds)):
+    for b in range(len(tables.kinds) if len(hubs.nodes) > 0 else 0):
         for side in range(2):
             hub, shear, m = hubs.of[side, b], tables.kinds[b] == SHEAR, tables.masses[b]
             if hub < 0:

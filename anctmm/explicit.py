@@ -90,7 +90,7 @@ def integrate(chain: Chain) -> Solution:
             np.zeros((1, 1)) if chain.split else np.zeros_like(q),
         ),
         bodies.tables(),
-        split_factors(chain) if chain.split else None,
+        split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
         None if chain.split else mass_factors(chain),
         actuation.hubs(),
         actuation.loads(),
@@ -131,7 +131,7 @@ def advance(
     numbers: Numbers,
     state: State,
     tables: Tables,
-    split: SplitFactors | None,
+    split: SplitFactors,
     block: BlockFactors | None,
     hubs: Hubs,
     loads: Loads,
@@ -141,11 +141,15 @@ def advance(
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    One of `split` and `block` is None: only the branch that a scene needs is compiled.
+    `block` is None unless there is an angled weld: only the branch that a scene needs is compiled.
 
     The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
     q, v, f = state.q, state.v, state.f
+    # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
+    first, _, kinds, constants, masses, buffer = tables
+    _, of, _, motion, reaction, _ = hubs
+    L, G, D = split
     driven = len(hubs.nodes) + len(loads.nodes) > 0
     flat_q, flat_v, flat_even, flat_odd = q.ravel(), v.ravel(), state.even.ravel(), state.odd.ravel()
     for step in range(begin, end):
@@ -155,7 +159,7 @@ def advance(
             place_hubs(q, v, hubs)
             set_loads(q, f, state.dead, loads, load_table[step - begin])
         if block is None:
-            by_scalars(q, f, tables, hubs, split, now)
+            by_scalars(q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now)
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)
         check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here

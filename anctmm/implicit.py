@@ -302,23 +302,33 @@ def solve_step(
     newton: Newton,
 ) -> bool:
     """Find the end of a step by modified Newton; False if it cannot be found."""
-    counts, last = newton.counts, 0.0
-    newton.history[:] = 0.0
+    # arrays leave their tuples once: taken out inside the loop, their references would be counted each time
+    q, v, a, w, f, dead, load, inertia, x = state
+    first, elements, kinds, constants, masses, buffer = tables
+    unit, L, G, _, _, _ = factors
+    scale, tolerance, counts, sizes, history = newton
+    last = 0.0
+    history[:] = 0.0
     for iteration in range(ITERATIONS):
-        _residual(state, tables, loads, load_values)
+        set_loads(q, f, dead, loads, load_values)
+        elastic_forces(q, first, elements, kinds, constants, buffer, load)
+        mass_product(w, first, elements, masses, inertia)
+        for k in range(q.shape[0]):
+            for i in range(q.shape[1]):
+                load[k, i] = f[k, i] - load[k, i] - inertia[k, i]
         if counts[2] != 0:
-            factorize(state.q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
+            factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
-        sweep(factors.unit, factors.L, factors.G, state.load, state.x)
-        size = _correct(state, coefficients, newton)
-        newton.history[iteration] = size
+        sweep(unit, L, G, load, x)
+        size = _correct(q, v, a, w, x, coefficients, scale, sizes)
+        history[iteration] = size
         counts[0] += 1
         if size == np.inf:
             return False
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
-        if size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance):
+        if size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance):
             counts[2] = 1 if iteration >= MANY else 0
             return True
         if iteration > 0 and rate > SLOW:
@@ -328,32 +338,19 @@ def solve_step(
 
 
 @inlined
-def _residual(state, tables, loads, load_values):  # type: ignore[no-untyped-def]
-    """load ← F(q) − M w."""
-    set_loads(state.q, state.f, state.dead, loads, load_values)
-    elastic_forces(
-        state.q, tables.first, tables.elements, tables.kinds, tables.constants, tables.buffer, state.load
-    )
-    mass_product(state.w, tables.first, tables.elements, tables.masses, state.inertia)
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            state.load[k, i] = state.f[k, i] - state.load[k, i] - state.inertia[k, i]
-
-
-@inlined
-def _correct(state, c, newton):  # type: ignore[no-untyped-def]
+def _correct(q, v, a, w, x, c, scale, sizes):  # type: ignore[no-untyped-def]
     """Add the correction x, and what follows from it, to the state; its largest size, infinite if not a number."""
-    x, size = state.x, 0.0
-    newton.size[:] = 0.0
+    largest = 0.0
+    sizes[:] = 0.0
     for k in range(x.shape[0]):
-        unit = 1.0 / newton.scale if k < 2 else 1.0
+        unit = 1.0 / scale if k < 2 else 1.0
         for i in range(x.shape[1]):
-            state.q[k, i] += x[k, i]
-            state.a[k, i] += c.to_a * x[k, i]
-            state.v[k, i] += c.to_v * x[k, i]
-            state.w[k, i] += c.to_w * x[k, i]
+            q[k, i] += x[k, i]
+            a[k, i] += c.to_a * x[k, i]
+            v[k, i] += c.to_v * x[k, i]
+            w[k, i] += c.to_w * x[k, i]
             here = abs(x[k, i]) * unit
-            newton.size[i] = max(newton.size[i], here if here - here == 0.0 else np.inf)
+            sizes[i] = max(sizes[i], here if here - here == 0.0 else np.inf)
     for i in range(x.shape[1]):
-        size = max(size, newton.size[i])
-    return size
+        largest = max(largest, sizes[i])
+    return largest

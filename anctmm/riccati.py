@@ -209,7 +209,7 @@ def factorize(
     for b in range(len(link)):
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
-            for n in range(len(loads.nodes)):
+            for n in range(len(loads.nodes) if i == first[b] or i == last else 0):  # loads act on ends only
                 if loads.nodes[n] == i and loads.rows[n] > 0:
                     _add_torque_stiffness(D, q, i, loads.rows[n], stiffness * load_values[n, 0])
             if i < last:
