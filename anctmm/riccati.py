@@ -213,27 +213,29 @@ def factorize(
                 if loads.nodes[n] == i and loads.rows[n] > 0:
                     _add_torque_stiffness(D, q, i, loads.rows[n], stiffness * load_values[n, 0])
             if i < last:
+                j = (i - first[b]) % TANGENT_BLOCK
                 if stiffness != 0.0:
-                    j = (i - first[b]) % TANGENT_BLOCK
                     if j == 0:
                         count = min(TANGENT_BLOCK, last - i)
                         block_tangents(q, i, count, kinds[b], constants[b], buffer)
                     unpack_tangent(buffer, j, kinds[b], K)
-                _combine(unit, mass, masses[b], stiffness, K)
+                _combine(unit, mass, masses, b, stiffness, K)
                 for k in range(d):
                     for m in range(d):
                         D[k, m] += K[k, m]
-                negative += _invert(unit, D, prescribed[:, i], 0, G[i])
-                _eliminate(unit, K, G[i], L[i], D)
             elif link[b] == WELD:
-                _turn(unit, turn[b, 0], turn[b, 1], L[i], G[i], D, K)
-            elif link[b] == PIN:
-                negative += _invert(unit, D, prescribed[:, i], 2, G[i])
-                _release(unit, G[i], L[i], D)
+                _turn(unit, turn[b, 0], turn[b, 1], L, G, i, D, K)
+                continue
+            pinned = i == last and link[b] == PIN
+            negative += _invert(unit, D, prescribed, 2 if pinned else 0, G, i)
+            if i < last:
+                _eliminate(unit, K, G, L, i, D)
+            elif pinned:
+                _release(unit, G, L, i, D)
             else:
-                negative += _invert(unit, D, prescribed[:, i], 0, G[i])
-                L[i] = 0.0
-                D[:] = 0.0
+                for k in range(d):
+                    for m in range(d):
+                        L[i, k, m] = D[k, m] = 0.0
     return negative
 
 
@@ -272,24 +274,23 @@ def sweep(unit: tuple[int, ...], L: Array, G: Array, b: Array, a: Array) -> None
 
 
 @inlined
-def _combine(unit, mass, m, stiffness, K):  # type: ignore[no-untyped-def]
+def _combine(unit, mass, masses, b, stiffness, K):  # type: ignore[no-untyped-def]
     """K ← mass · (m ⊗ I₂) + stiffness · K, m in the six scalar rows of a shear element."""
     d = len(unit)
-    if stiffness == 0.0:
-        K[:] = 0.0
-    elif stiffness != 1.0:
-        K *= stiffness
+    for k in range(2 * d):
+        for n in range(2 * d):
+            K[k, n] = stiffness * K[k, n] if stiffness != 0.0 else 0.0
     for side in range(2):
         for other in range(2):
             for k in range(d // 2):
                 for n in range(d // 2):
-                    value = mass * m[3 * side + k, 3 * other + n]
+                    value = mass * masses[b, 3 * side + k, 3 * other + n]
                     K[d * side + 2 * k, d * other + 2 * n] += value
                     K[d * side + 2 * k + 1, d * other + 2 * n + 1] += value
 
 
 @inlined
-def _invert(unit, D, known, start, G):  # type: ignore[no-untyped-def]
+def _invert(unit, D, known, start, G, i):  # type: ignore[no-untyped-def]
     """G ← inverse of D on the components from `start` on that are not known, 0 elsewhere; count of negative pivots.
 
     Gauss-Jordan without exchange of rows: D is symmetric, and positive definite in every stable state.
@@ -298,92 +299,98 @@ def _invert(unit, D, known, start, G):  # type: ignore[no-untyped-def]
     negative = 0
     for k in range(d):
         for m in range(d):
-            free = k >= start and m >= start and not known[k] and not known[m]
-            G[k, m] = D[k, m] if free else 0.0
+            free = k >= start and m >= start and not known[k, i] and not known[m, i]
+            G[i, k, m] = D[k, m] if free else 0.0
     for k in range(start, d):
-        if known[k]:
+        if known[k, i]:
             continue
-        if not G[k, k] > 0.0:
+        if not G[i, k, k] > 0.0:
             negative += 1
-        pivot = 1.0 / G[k, k]
-        G[k, k] = 1.0
+        pivot = 1.0 / G[i, k, k]
+        G[i, k, k] = 1.0
         for m in range(d):
-            G[k, m] *= pivot
+            G[i, k, m] *= pivot
         for n in range(d):
             if n != k:
-                f = G[n, k]
-                G[n, k] = 0.0
+                f = G[i, n, k]
+                G[i, n, k] = 0.0
                 for m in range(d):
-                    G[n, m] -= f * G[k, m]
+                    G[i, n, m] -= f * G[i, k, m]
     return negative
 
 
 @inlined
-def _eliminate(unit, K, G, L, D):  # type: ignore[no-untyped-def]
+def _eliminate(unit, K, G, L, i, D):  # type: ignore[no-untyped-def]
     """Pass an element: L ← K_OI G, D ← K_OO − L K_IO."""
     d = len(unit)
     for m in range(d):
         for k in range(d):
             s = 0.0
             for n in range(d):
-                s += K[d + m, n] * G[n, k]
-            L[m, k] = s
+                s += K[d + m, n] * G[i, n, k]
+            L[i, m, k] = s
     for m in range(d):
         for k in range(m + 1):
             s = K[d + m, d + k]
             for n in range(d):
-                s -= L[m, n] * K[n, d + k]
+                s -= L[i, m, n] * K[n, d + k]
             D[m, k] = s
             D[k, m] = s
 
 
 @inlined
-def _release(unit, G, L, D):  # type: ignore[no-untyped-def]
+def _release(unit, G, L, i, D):  # type: ignore[no-untyped-def]
     """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on."""
     d = len(unit)
-    L[:] = 0.0
+    for k in range(d):
+        for m in range(d):
+            L[i, k, m] = 0.0
     for m in range(2):
-        L[m, m] = -1.0
+        L[i, m, m] = -1.0
         for k in range(2, d):
             s = 0.0
             for n in range(2, d):
-                s += D[m, n] * G[n, k]
-            L[m, k] = s
+                s += D[m, n] * G[i, n, k]
+            L[i, m, k] = s
     for m in range(2):
         for k in range(2):
             s = D[m, k]
             for n in range(2, d):
-                s -= L[m, n] * D[n, k]
-            G[m, k] = s
+                s -= L[i, m, n] * D[n, k]
+            G[i, m, k] = s
     for m in range(d):
         for k in range(d):
-            D[m, k] = G[m, k] if m < 2 and k < 2 else 0.0
+            D[m, k] = G[i, m, k] if m < 2 and k < 2 else 0.0
     for m in range(2):
         for k in range(2):
-            G[m, k] = 0.0
+            G[i, m, k] = 0.0
 
 
 @inlined
-def _turn(unit, c, s, L, G, D, K):  # type: ignore[no-untyped-def]
+def _turn(unit, c, s, L, G, i, D, K):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
     d = len(unit)
-    G[:] = 0.0
-    L[:] = 0.0
+    for k in range(d):
+        for m in range(d):
+            G[i, k, m] = 0.0
+    for k in range(d):
+        for m in range(d):
+            L[i, k, m] = 0.0
     for k in range(0, d, 2):
         x, y = (1.0, 0.0) if k == 0 else (c, s)
-        L[k, k] = L[k + 1, k + 1] = -x
-        L[k, k + 1], L[k + 1, k] = y, -y
+        L[i, k, k] = L[i, k + 1, k + 1] = -x
+        L[i, k, k + 1], L[i, k + 1, k] = y, -y
     for m in range(d):
         for k in range(d):
             t = 0.0
             for n in range(d):
-                t -= L[m, n] * D[n, k]
+                t -= L[i, m, n] * D[n, k]
             K[m, k] = t
     for m in range(d):
         for k in range(d):
             t = 0.0
             for n in range(d):
-                t -= K[m, n] * L[k, n]
+                t -= K[m, n] * L[i, k, n]
             D[m, k] = t
 
 
