@@ -108,8 +108,9 @@ def real(a):
 
 def by_split(chain, q, f):
     a = np.empty_like(q)
-    hubs = Actuation(chain.scene, chain.bodies).hubs()
-    by_scalars(q, f, chain.bodies.tables(), hubs, split_factors(chain), a)
+    t, hubs = chain.bodies.tables(), Actuation(chain.scene, chain.bodies).hubs()
+    bodies = (t.first, t.kinds, t.constants, t.masses, t.buffer)
+    by_scalars(q, f, *bodies, hubs.of, hubs.motion, hubs.reaction, *split_factors(chain), a)
     return a
 
 
