@@ -1,0 +1,235 @@
+"""Generalized-α: its coefficients, order, energy, Newton's counts, and how a run ends."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from samples import KINDS, bar, chain_of, gap
+
+from anctmm.drives import Quintic
+from anctmm.implicit import GeneralizedAlpha
+from anctmm.scene import Clamp, Force, Pin
+from anctmm.solve import solve
+from anctmm.stability import highest_frequency
+from anctmm.statics import solve_static
+
+GRAVITY = (0.0, -9.81)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def run(scene, dt, t_end, **options):
+    return solve(scene, **{"mesh": 2, "dt": dt, "t_end": t_end, "newton_tolerance": 1e-13, **options})
+
+
+def driven():
+    return bar([Clamp("bar.start", Quintic(pi / 4, 0.2))], gravity=GRAVITY)
+
+
+# --- coefficients ------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.0, 1.0))
+def test_coefficients_fulfil_their_identities(rho):
+    """Second order, and the most dissipation at high frequencies (Chung & Hulbert 1993, eqs. 17, 20, 25)."""
+    c = GeneralizedAlpha(rho)
+    assert c.gamma == pytest.approx(0.5 - c.alpha_m + c.alpha_f, abs=1e-15)
+    assert c.beta == pytest.approx(0.25 * (1.0 - c.alpha_m + c.alpha_f) ** 2, abs=1e-15)
+    assert c.alpha_m <= c.alpha_f <= 0.5
+
+
+def test_known_members():
+    trapezoid, annihilating = GeneralizedAlpha(1.0), GeneralizedAlpha(0.0)
+    assert (trapezoid.alpha_m, trapezoid.alpha_f, trapezoid.beta, trapezoid.gamma) == (0.5, 0.5, 0.25, 0.5)
+    assert (annihilating.alpha_m, annihilating.alpha_f) == (-1.0, 0.0)
+    assert (annihilating.beta, annihilating.gamma) == (1.0, 1.5)
+
+
+def amplification(rho, frequency):
+    """Matrix of a step of size 1 of q'' = −ω² q in (q, v, a), w = −ω² q."""
+    c, s = GeneralizedAlpha(rho), frequency**2
+    am, af, b, g = c.alpha_m, c.alpha_f, c.beta, c.gamma
+    new = np.array([[1, 0, -b], [0, 1, -g], [(1 - af) * s, 0, 1 - am]])
+    old = np.array([[1, 1, 0.5 - b], [0, 1, 1 - g], [-af * s, 0, -am]])
+    return np.linalg.solve(new, old)
+
+
+@given(st.floats(0.0, 1.0), st.floats(-3.0, 6.0))
+def test_stable_at_every_frequency(rho, exponent):
+    values = np.abs(np.linalg.eigvals(amplification(rho, 10.0**exponent)))
+    assert values.max() < 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("rho", [0.1, 0.5, 0.9, 1.0])
+def test_spectral_radius_is_that_at_infinity(rho):
+    values = np.abs(np.linalg.eigvals(amplification(rho, 1e6)))
+    assert values.max() == pytest.approx(rho, rel=0.02)  # a threefold root
+
+
+@given(st.floats(0.0, 1.0), st.floats(1e-6, 1.0))
+def test_factors_of_a_correction_belong_together(rho, h):
+    """Adding β h² x to q through a adds γ h x to v; w follows by (1 − αm) a = (1 − αf) w + …"""
+    method = GeneralizedAlpha(rho)
+    c = method.of_step(h)
+    assert c.to_a * method.beta * h * h == pytest.approx(1.0)
+    assert c.to_v == pytest.approx(c.to_a * method.gamma * h)
+    assert (1 - method.alpha_f) * c.to_w == pytest.approx((1 - method.alpha_m) * c.to_a)
+
+
+def test_small_vibration_follows_the_amplification_matrix():
+    """One element, its lowest mode struck: the same recursion as a scalar oscillator, for 200 steps."""
+    force = 1e-6
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (-0.8 * force, 0.6 * force))])
+    chain, h, rho = chain_of(scene, mesh=1), 5e-3, 0.7
+    e = chain.bodies.meshes[0].element
+    across = np.array([-0.8, 0.6])
+    K = np.einsum("icjd,c,d->ij", e.tangent(chain.bodies.reference().T.reshape(4, 2)), across, across)[2:, 2:]
+    values, modes = np.linalg.eig(np.linalg.solve(e.mass[2:, 2:], K))
+    rest = np.linalg.solve(K, [force, 0.0])
+    parts = np.linalg.solve(modes, -rest)
+    history = np.zeros(201)
+    for value, mode, part in zip(values, modes.T, parts, strict=True):
+        state, A = (
+            np.array([part, 0.0, -value * part]) * [1, h, h * h],
+            amplification(rho, h * np.sqrt(value)),
+        )
+        for n in range(201):
+            history[n] += state[0] * mode[0]
+            state = A @ state
+    motion = run(scene, h, 200 * h, mesh=1, spectral_radius=rho)
+    assert np.abs(motion.displacement("bar.end") @ across - (history + rest[0])).max() < 1e-5 * np.abs(
+        rest[0]
+    )
+
+
+# --- order and energy --------------------------------------------------------------------------------------
+
+
+@every_kind
+@pytest.mark.parametrize("rho", [0.5, 0.9, 1.0])
+def test_order_is_two(kind, rho):
+    options = {"element": kind, "spectral_radius": rho, "output_dt": 0.01}
+    one, two, fine = (run(driven(), h, 0.2, **options) for h in (1e-4, 5e-5, 5e-5 / 8))
+    errors = gap(one, fine), gap(two, fine)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert errors[0] < 2e-5
+
+
+@every_kind
+def test_explicit_and_implicit_agree_as_the_step_falls(kind):
+    scene = driven()
+    h = 1e-5 if kind == "cable" else 5e-6
+    fine = solve(scene, mesh=2, element=kind, integrator="zhai", dt=h, t_end=0.2, output_dt=0.2)
+    errors = [gap(run(scene, dt, 0.2, element=kind, output_dt=0.2), fine) for dt in (4e-4, 2e-4, 1e-4)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[2] < 1e-5
+
+
+@every_kind
+def test_energy_is_kept_to_the_order_of_the_step(kind):
+    """ρ∞ = 1: a stretched, bent and swinging bar; less than 1 takes energy and gives none."""
+    scene = bar([Pin("bar.start")], [Force("bar.end", (0.3, 0.0))], gravity=GRAVITY)
+    sizes = []
+    for dt in (1e-3, 5e-4, 2.5e-4):
+        motion = run(scene, dt, 0.5, element=kind, spectral_radius=1.0)
+        sizes.append(np.abs(motion.energy.balance).max() / motion.energy.kinetic.max())
+    assert sizes[1] / sizes[2] == pytest.approx(4.0, rel=0.3)
+    assert sizes[2] < 2e-4
+    damped = run(scene, 1e-3, 0.5, element=kind, spectral_radius=0.0)
+    assert damped.energy.balance[-1] < -3.0 * sizes[0] * damped.energy.kinetic.max()
+
+
+def test_energy_of_a_large_motion_stays_near_for_many_steps():
+    scene = bar([Pin("bar.start")], gravity=GRAVITY)
+    motion = run(scene, 1e-3, 20.0, spectral_radius=1.0, output_dt=0.01)
+    assert motion.cost.steps == 20_000
+    assert np.abs(motion.energy.balance).max() < 5e-2 * motion.energy.kinetic.max()
+
+
+@every_kind
+def test_damping_annihilates_what_is_far_above_the_step(kind):
+    """ρ∞ = 0 with half an axial period a step: soon the axial vibration is gone."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (6e-4, 8e-4))])
+    rest = solve_static(scene, mesh=2, element=kind).displacement("bar.end")[-1] @ [0.6, 0.8]
+    ends = [
+        run(scene, 0.02, 2.0, element=kind, spectral_radius=rho).displacement("bar.end") @ [0.6, 0.8]
+        for rho in (0.0, 1.0)
+    ]
+    assert rest == pytest.approx(1e-3 / (1e7 * 4e-4), rel=0.1)  # the clamp holds the stretch of its end
+    assert np.abs(ends[0][-5:] - rest).max() < 1e-3 * rest
+    assert np.abs(ends[1][-5:] - rest).max() > 0.5 * rest
+
+
+# --- driven hub, counts, ends of runs ----------------------------------------------------------------------
+
+
+@every_kind
+def test_driven_hub_is_held_exactly(kind):
+    scene, drive = driven(), Quintic(pi / 4, 0.2)
+    motion = run(scene, 1e-3, 0.25, element=kind)
+    q = motion.fields["bar"].coordinates[:, 0]
+    angle = np.arctan2(0.8, 0.6) + drive(motion.t)[0]
+    assert np.abs(q[:, 0]).max() < 1e-15
+    assert np.abs(q[:, 1] - np.stack([np.cos(angle), np.sin(angle)], axis=1)).max() < 1e-15
+    assert motion.energy.work[-1] == pytest.approx(
+        (motion.energy.kinetic + motion.energy.strain + motion.energy.potential)[-1], rel=5e-3
+    )
+
+
+@every_kind
+def test_newtons_counts(kind):
+    """A vibration so small that it is linear needs one factorization beside the mass, two corrections a step."""
+    small = bar([Clamp("bar.start")], [Force("bar.end", (1e-9, 1e-9))])
+    motion = run(small, 1e-3, 0.1, element=kind, newton_tolerance=1e-10)
+    assert motion.cost.steps == 100
+    assert motion.cost.factorizations == 2
+    assert motion.cost.newton_iterations <= 200
+    large = run(bar([Clamp("bar.start")], gravity=GRAVITY), 1e-3, 0.5, element=kind, newton_tolerance=1e-10)
+    assert large.cost.steps == 500
+    assert 2 * 500 <= large.cost.newton_iterations <= 6 * 500
+    assert 2 < large.cost.factorizations <= 500
+
+
+@every_kind
+def test_newton_tolerance_bounds_the_difference(kind):
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    fine = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3)
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        rough = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3, newton_tolerance=tolerance)
+        assert gap(rough, fine) < 10.0 * tolerance
+        assert rough.cost.newton_iterations <= fine.cost.newton_iterations
+
+
+@every_kind
+def test_run_that_fails_says_where_and_keeps_its_history(kind):
+    """A jerk beyond all reach at the end of the fifth step."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, -1e70 * (t > 0.055)))])
+    motion = run(scene, 1e-2, 0.2, element=kind, mesh=3)
+    status = motion.status
+    assert status == "diverged"
+    assert (status.step, status.body, status.element in range(3)) == (6, "bar", True)
+    assert status.time == pytest.approx(0.06)
+    for word in (
+        "Newton",
+        "t = 0.06",
+        "step 6",
+        f"element {status.element} of body 'bar'",
+        "corrections",
+        "smaller dt",
+    ):
+        assert word in status.message
+    assert motion.t == pytest.approx(np.arange(6) * 0.01)
+    assert motion.cost.steps == 6
+    for series in (motion.position("bar", 1.0), *vars(motion.energy).values()):
+        assert len(series) == 6
+        assert np.isfinite(series).all()
+
+
+def test_step_may_be_far_above_the_explicit_limit():
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    dt = 0.01
+    assert dt * highest_frequency(chain_of(scene, element="shear")) > 100.0
+    motion = run(scene, dt, 0.5, element="shear")
+    assert motion.status.ok
+    assert np.abs(motion.displacement("bar.end")).max() > 0.4
