@@ -128,6 +128,25 @@ class Chain:
             f[:2, self.bodies.node(name, side)] += force
         return f
 
+    def initial_velocity(self) -> Array:
+        """Velocities at t = 0 that the joints allow, (rows, nodes).
+
+        Bodies' velocities are made to fit with the least change: what is held rests, welded gradients share the mean.
+        """
+        bodies = self.bodies
+        v = bodies.initial_velocity()
+        for b in np.flatnonzero(self.link == WELD):
+            i = int(bodies.first[b + 1]) - 1
+            turn = complex(*self.turn[b])
+            for k in range(0, bodies.rows, 2):
+                factor = 1.0 if k == 0 else turn
+                one, two = complex(*v[k : k + 2, i]), complex(*v[k : k + 2, i + 1])
+                mean = 0.5 * (one + two * np.conj(factor))
+                v[k : k + 2, i] = mean.real, mean.imag
+                v[k : k + 2, i + 1] = (mean * factor).real, (mean * factor).imag
+        v[self.prescribed] = 0.0
+        return v
+
     @property
     def length(self) -> float:
         """Length of all bodies, m: the scale of positions."""

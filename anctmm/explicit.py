@@ -76,7 +76,7 @@ def integrate(chain: Chain) -> Solution:
     if run.check_stability:
         check_step(chain)
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
-    q, v = bodies.reference(), bodies.initial_velocity()
+    q, v = bodies.reference(), chain.initial_velocity()
     dead = chain.dead_load
     fixed = (
         Numbers(run.steps, run.stride, run.dt, run.psi, run.phi),

@@ -168,7 +168,7 @@ def integrate(chain: Chain) -> Solution:
 
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
-    q, v, dead = chain.bodies.reference(), chain.bodies.initial_velocity(), chain.dead_load
+    q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
     return State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((3, *q.shape)))
 
 

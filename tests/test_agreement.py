@@ -166,7 +166,6 @@ def test_driven_hub_at_the_far_end_is_that_of_the_global_dae(kind):
     check_both(scene, 2, kind, ["b0.start", "b1.end"])
 
 
-@pytest.mark.xfail(strict=True, reason="initial velocities are not yet projected onto clamps and welds")
 @every_kind
 def test_initial_velocities_that_joints_cannot_have_are_taken_as_by_the_global_dae(kind):
     bodies = [

@@ -218,7 +218,6 @@ def test_joint_held_at_the_ground(joint, angle, kind, integrator):
     assert (apart < 1e-12) == (joint is Pin)
 
 
-@pytest.mark.xfail(strict=True, reason="initial velocities are not yet projected onto clamps and welds")
 @every_integrator
 @every_kind
 def test_clamped_gradients_take_no_velocity(kind, integrator):
@@ -230,7 +229,6 @@ def test_clamped_gradients_take_no_velocity(kind, integrator):
     assert np.abs(motion.displacement("bar.end")).max() > 0.01
 
 
-@pytest.mark.xfail(strict=True, reason="initial velocities are not yet projected onto clamps and welds")
 @every_integrator
 @every_kind
 @pytest.mark.parametrize("grounded", [False, True])
