@@ -43,6 +43,8 @@ ITERATIONS = 25
 KAPPA = 0.01
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
+#: Size below which corrections that do not fall are rounding.
+ROUNDING = 1e-8
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
 
@@ -109,6 +111,7 @@ class State(NamedTuple):
     load: Array
     inertia: Array
     x: Array
+    total: Array
 
 
 class Newton(NamedTuple):
@@ -169,7 +172,7 @@ def integrate(chain: Chain) -> Solution:
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
     q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
-    return State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((3, *q.shape)))
+    return State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((4, *q.shape)))
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -290,8 +293,21 @@ def drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
             state.w[k, i] += c.to_w * x
 
 
+@inlined
+def solve_step(state, coefficients, tables, links, factors, loads, load_values, newton):  # type: ignore[no-untyped-def]
+    """Find the end of a step: by modified Newton, and where that fails by Newton from the predictor again."""
+    solved = False
+    for full in range(2):
+        if not solved:
+            solved = _newton(
+                full == 1, state, coefficients, tables, links, factors, loads, load_values, newton
+            )
+    return solved
+
+
 @kernel
-def solve_step(
+def _newton(
+    full: bool,
     state: State,
     coefficients: Coefficients,
     tables: Tables,
@@ -301,14 +317,18 @@ def solve_step(
     load_values: Array,
     newton: Newton,
 ) -> bool:
-    """Find the end of a step by modified Newton; False if it cannot be found."""
+    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
+
+    False if it does not converge; the state is then what it was before.
+    """
     # arrays leave their tuples once: taken out inside the loop, their references would be counted each time
-    q, v, a, w, f, dead, load, inertia, x = state
+    q, v, a, w, f, dead, load, inertia, x, total = state
     first, elements, kinds, constants, masses, buffer = tables
     unit, L, G, _, _, _ = factors
     scale, tolerance, counts, sizes, history = newton
-    last = 0.0
+    last, stalls = 0.0, 0
     history[:] = 0.0
+    total[:] = 0.0
     for iteration in range(ITERATIONS):
         set_loads(q, f, dead, loads, load_values)
         elastic_forces(q, first, elements, kinds, constants, buffer, load)
@@ -316,16 +336,17 @@ def solve_step(
         for k in range(q.shape[0]):
             for i in range(q.shape[1]):
                 load[k, i] = f[k, i] - load[k, i] - inertia[k, i]
-        if counts[2] != 0:
+        if full or counts[2] != 0:
             factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
         sweep(unit, L, G, load, x)
-        size = _correct(q, v, a, w, x, coefficients, scale, sizes)
+        size = _size(x, scale, sizes)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:
-            return False
+            break
+        _correct(q, v, a, w, x, 1.0, coefficients, total)
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
         if size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance):
@@ -333,24 +354,41 @@ def solve_step(
             return True
         if iteration > 0 and rate > SLOW:
             counts[2] = 1
+            stalls += 1 if size < ROUNDING else 0
+            if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
+                return True
         last = size
+    for k in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            x[k, i] = total[k, i]
+    _correct(q, v, a, w, x, -1.0, coefficients, total)
+    counts[2] = 1
     return False
 
 
 @inlined
-def _correct(q, v, a, w, x, c, scale, sizes):  # type: ignore[no-untyped-def]
-    """Add the correction x, and what follows from it, to the state; its largest size, infinite if not a number."""
+def _size(x, scale, sizes):  # type: ignore[no-untyped-def]
+    """Largest component of a correction, positions relative to `scale`; infinite if it is not a number."""
     largest = 0.0
     sizes[:] = 0.0
     for k in range(x.shape[0]):
         unit = 1.0 / scale if k < 2 else 1.0
         for i in range(x.shape[1]):
-            q[k, i] += x[k, i]
-            a[k, i] += c.to_a * x[k, i]
-            v[k, i] += c.to_v * x[k, i]
-            w[k, i] += c.to_w * x[k, i]
             here = abs(x[k, i]) * unit
             sizes[i] = max(sizes[i], here if here - here == 0.0 else np.inf)
     for i in range(x.shape[1]):
         largest = max(largest, sizes[i])
     return largest
+
+
+@inlined
+def _correct(q, v, a, w, x, sign, c, total):  # type: ignore[no-untyped-def]
+    """Add sign · x, and what follows from it, to the state, and to the total of the corrections."""
+    for k in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            step = sign * x[k, i]
+            q[k, i] += step
+            a[k, i] += c.to_a * step
+            v[k, i] += c.to_v * step
+            w[k, i] += c.to_w * step
+            total[k, i] += step

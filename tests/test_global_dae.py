@@ -133,14 +133,18 @@ def test_implicit_converges_to_explicit_at_second_order():
     scene = bar([Clamp("bar.start", Quintic(pi / 4, 0.2))], gravity=(0.0, -9.81))
     fine = global_dae.solve(scene, zhai(2, 1e-5, 0.2, 0.02))
     errors = [
-        compare(global_dae.solve(scene, implicit(2, h, 0.2, 0.02, newton_tolerance=1e-12)), fine, ["bar.end"]).error
+        compare(
+            global_dae.solve(scene, implicit(2, h, 0.2, 0.02, newton_tolerance=1e-12)), fine, ["bar.end"]
+        ).error
         for h in (5e-4, 2.5e-4)
     ]
     assert 1.9 < np.log2(errors[0] / errors[1]) < 2.1
     assert errors[1] < 1e-4
 
 
-@pytest.mark.parametrize("element", ["cable", "shear", {"crank": "shear", "coupler": "cable", "follower": "shear"}])
+@pytest.mark.parametrize(
+    "element", ["cable", "shear", {"crank": "shear", "coupler": "cable", "follower": "shear"}]
+)
 def test_dense_and_sparse_agree_to_rounding(element):
     """Same equations by LAPACK anew each time and by factors kept: the history is the same, the count is not."""
     explicit = zhai(MESH, 1e-5, 0.02, 0.002, element=element)
@@ -162,10 +166,14 @@ def test_mixed_elements_count_only_their_own_coordinates():
     assert np.abs((model.constraints @ null_space(model)).toarray()).max() < 1e-14
 
 
-@pytest.mark.parametrize("run", [zhai(MESH, 2e-5, 0.1, 0.01), implicit(MESH, 1e-3, 0.1, 0.01, newton_tolerance=1e-12)])
+@pytest.mark.parametrize(
+    "run", [zhai(MESH, 2e-5, 0.1, 0.01), implicit(MESH, 1e-3, 0.1, 0.01, newton_tolerance=1e-12)]
+)
 def test_order_and_direction_of_bodies_do_not_matter(run):
     usual = global_dae.solve(four_bar(), run)
-    other = global_dae.solve(four_bar(order=("follower", "crank", "coupler"), turned=("coupler", "crank")), run)
+    other = global_dae.solve(
+        four_bar(order=("follower", "crank", "coupler"), turned=("coupler", "crank")), run
+    )
     for fraction in (0.0, 0.5, 1.0):
         gap = usual.position("coupler", fraction) - other.position("coupler", 1.0 - fraction)
         assert np.abs(gap).max() < 1e-11
@@ -232,7 +240,9 @@ def test_static_is_where_damped_motion_settles():
     """Numerical damping at ρ∞ = 0 and steps of the lowest period's order end the motion under gravity."""
     scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
     rest = global_dae.solve_static(scene, mesh=4).displacement("bar.end")[-1]
-    moved = global_dae.solve(scene, implicit(4, 0.5, 100.0, 50.0, spectral_radius=0.0)).displacement("bar.end")[-1]
+    moved = global_dae.solve(scene, implicit(4, 0.5, 100.0, 50.0, spectral_radius=0.0)).displacement(
+        "bar.end"
+    )[-1]
     assert np.abs(rest).max() > 0.002
     assert np.allclose(moved, rest, rtol=0.0, atol=1e-9)
 
@@ -301,7 +311,10 @@ def test_bad_input_is_refused_by_name():
         global_dae.solve(scene, mesh={"beam": 2})
     with pytest.raises(DiscretisationError, match="load_steps is 0"):
         global_dae.solve_static(scene, mesh=2, load_steps=0)
-    halves = [Beam("a", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT), Beam("b", (1.0, 0.0), (2.0, 0.0), SQUARE, SOFT)]
+    halves = [
+        Beam("a", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT),
+        Beam("b", (1.0, 0.0), (2.0, 0.0), SQUARE, SOFT),
+    ]
     welded = Scene("mixed", halves, [Weld("a.end", "b.start")])
     with pytest.raises(DiscretisationError, match=r"'a' of element 'cable' to 'b' of element 'shear'"):
         global_dae.solve(welded, mesh=2, element={"a": "cable", "b": "shear"})
