@@ -121,6 +121,24 @@ def report(
     print(f"Written to {write_page(results, out, quick)}")
 
 
+@app.command()
+def bench(
+    quick: Quick = False,
+    out: Annotated[Path, typer.Option(help="Where tables and pictures go.")] = Path("results"),
+) -> None:
+    """Measure kernels, peers, length and memory: tables as CSV and Markdown, pictures as SVG."""
+    from rich.console import Console
+
+    from studies import bench as benchmark
+    from studies.study import write
+
+    with Console(stderr=True).status("starting") as shown:
+        result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
+    folder = write(result, out)
+    benchmark.glance(result, Console())
+    print(f"\nWritten to {folder}/")
+
+
 def read_options(elements: str | None, dt: str | None, solvers: str | None, quick: bool) -> "Options":
     """Options as typed to options as meant.
 
@@ -163,7 +181,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
         except KeyboardInterrupt:
             progress.stop()
             console.print(
-                f"Interrupted. {runner.computed} runs of this session are kept in {cache}; "
+                f"Interrupted. Finished runs ({runner.computed} of this session) are kept in {cache}; "
                 f"the same command goes on from there."
             )
             raise typer.Exit(130) from None

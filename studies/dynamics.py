@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from anctmm.scene import Scene
 from anctmm.solution import Solution
 from studies.runner import (
     Case,
@@ -13,14 +14,21 @@ from studies.runner import (
     Outcome,
     Reference,
     Runner,
+    mesh_label,
     product,
     refined_reference,
     row,
+    rows_frame,
     sample_rows,
 )
 from studies.scenes import BaseScene
-from studies.study import Options
+from studies.study import Options, StudyError
 from studies.tables import Table
+
+REISSNER = (
+    "exudyn-reissner is measured against the shear element's reference: its error contains the difference of two "
+    "models (Reissner's strains against Green's), which no mesh removes."
+)
 
 
 @dataclass(frozen=True)
@@ -84,10 +92,7 @@ class Sweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of all elements and the element whose reference they have."""
-        return pd.DataFrame(self.rows).assign(
-            all_elements=[sum(o.case.mesh) for o in self.outcomes],
-            family=[o.case.element for o in self.outcomes],
-        )
+        return rows_frame(self.rows, self.outcomes)
 
     def solution(self, **wanted: Any) -> Solution | None:
         """The whole solution with the smallest step among the cases with these values; None without one."""
@@ -111,7 +116,14 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
     runs them all.
+
+    Raises
+    ------
+    StudyError
+        If a mesh asked for has neither one number nor one for each body.
     """
+    for mesh in options.meshes or ():
+        check_mesh(base.scene, mesh)
     cases = []
     listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
     for scheme in plan.schemes:
@@ -124,6 +136,17 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
                 output_dt=base.output_dt,
             )  # fmt: skip
     return cases
+
+
+def check_mesh(scene: Scene, mesh: Mesh) -> None:
+    """Refuse a mesh that fits neither all bodies nor each."""
+    names = [body.name for body in scene.bodies]
+    if len(mesh) not in (1, len(names)):
+        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
+        raise StudyError(
+            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
+            f"for {'/'.join(names)}"
+        )
 
 
 def samples(outcomes: tuple[Outcome, ...]) -> Table:

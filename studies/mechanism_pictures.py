@@ -106,7 +106,7 @@ def configurations(solution: Solution, times: tuple[float, ...]) -> Picture:
         for body, fraction in ((bodies[0], 0.0), (bodies[-1], 1.0)):
             x, y = solution.position(body, fraction)[0]
             axes.plot(x, y, marker="^", color=INK, markersize=9, zorder=5)
-        axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), title="time")
+        legend_below(figure, [axes], columns=4)
 
     caption = "Configurations of the mechanism (Fig. 8 of the paper); triangles: ground pivots."
     return picture("configurations", caption, draw, (7.2, 4.6))

@@ -146,7 +146,7 @@ def shapes(axes: Axes, curves: Iterable[tuple[str, Sequence[Curve], Any]], title
 
 def sequence_colours(n: int) -> list[Any]:
     """`n` colours in an order the eye sees, legible on light and dark paper."""
-    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.05, 0.88, n)]
+    return [mpl.colormaps["viridis"](x) for x in np.linspace(0.2, 0.88, n)]
 
 
 # --- errors ------------------------------------------------------------------------------------------------
@@ -192,7 +192,9 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
     floor(axes, shown["reference_error"], "left" if order < 0 else "right")
     log_ticks(axes.yaxis, *axes.get_ylim())
     sizes = sorted(shown[x].unique())
-    if len(sizes) <= 8:  # the values that were run, instead of powers of ten nobody chose
+    if (
+        len(sizes) <= 8 and sizes[-1] <= 64 * sizes[0]
+    ):  # the values that were run, not powers of ten nobody chose
         axes.set_xticks(list(sizes), [f"{s:g}" for s in sizes])
         axes.xaxis.set_minor_locator(NullLocator())
 

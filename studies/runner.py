@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from joblib import Memory
 
 from anctmm import registry
@@ -23,6 +24,12 @@ from studies import provenance
 from studies.timing import summarise, undisturbed
 
 STATIC = "static"
+#: Of a run's row.
+COLUMNS = (
+    "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
+    "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "wall_s", "repeats",
+    "status",
+)  # fmt: skip
 #: Solvers that use one element whatever a discretisation asks for.
 FIXED_ELEMENTS = {"exudyn-cable": "cable", "exudyn-reissner": "reissner"}
 Solver = Callable[..., Solution]
@@ -242,7 +249,6 @@ class Runner:
             return nothing(case.solver, case.scene, None, Status("failed", reason))
 
     def _run(self, case: Case, solver: Solver, k: int) -> Solution:
-        self.computed += 1
         try:
             kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator)
             with undisturbed():
@@ -252,6 +258,7 @@ class Runner:
                 solution = case.solve(solver)
         except AnctmmError as error:
             return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
+        self.computed += 1
         # Only the first sample's history is wanted; of the others the cost.
         return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
 
@@ -328,6 +335,14 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
         "repeats": timing.repeats,
         "status": str(solution.status),
     }
+
+
+def rows_frame(rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome]) -> pd.DataFrame:
+    """Rows as a frame, with the number of all elements and the element whose reference they have."""
+    return pd.DataFrame(rows, columns=list(COLUMNS)).assign(
+        all_elements=[sum(o.case.mesh) for o in outcomes],
+        family=[o.case.element for o in outcomes],
+    )
 
 
 def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:

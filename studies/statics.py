@@ -10,7 +10,7 @@ import pandas as pd
 from anctmm.scene import Probe
 from anctmm.solution import Solution
 from reference.exact import solve_static
-from studies.runner import STATIC, Mesh, Outcome, Reference, Runner, product, row
+from studies.runner import STATIC, Mesh, Outcome, Reference, Runner, product, row, rows_frame
 from studies.scenes import BaseScene
 from studies.study import Options
 from studies.tables import Table
@@ -36,10 +36,7 @@ class StaticSweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of elements as a number."""
-        return pd.DataFrame(self.rows).assign(
-            all_elements=[sum(o.case.mesh) for o in self.outcomes],
-            family=[o.case.element for o in self.outcomes],
-        )
+        return rows_frame(self.rows, self.outcomes)
 
 
 def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
@@ -86,7 +83,10 @@ def rates(frame: pd.DataFrame) -> Table:
     for values, line in frame[frame["error"] > 0].groupby(keys, sort=False):
         line = line.sort_values("all_elements")
         n, error = line["all_elements"].to_numpy(float), line["error"].to_numpy()
-        sound = np.flatnonzero((n[1:] == 2 * n[:-1]) & (error[1:] > 30 * ROUNDING))
+        sound = (n[1:] == 2 * n[:-1]) & (error[1:] > 30 * ROUNDING)
+        # a solver's own tolerance may stop the fall long before rounding: nothing beyond is of the mesh
+        falling = np.logical_and.accumulate(error[1:] < 0.5 * error[:-1])
+        sound = np.flatnonzero(sound & falling)
         orders = np.log2(error[sound] / error[sound + 1])
         last = orders[-1] if orders.size else float("nan")
         between = f"{n[sound[-1]]:g} → {n[sound[-1] + 1]:g}" if sound.size else ""

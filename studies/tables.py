@@ -78,6 +78,11 @@ def _base_time(frame: pd.DataFrame) -> pd.Series:
     return frame[SETTING].merge(base, on=SETTING, how="left")["cpu_s"].set_axis(frame.index)
 
 
+def failed(frame: pd.DataFrame) -> pd.DataFrame:
+    """Rows of the runs that are not whole; "ok: …" is a whole run with a remark."""
+    return frame[frame["status"].str.split(":").str[0] != "ok"]
+
+
 def text(value: Any) -> str:
     """A cell as a reader wants it: five digits of a float, nothing for a NaN."""
     if isinstance(value, float):

@@ -20,6 +20,7 @@ from studies.page import write_page
 from studies.plots import Picture, picture, write_picture
 from studies.runner import Case, Reference, Runner, product, refined_reference, reproducible, row
 from studies.scenes import BASE_SCENES, BaseScene, cantilever_fall, four_bar
+from studies.statics import rates
 from studies.study import Options, Result, StudyError, find, write
 from studies.tables import Table
 from studies.timing import alternate, summarise, undisturbed
@@ -92,7 +93,7 @@ def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path):
     stopped = runner(tmp_path)
     with pytest.raises(KeyboardInterrupt):
         stopped.sweep(cases(10, 12, 15, 16))
-    assert stopped.computed == 3
+    assert stopped.computed == 2
     calls.clear()
     resumed = runner(tmp_path).sweep(cases(10, 12, 16))
     assert [c[1] for c in calls] == [16, 16]  # warm-up and run
@@ -224,7 +225,28 @@ def test_a_named_solver_runs_the_schemes_that_list_it():
     ]  # fmt: skip
 
 
+def test_a_mesh_of_the_wrong_number_of_bodies_is_named():
+    plan = Plan((Scheme("shear", "full", "zhai", ("a",), ((4,),), lambda m: (1e-3,)),), {})
+    message = "--elements has '2/8'; scene 'four-bar' needs 1 or 3 numbers, for crank/coupler/follower"
+    with pytest.raises(StudyError, match=message):
+        cases_of(four_bar(), plan, Options(meshes=((2, 8),)))
+
+
 # --- timing ------------------------------------------------------------------------------------------------
+
+
+def test_a_run_with_a_remark_has_not_failed():
+    frame = pd.DataFrame({"status": ["ok", "ok: tolerances 1e-9", "diverged: at 1 s", "refused"]})
+    assert tables.failed(frame).index.tolist() == [2, 3]
+
+
+def test_rates_stop_where_a_solvers_tolerance_does():
+    error = [1e-2, 6e-4, 4e-5, 3e-5, 2.9e-7]
+    frame = pd.DataFrame({"error": error, "all_elements": [2, 4, 8, 16, 32]})
+    frame[["scene", "solver", "element", "quadrature"]] = "x"
+    (found,) = rates(frame).frame.to_dict("records")
+    assert found["between_elements"] == "4 → 8"
+    assert found["order"] == pytest.approx(np.log2(15.0))
 
 
 def test_median_and_spread():
@@ -566,4 +588,4 @@ def test_interrupted_command_says_what_is_kept(monkeypatch, tmp_path, capsys):
         interrupt()
     assert stop.value.exit_code == 130
     said = " ".join(capsys.readouterr().err.split())
-    assert "7 runs of this session are kept" in said
+    assert "Finished runs (7 of this session) are kept" in said

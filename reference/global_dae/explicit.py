@@ -56,7 +56,9 @@ class State(NamedTuple):
 
 
 @inlined
-def solve(factors: Factors, constant: Constant, right: Array, left: Array, scratch: Array, dense: Array) -> bool:
+def solve(
+    factors: Factors, constant: Constant, right: Array, left: Array, scratch: Array, dense: Array
+) -> bool:
     """Accelerations and multipliers from forces; False if they are not finite."""
     bad = False
     if len(factors.width) == 0:
@@ -118,11 +120,25 @@ def march(
     """
     # arrays are taken out of their tuples once: their references would be counted at every step
     count, m, size = 0, s.motion, s.before.size
-    q, flat_q, flat_v, force, right, left, before = m.q, m.flat_q, m.flat_v, s.force, s.right, s.left, s.before
+    q, flat_q, flat_v, force, right, left, before = (
+        m.q,
+        m.flat_q,
+        m.flat_v,
+        s.force,
+        s.right,
+        s.left,
+        s.before,
+    )
     b, rate, acceleration, trail, buffer, scratch, dense = (
         m.b, m.rate, m.acceleration, m.trail, m.buffer, s.scratch, s.dense
     )  # fmt: skip
-    first, elements, kinds, constants, dead = parts.first, parts.elements, parts.kinds, parts.constants, parts.dead
+    first, elements, kinds, constants, dead = (
+        parts.first,
+        parts.elements,
+        parts.kinds,
+        parts.constants,
+        parts.dead,
+    )
     for n in range(span[0], span[1]):
         at = n - span[0]
         if n == 0:
