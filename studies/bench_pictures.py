@@ -56,7 +56,7 @@ def ratios(frame: pd.DataFrame) -> Picture:
             axes.plot(found, place, "o", color=colour, markersize=7)
             axes.plot(row["required"], place, "|", color=BAR, markersize=13, markeredgewidth=2.2)
             axes.plot(row["goal"], place, "|", color=GOAL, markersize=13, markeredgewidth=1.4)
-            axes.annotate(words, (found, place), (8, 5), textcoords="offset points", va="center", fontsize=8)
+            axes.annotate(words, (1.01, place), xycoords=("axes fraction", "data"), va="center", fontsize=8.5)
         axes.plot([], [], "o", color=INK, label="found")
         axes.plot([], [], "|", color=BAR, markersize=12, markeredgewidth=2.2, label="required")
         axes.plot([], [], "|", color=GOAL, markersize=12, markeredgewidth=1.4, label="goal")
