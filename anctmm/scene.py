@@ -311,7 +311,9 @@ class Scene:
                 taken[end] = joint
             if isinstance(joint, Clamp) and joint.angle is not None:
                 _check_angle(joint)
-            for other in places[1:]:
+            for other in (
+                places[1:] if len(places) == 2 else ()
+            ):  # more are refused as a branch, whatever their gap
                 self._check_meeting(joint, places[0], other)
             if joint.grounded and not (isinstance(joint, Clamp) and joint.angle is not None):
                 body, side = places[0]
