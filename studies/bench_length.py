@@ -98,7 +98,7 @@ class Long:
     @property
     def again(self) -> int:
         """Pairs of runs of a sample: short ones are repeated until they last some milliseconds."""
-        return max(1, min(30, 20_000 // self.count)) if self.integrator != "zhai" else 1
+        return max(1, min(10, 20_000 // self.count)) if self.integrator != "zhai" else 1
 
 
 def length_costs(effort: Effort, samples: Samples) -> Table:

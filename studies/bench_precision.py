@@ -28,11 +28,11 @@ QUADRATURES = ("full", "reduced", "lobatto")
 STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
 #: Newton's tolerances: of ANC-TMM for corrections; of Exudyn for residuals, None its usual best.
 TOLERANCES: dict[str, tuple[Any, ...]] = {
-    OURS: (1e-3, 1e-5, 1e-7),
+    OURS: (1e-7, 1e-5, 1e-3),
     EXUDYN: (None, (1e-5, 1e-7), (1e-3, 1e-5)),
 }
-#: An explicit run is tried where so many elements and steps do not exceed this, some 0.2 s of ANC-TMM.
-MOST_EXPLICIT = 5e6
+#: An explicit run is tried where elements times steps do not exceed this, some 30 ms of ANC-TMM.
+MOST_EXPLICIT = 1e6
 #: Settings tried with Exudyn: those predicted to cost up to this much more than the cheapest of the same error.
 SLACK = 2.0
 IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
@@ -146,19 +146,16 @@ def _notes() -> tuple[str, ...]:
 def explore(race: Race, effort: Effort, samples: Samples) -> tuple[list[Point], float]:
     """Fronts of both codes, timed in turn, and the uncertainty of their errors."""
     reference, uncertainty = reference_of(race, effort.quick)
-    steps = STEPS[1::2] if effort.quick else STEPS
-    ours = [try_out(race, s, reference) for s in settings(race, OURS, race.meshes, steps)]
+    ours = [try_out(race, s, reference) for s in settings(race, OURS, effort.quick)]
     implicit = [p for p in ours if p.setting.integrator == IMPLICIT]
     worth = promising(implicit)
-    theirs = [
-        try_out(race, s, reference) for s in settings(race, EXUDYN, race.meshes, steps) if _worth(s, worth)
-    ]
+    theirs = [try_out(race, s, reference) for s in settings(race, EXUDYN, effort.quick) if _worth(s, worth)]
     chosen: list[Point] = []
     for points in (ours, theirs):
         for kinds in ((IMPLICIT,), (IMPLICIT, EXPLICIT)):
-            chosen += front(p for p in points if p.setting.integrator in kinds)
+            chosen += needed(front(p for p in points if p.setting.integrator in kinds))
     chosen = list(dict.fromkeys(chosen))
-    return timed(race, chosen, 3 if effort.quick else 5, samples), uncertainty
+    return timed(race, chosen, 2 if effort.quick else 5, samples), uncertainty
 
 
 def reference_of(race: Race, quick: bool) -> tuple[Solution, float]:
@@ -171,14 +168,17 @@ def reference_of(race: Race, quick: bool) -> tuple[Solution, float]:
     return best, sum(compare(other, best, race.base.probes).error for other in (coarser, slower))
 
 
-def settings(race: Race, code: str, meshes: Sequence[Mesh], steps: Sequence[float]) -> list[Setting]:
-    """All settings of a code."""
+def settings(race: Race, code: str, quick: bool) -> list[Setting]:
+    """All settings of a code; of a quick run, those that are best in a whole one, more or less."""
+    steps, part = (STEPS[1::2], 1) if quick else (STEPS, 0)
     chosen = [
         Setting(code, IMPLICIT, mesh, dt, quadrature, tolerance)
-        for mesh, quadrature, dt, tolerance in product(meshes, QUADRATURES, steps, TOLERANCES[code])
+        for mesh, quadrature, dt, tolerance in product(
+            race.meshes, QUADRATURES[part:], steps, TOLERANCES[code][part:]
+        )
     ]
     if code in race.explicit:
-        marched = [_explicit(race, code, mesh, q) for mesh, q in product(meshes, QUADRATURES)]
+        marched = [_explicit(race, code, mesh, q) for mesh, q in product(race.meshes, QUADRATURES[part:])]
         chosen += [s for s in marched if s.elements * race.base.t_end / s.dt <= MOST_EXPLICIT]
     return chosen
 
@@ -242,6 +242,13 @@ def front(points: Iterable[Point]) -> list[Point]:
         if not kept or p.error < kept[-1].error:
             kept.append(p)
     return kept
+
+
+def needed(line: Sequence[Point]) -> list[Point]:
+    """Part of a front that holds the errors compared, from the last one above them to the first one below."""
+    above = [k for k, p in enumerate(line) if p.error > max(TARGETS)]
+    below = [k for k, p in enumerate(line) if p.error <= min(TARGETS)]
+    return list(line[above[-1] if above else 0 : below[0] + 1 if below else None])
 
 
 def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) -> list[Point]:

@@ -124,6 +124,12 @@ def test_fronts_and_costs_between_their_points():
     assert np.isnan(cost_at(points, 1e-5))
 
 
+def test_only_the_part_of_a_front_that_is_compared_is_timed():
+    line = [_point(e, 1.0) for e in (0.3, 0.1, 5e-3, 8e-6, 2e-6)]
+    assert [p.error for p in bench_precision.needed(line)] == [0.1, 5e-3, 8e-6]
+    assert bench_precision.needed(line[2:3]) == line[2:3]
+
+
 def test_settings_far_from_the_fewest_elements_and_steps_are_left_out():
     points = [_point(1e-3, 1.0, mesh=8), _point(1e-3, 1.0, mesh=15), _point(1e-3, 1.0, mesh=40)]
     assert {key[0] for key in promising(points)} == {(8,), (15,)}
