@@ -176,6 +176,9 @@ def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
 @kernel
 def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> None:
     """Generalized forces that turn the hubs, M a + F_elastic − f of their nodes."""
+    one = len(tables.first) - len(
+        tables.kinds
+    )  # not a literal, for which the element kernels would be compiled again
     for b in range(len(tables.kinds) if len(hubs.nodes) > 0 else 0):
         for side in range(2):
             hub, shear, m = hubs.of[side, b], tables.kinds[b] == SHEAR, tables.masses[b]
@@ -184,9 +187,9 @@ def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> N
             node = tables.first[b] if side == 0 else tables.first[b + 1] - 1
             i = node - side
             if shear:
-                shear_kernel.forces(q, i, 1, tables.constants[b], tables.buffer)
+                shear_kernel.forces(q, i, one, tables.constants[b], tables.buffer)
             else:
-                cable_kernel.forces(q, i, 1, tables.constants[b], tables.buffer)
+                cable_kernel.forces(q, i, one, tables.constants[b], tables.buffer)
             for k in range(6 if shear else 4):
                 r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):

@@ -24,10 +24,11 @@ from anctmm.implicit import (
     GeneralizedAlpha,
     Newton,
     State,
-    drag_hubs,
+    correction_size,
+    finish,
     new_newton,
     new_state,
-    predict,
+    remember,
     solve_step,
     start,
 )
@@ -51,8 +52,8 @@ DENSITY, POINTS = 8, 4096
 class Control(NamedTuple):
     """Step control: tolerance, error coefficient, run length (s), outputs, grid spacing (s), least scale (m).
 
-    method: αm, αf, β, γ. counts: accepted and rejected steps. before: q, v, a and w before the step,
-    (4, rows, nodes). reference: coordinates of the undeformed scene.
+    method: αm, αf, β, γ. counts: accepted and rejected steps. load and x: scratch, (rows, nodes). values and angles: of
+    loads and hubs now, a row of their tables. reference: coordinates of the undeformed scene.
     """
 
     tolerance: float
@@ -63,7 +64,10 @@ class Control(NamedTuple):
     floor: float
     method: tuple[float, float, float, float]
     counts: Array
-    before: Array
+    load: Array
+    x: Array
+    values: Array
+    angles: Array
     reference: Array
 
 
@@ -90,7 +94,9 @@ def integrate(chain: Chain) -> Solution:
         1e-3 * chain.length,
         (method.alpha_m, method.alpha_f, method.beta, method.gamma),
         np.zeros(2),
-        np.zeros((4, *state.q.shape)),
+        *np.zeros((2, *state.q.shape)),
+        actuation.load_table(grid[:1])[0],
+        actuation.hub_table(grid[:1])[0],
         bodies.reference(),
     )
     system = (bodies.tables(), links(chain), block_factors(bodies.nodes, bodies.rows))
@@ -121,12 +127,12 @@ def integrate(chain: Chain) -> Solution:
         actuation.hub_table(grid),
         actuation.load_table(grid),
     )
-    status = Status() if kept > run.steps else _stuck(chain, t, newton)
+    status = Status() if kept > run.steps else _stuck(chain, t, state)
     return record.solution(kept, status, int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1]))
 
 
-def _stuck(chain: Chain, t: float, newton: Newton) -> Status:
-    body, element = worst_element(chain, newton.size)
+def _stuck(chain: Chain, t: float, state: State) -> Status:
+    body, element = worst_element(chain, correction_size(chain, state))
     return Status(
         "diverged",
         f"no step was small enough at t = {t:.6g} s, worst in element {element} of body {body!r}; the motion may "
@@ -153,9 +159,8 @@ def advance(
     load_table: Array,
 ) -> tuple[int, float]:
     """Run over the intervals of output; number of outputs kept and the time reached."""
-    q, v, w = state.q, state.v, state.w
-    values = load_table[0].copy()
-    angles = hub_table[0].copy()
+    q, v, a, w, q_before, w_before, _, _, _ = state
+    values, angles = control.values, control.angles
     interval, t, scale = control.t_end / control.outputs, 0.0, control.floor
     wanted, factored, last = interval * FIRST, 0.0, 0.0
     hub_reactions(q, w, state.f, tables, hubs)
@@ -174,27 +179,26 @@ def advance(
             if last > 0.0 and h != last:
                 _shift(state, control, 1.0 - h / last)
             last = 0.0
-            _remember(state, control.before)
+            remember(q, w, q_before, w_before)
             c = _coefficients(h, control.method)
-            predict(state, c)
             _interpolate(t + h, control.spacing, hub_table, load_table, angles, values)
             turn_hubs(hubs, angles)
-            drag_hubs(state, hubs, c)
             if abs(h - factored) > STALE * h:
                 newton.counts[2] = 1
             if newton.counts[2] != 0:
                 factored = h
-            solved = solve_step(state, c, tables, links, factors, loads, values, newton)
+            solved = solve_step(state, c, tables, links, factors, hubs, loads, values, newton)
             allowed = SHARE * control.tolerance * h / control.t_end
             error = np.inf
             if solved:
                 error = _error(state, control, c, tables, factors) / scale
             if not error <= 2.0 * allowed:
-                _restore(state, control.before)
+                remember(q_before, w_before, q, w)  # back to the start of the step
                 wanted = h * max(0.2, 0.8 * np.sqrt(allowed / error)) if solved else 0.25 * h
                 newton.counts[2] = 1
                 control.counts[1] += 1
                 continue
+            finish(v, a, w, w_before, c)
             t, last = t + h, h
             control.counts[0] += 1
             hub_reactions(q, w, state.f, tables, hubs)
@@ -211,7 +215,7 @@ def advance(
 def _coefficients(h, method):  # type: ignore[no-untyped-def]
     """Coefficients of a step of h, as `GeneralizedAlpha.of_step` gives them."""
     am, af, b, g = method
-    return Coefficients(h, am, b, g, 1.0 / (b * h * h), g / (b * h), (1.0 - am) / (b * h * h * (1.0 - af)))
+    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)))
 
 
 @inlined
@@ -220,25 +224,7 @@ def _shift(state, control, part):  # type: ignore[no-untyped-def]
     lag = part * (control.method[1] - control.method[0])
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
-            state.a[k, i] += lag * (state.w[k, i] - control.before[3, k, i])
-
-
-@inlined
-def _remember(state, before):  # type: ignore[no-untyped-def]
-    """Keep the state in case the step is rejected."""
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            before[0, k, i], before[1, k, i] = state.q[k, i], state.v[k, i]
-            before[2, k, i], before[3, k, i] = state.a[k, i], state.w[k, i]
-
-
-@inlined
-def _restore(state, before):  # type: ignore[no-untyped-def]
-    """Go back to the state before the step."""
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            state.q[k, i], state.v[k, i] = before[0, k, i], before[1, k, i]
-            state.a[k, i], state.w[k, i] = before[2, k, i], before[3, k, i]
+            state.a[k, i] += lag * (state.w[k, i] - state.w_before[k, i])
 
 
 @inlined
@@ -247,13 +233,13 @@ def _error(state, control, c, tables, factors):  # type: ignore[no-untyped-def]
     factor = control.coefficient * c.h * c.h * c.to_w
     for k in range(state.q.shape[0]):
         for i in range(state.q.shape[1]):
-            state.x[k, i] = factor * (state.w[k, i] - control.before[3, k, i])
-    mass_product(state.x, tables.first, tables.elements, tables.masses, state.load)
-    sweep(factors.unit, factors.L, factors.G, state.load, state.x)
+            control.x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
+    mass_product(control.x, tables.first, tables.masses, tables.buffer, control.load)
+    sweep(factors.unit, factors.F, factors.work, control.load, control.x)
     total = 0.0
     for k in range(2):
         for i in range(state.q.shape[1]):
-            total += state.x[k, i] * state.x[k, i]
+            total += control.x[k, i] * control.x[k, i]
     return np.sqrt(total / state.q.shape[1])
 
 

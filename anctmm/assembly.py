@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from anctmm.compiling import inlined, kernel
 from anctmm.elements import cable_kernel, shear_kernel
 from anctmm.elements.cable import CableElement
-from anctmm.elements.shear_kernel import BLOCK, TANGENT_BLOCK
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.tangent_blocks import lower
 from anctmm.mesh import BodyMesh
 
 Array = NDArray[np.float64]
@@ -151,8 +152,97 @@ class Bodies:
         return Tables(self.first, self.elements, self.kinds, self.constants, self.masses, self.buffer())
 
     def buffer(self) -> Array:
-        """Scratch of the force kernels."""
-        return np.zeros(12 * BLOCK)
+        """Scratch of the force kernels: forces of a window, and behind them those that it hands to the next."""
+        return np.zeros(12 * BLOCK + 6)
+
+
+@inlined
+def window_forces(q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
+    """Elastic forces of the elements behind nodes start … end − 1, at most BLOCK, of all bodies that lie there.
+
+    Parameters
+    ----------
+    q : ndarray, shape (rows, nodes)
+    start, end : int
+        The last node of a body has no element behind it: its forces are zero.
+    body : int
+        Where node `start` lies.
+    first, kinds, constants
+        Of `Bodies`.
+    buffer : ndarray, shape (12 * BLOCK + 6,)
+        Written: component k of the force on node I of the element behind node i at k BLOCK + i − start, on node O at
+        (6 + k) BLOCK + i − start.
+    """
+    node = start
+    while node < end:
+        last = first[body + 1] - 1
+        count = min(last, end) - node
+        if count > 0:
+            if kinds[body] == SHEAR:
+                shear_kernel.forces(q, node, count, constants[body], buffer[node - start :])
+            else:
+                cable_kernel.forces(q, node, count, constants[body], buffer[node - start :])
+                for k in range(4, q.shape[0]):  # a cable among shear elements
+                    for j in range(node - start, node - start + count):
+                        buffer[k * BLOCK + j] = buffer[(6 + k) * BLOCK + j] = 0.0
+            node += count
+        if node == last and node < end:
+            for k in range(q.shape[0]):
+                buffer[k * BLOCK + node - start] = buffer[(6 + k) * BLOCK + node - start] = 0.0
+            node += 1
+            body += 1
+
+
+@inlined
+def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type: ignore[no-untyped-def]
+    """Add factor · M w of the same elements; parameters as in `window_forces`, w of shape (rows, nodes)."""
+    node = start
+    while node < end:
+        last = first[body + 1] - 1
+        count = min(last, end) - node
+        m = masses[body]
+        rr, rg, gg = factor * m[0, 0], factor * m[0, 1], factor * m[1, 1]
+        ror, rog, gor, gog = factor * m[3, 0], factor * m[4, 0], factor * m[3, 1], factor * m[4, 1]
+        oo, og, pp = factor * m[3, 3], factor * m[3, 4], factor * m[4, 4]
+        out = buffer[node - start :]
+        for c in range(2):
+            for j in range(count):
+                i = node + j
+                r, g, s, h = w[c, i], w[2 + c, i], w[c, i + 1], w[2 + c, i + 1]
+                out[c * BLOCK + j] += rr * r + rg * g + ror * s + rog * h
+                out[(2 + c) * BLOCK + j] += rg * r + gg * g + gor * s + gog * h
+                out[(6 + c) * BLOCK + j] += ror * r + gor * g + oo * s + og * h
+                out[(8 + c) * BLOCK + j] += rog * r + gog * g + og * s + pp * h
+        if w.shape[0] == 6:
+            dd, od, ee = factor * m[2, 2], factor * m[5, 2], factor * m[5, 5]
+            for c in range(4, 6):
+                for j in range(count):
+                    i = node + j
+                    out[c * BLOCK + j] += dd * w[c, i] + od * w[c, i + 1]
+                    out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, i + 1]
+        node += count
+        if node == last and node < end:
+            node += 1
+            body += 1
+
+
+@inlined
+def body_after(end, body, first):  # type: ignore[no-untyped-def]
+    """Where node `end` lies, if not before a body."""
+    while first[body + 1] <= end and body + 2 < len(first):
+        body += 1
+    return body
+
+
+@inlined
+def _gather(start, end, buffer, f):  # type: ignore[no-untyped-def]
+    """Forces on nodes start … end − 1 from those of a window's elements and the one before it."""
+    n = end - start
+    for k in range(f.shape[0]):
+        f[k, start] = buffer[k * BLOCK] + buffer[12 * BLOCK + k]
+        for j in range(1, n):
+            f[k, start + j] = buffer[k * BLOCK + j] + buffer[(6 + k) * BLOCK + j - 1]
+        buffer[12 * BLOCK + k] = buffer[(6 + k) * BLOCK + n - 1]
 
 
 @kernel
@@ -166,26 +256,18 @@ def elastic_forces(
     q : ndarray, shape (rows, nodes)
     first, elements, kinds, constants
         Of `Bodies`.
-    buffer : ndarray, shape (12 * BLOCK,)
+    buffer : ndarray, shape (12 * BLOCK + 6,)
         Scratch.
     f : ndarray, shape (rows, nodes)
         Written.
     """
-    f[:] = 0.0
-    for b in range(len(elements)):
-        rows = 6 if kinds[b] == SHEAR else 4
-        for start in range(0, elements[b], BLOCK):
-            count = min(BLOCK, elements[b] - start)
-            node = first[b] + start
-            if kinds[b] == SHEAR:
-                shear_kernel.forces(q, node, count, constants[b], buffer)
-            else:
-                cable_kernel.forces(q, node, count, constants[b], buffer)
-            for k in range(rows):
-                for j in range(count):
-                    f[k, node + j] += buffer[k * BLOCK + j]
-                for j in range(count):
-                    f[k, node + j + 1] += buffer[(6 + k) * BLOCK + j]
+    buffer[12 * BLOCK :] = 0.0
+    body, nodes = 0, q.shape[1]
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        window_forces(q, start, end, body, first, kinds, constants, buffer)
+        body = body_after(end, body, first)
+        _gather(start, end, buffer, f)
 
 
 @kernel
@@ -201,19 +283,16 @@ def strain_energy(q: Array, first: Ints, elements: Ints, kinds: Ints, constants:
 
 
 @kernel
-def mass_product(v: Array, first: Ints, elements: Ints, masses: Array, p: Array) -> None:
+def mass_product(v: Array, first: Ints, masses: Array, buffer: Array, p: Array) -> None:
     """Product of the mass matrix, joints apart, with v, (rows, nodes), written into p."""
-    p[:] = 0.0
-    vectors = v.shape[0] // 2
-    for b in range(len(elements)):
-        m = masses[b]
-        for i in range(first[b], first[b] + elements[b]):
-            for k in range(vectors):
-                for n in range(vectors):
-                    for c in range(2):
-                        s, t = v[2 * n + c, i], v[2 * n + c, i + 1]
-                        p[2 * k + c, i] += m[k, n] * s + m[k, 3 + n] * t
-                        p[2 * k + c, i + 1] += m[3 + k, n] * s + m[3 + k, 3 + n] * t
+    buffer[12 * BLOCK :] = 0.0
+    body, nodes = 0, v.shape[1]
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        buffer[: 12 * BLOCK] = 0.0
+        window_inertia(v, 1.0, start, end, body, first, masses, buffer)
+        body = body_after(end, body, first)
+        _gather(start, end, buffer, p)
 
 
 @kernel
@@ -246,7 +325,7 @@ def block_tangents(q: Array, node: int, count: int, kind: int, constants: Array,
     constants : ndarray
         The body's row of `Bodies.constants`.
     buffer : ndarray, shape (TANGENT_BUFFER,)
-        Written, in the layout of the element kernels, for `unpack_tangent`.
+        Written, as `tangent_blocks` tells.
     """
     if kind == SHEAR:
         shear_kernel.tangents(q, node, count, constants, buffer)
@@ -258,23 +337,9 @@ def block_tangents(q: Array, node: int, count: int, kind: int, constants: Array,
 def unpack_tangent(buffer: Array, j: int, kind: int, K: Array) -> None:
     """Tangent of element j of a block, (2 rows, 2 rows): the components of node I, then those of node O."""
     rows = K.shape[0] // 2
-    if kind == SHEAR:
-        _unpack(buffer, j, 3, 6, K)
-    elif rows == 4:
-        _unpack(buffer, j, 2, 4, K)
-    else:  # a cable among shear elements
-        K[:] = 0.0
-        _unpack(buffer, j, 2, 6, K)
-
-
-@inlined
-def _unpack(buffer, j, vectors, rows, K):  # type: ignore[no-untyped-def]
-    """The same for given numbers of vectors and rows of a node: constants, so that the loops are unrolled."""
-    for k in range(2 * vectors):
-        for m in range(k, 2 * vectors):
-            row, column = k // vectors * rows + 2 * (k % vectors), m // vectors * rows + 2 * (m % vectors)
-            for r in range(2):
-                for s in range(2):
-                    value = buffer[(24 * k + 4 * m + 2 * r + s) * TANGENT_BLOCK + j]
-                    K[row + r, column + s] = value
-                    K[column + s, row + r] = value
+    own = 6 if kind == SHEAR else 4
+    K[:] = 0.0  # a cable among shear elements
+    for k in range(2 * own):
+        for m in range(k + 1):
+            row, column = k // own * rows + k % own, m // own * rows + m % own
+            K[row, column] = K[column, row] = buffer[lower(k, m) + j]

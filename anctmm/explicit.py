@@ -44,7 +44,10 @@ class Numbers(NamedTuple):
 
 
 class State(NamedTuple):
-    """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes)."""
+    """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes).
+
+    flat: the first four again, as vectors.
+    """
 
     q: Array
     v: Array
@@ -53,6 +56,7 @@ class State(NamedTuple):
     f: Array
     dead: Array
     scratch: Array
+    flat: tuple[Array, Array, Array, Array]
 
 
 def integrate(chain: Chain) -> Solution:
@@ -77,17 +81,18 @@ def integrate(chain: Chain) -> Solution:
         check_step(chain)
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
     q, v = bodies.reference(), chain.initial_velocity()
-    dead = chain.dead_load
+    even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     fixed = (
         Numbers(run.steps, run.stride, run.dt, run.psi, run.phi),
         State(
             q,
             v,
-            np.zeros_like(q),
-            np.zeros_like(q),
+            even,
+            odd,
             dead.copy(),
             dead,
             np.zeros((1, 1)) if chain.split else np.zeros_like(q),
+            (q.ravel(), v.ravel(), even.ravel(), odd.ravel()),
         ),
         bodies.tables(),
         split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
@@ -151,7 +156,7 @@ def advance(
     _, of, _, motion, reaction, _ = hubs
     L, G, D = split
     driven = len(hubs.nodes) + len(loads.nodes) > 0
-    flat_q, flat_v, flat_even, flat_odd = q.ravel(), v.ravel(), state.even.ravel(), state.odd.ravel()
+    flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
         if driven:

@@ -27,11 +27,21 @@ from anctmm.actuation import (
     turn_hubs,
     work_done,
 )
-from anctmm.assembly import Tables, elastic_forces, mass_product
+from anctmm.assembly import Tables, body_after, window_forces, window_inertia
 from anctmm.chain import Chain
 from anctmm.compiling import announced, inlined, kernel
+from anctmm.elements.shear_kernel import BLOCK
 from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, run_batches, too_large, worst_element
-from anctmm.riccati import BlockFactors, Links, block_factors, factorize, links, sweep
+from anctmm.riccati import (
+    BlockFactors,
+    Links,
+    block_factors,
+    factorize,
+    find_unknowns,
+    links,
+    pass_outboard,
+    start_sweep,
+)
 from anctmm.solution import Solution, Status
 
 Array = NDArray[np.float64]
@@ -84,47 +94,47 @@ class GeneralizedAlpha:
     def of_step(self, h: float) -> "Coefficients":
         """Coefficients of a step of h (s)."""
         am, af, b, g = self.alpha_m, self.alpha_f, self.beta, self.gamma
-        return Coefficients(h, am, b, g, 1 / (b * h * h), g / (b * h), (1 - am) / (b * h * h * (1 - af)))
+        return Coefficients(h, am, af, b, g, (1 - am) / (b * h * h * (1 - af)))
 
 
 class Coefficients(NamedTuple):
-    """Step h (s), αm, β, γ, and what a correction of q adds to a, v and w."""
+    """Step h (s), αm, αf, β, γ, and what a correction of q adds to w."""
 
     h: float
     alpha_m: float
+    alpha_f: float
     beta: float
     gamma: float
-    to_a: float
-    to_v: float
     to_w: float
 
 
 class State(NamedTuple):
-    """q, v, a, w, external force and dead load at the end of a step, and scratch: each (rows, nodes)."""
+    """q, v, a and w, q and w at the start of the step, external force and dead load: each (rows, nodes).
+
+    loads: those that arrive at each node in a solution, and then the unknowns, (nodes, rows).
+    """
 
     q: Array
     v: Array
     a: Array
     w: Array
+    q_before: Array
+    w_before: Array
     f: Array
     dead: Array
-    load: Array
-    inertia: Array
-    x: Array
-    total: Array
+    loads: Array
 
 
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
-    counts: corrections, factorizations, whether the matrix must be renewed. size: of the last correction at each
-    node, (nodes,). history: of the corrections of the last step, (ITERATIONS,).
+    counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
+    of the last step, (ITERATIONS,).
     """
 
     scale: float
     tolerance: float
     counts: Ints
-    size: Array
     history: Array
 
 
@@ -164,7 +174,7 @@ def integrate(chain: Chain) -> Solution:
     start(*fixed[3:10], actuation)
     failed = run_batches(chain, one)
     done = run.steps if failed < 0 else failed
-    status = Status() if failed < 0 else _stalled(chain, failed, newton)
+    status = Status() if failed < 0 else _stalled(chain, failed, state, newton)
     kept = len(run.output_steps) if failed < 0 else 1 + (failed - 1) // run.stride
     return record.solution(kept, status, done, int(newton.counts[0]), int(newton.counts[1]))
 
@@ -172,7 +182,7 @@ def integrate(chain: Chain) -> Solution:
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
     q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
-    return State(q, v, np.zeros_like(q), np.zeros_like(q), dead.copy(), dead, *np.zeros((4, *q.shape)))
+    return State(q, v, *np.zeros((4, *q.shape)), dead.copy(), dead, np.zeros(q.shape[::-1]))
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -180,9 +190,7 @@ def new_newton(chain: Chain) -> Newton:
     furthest = float(np.abs(chain.bodies.reference()[:2]).max())
     rounding = 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
     left = max(KAPPA * chain.run.newton_tolerance, rounding)
-    return Newton(
-        chain.length, left, np.zeros(3, np.int64), np.zeros(chain.bodies.nodes), np.zeros(ITERATIONS)
-    )
+    return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS))
 
 
 def start(
@@ -202,13 +210,19 @@ def start(
     place_hubs(state.q, state.v, hubs)
     set_loads(state.q, state.f, state.dead, loads, values)
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
-    by_blocks(state.q, state.f, tables, hubs, factors, state.load, state.w)
+    by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
     state.a[:] = state.w
     newton.counts[:] = 0, 1, 1
 
 
-def _stalled(chain: Chain, step: int, newton: Newton) -> Status:
-    body, element = worst_element(chain, newton.size)
+def correction_size(chain: Chain, state: State) -> Array:
+    """Largest component of the last correction at each node, positions relative to the chain's length, (nodes,)."""
+    x = np.abs(state.loads)
+    return np.maximum(x[:, :2].max(axis=1) / chain.length, x[:, 2:].max(axis=1))
+
+
+def _stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
+    body, element = worst_element(chain, correction_size(chain, state))
     t = float(chain.run.times(np.array([step]))[0])
     history = ", ".join(f"{x:.1e}" for x in newton.history if x > 0.0)
     return Status(
@@ -244,12 +258,12 @@ def advance(
 
     The two tables hold the values of hubs, (steps + 1, hubs, 3), and loads, (steps + 1, loads, 2), from `begin` on.
     """
-    q, v, w = state.q, state.v, state.w
+    q, v, a, w, q_before, w_before, f, _, _ = state
     driven = len(hubs.nodes) + len(loads.nodes) > 0
     for step in range(begin, end):
         values = load_table[step - begin]
         if driven:
-            hub_reactions(q, w, state.f, tables, hubs)
+            hub_reactions(q, w, f, tables, hubs)
             out.work[0] += work_done(step > 0, q, hubs, loads, values)
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
@@ -257,99 +271,95 @@ def advance(
             keep(step, stride, q, v, tables, out)
         if step == steps:
             break
-        predict(state, coefficients)
+        remember(q, w, q_before, w_before)
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - begin])
-            drag_hubs(state, hubs, coefficients)
         if not solve_step(
-            state, coefficients, tables, links, factors, loads, load_table[step + 1 - begin], newton
+            state, coefficients, tables, links, factors, hubs, loads, load_table[step + 1 - begin], newton
         ):
             return step + 1
+        finish(v, a, w, w_before, coefficients)
     return -1
 
 
 @inlined
-def predict(state, c):  # type: ignore[no-untyped-def]
-    """State at the end of the step if w stayed as it is."""
-    q, v, a, w = state.q, state.v, state.a, state.w
+def remember(q, w, q_before, w_before):  # type: ignore[no-untyped-def]
+    """Keep q and w of the start of a step."""
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
-            new = (w[k, i] - c.alpha_m * a[k, i]) / (1.0 - c.alpha_m)
-            q[k, i] += c.h * v[k, i] + c.h * c.h * ((0.5 - c.beta) * a[k, i] + c.beta * new)
+            q_before[k, i] = q[k, i]
+            w_before[k, i] = w[k, i]
+
+
+@inlined
+def finish(v, a, w, w_before, c):  # type: ignore[no-untyped-def]
+    """v and a at the end of the step, from w there."""
+    for k in range(v.shape[0]):
+        for i in range(v.shape[1]):
+            new = ((1.0 - c.alpha_f) * w[k, i] + c.alpha_f * w_before[k, i] - c.alpha_m * a[k, i]) / (
+                1.0 - c.alpha_m
+            )
             v[k, i] += c.h * ((1.0 - c.gamma) * a[k, i] + c.gamma * new)
             a[k, i] = new
 
 
 @inlined
-def drag_hubs(state, hubs, c):  # type: ignore[no-untyped-def]
-    """Give the hubs' nodes their known positions; velocities and accelerations follow."""
-    for h in range(len(hubs.nodes)):
-        i = hubs.nodes[h]
-        for k in range(state.q.shape[0]):
-            x = hubs.motion[0, h, k] - state.q[k, i]
-            state.q[k, i] += x
-            state.a[k, i] += c.to_a * x
-            state.v[k, i] += c.to_v * x
-            state.w[k, i] += c.to_w * x
+def _predict(q, v, a, w, q_before, w_before, c):  # type: ignore[no-untyped-def]
+    """q and w at the end of the step if w stayed as it was."""
+    for k in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            new = (w_before[k, i] - c.alpha_m * a[k, i]) / (1.0 - c.alpha_m)
+            q[k, i] = q_before[k, i] + (c.h * v[k, i] + c.h * c.h * ((0.5 - c.beta) * a[k, i] + c.beta * new))
+            w[k, i] = w_before[k, i]
 
 
 @inlined
-def solve_step(state, coefficients, tables, links, factors, loads, load_values, newton):  # type: ignore[no-untyped-def]
+def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
+    """Give the hubs' nodes their known positions; w follows, and with it a and v."""
+    for h in range(len(nodes)):
+        i = nodes[h]
+        for k in range(q.shape[0]):
+            w[k, i] += c.to_w * (motion[0, h, k] - q[k, i])
+            q[k, i] = motion[0, h, k]
+
+
+@inlined
+def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton):  # type: ignore[no-untyped-def]
     """Find the end of a step: by modified Newton, and where that fails by Newton from the predictor again."""
+    q, v, a, w, q_before, w_before, _, _, _ = state
     solved = False
     for full in range(2):
         if not solved:
+            _predict(q, v, a, w, q_before, w_before, coefficients)
+            _drag(q, w, hubs.nodes, hubs.motion, coefficients)
             solved = _newton(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton
             )
     return solved
 
 
-@kernel
-def _newton(
-    full: bool,
-    state: State,
-    coefficients: Coefficients,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    loads: Loads,
-    load_values: Array,
-    newton: Newton,
-) -> bool:
-    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
-
-    False if it does not converge; the state is then what it was before.
-    """
-    # arrays leave their tuples once: taken out inside the loop, their references would be counted each time
-    q, v, a, w, f, dead, load, inertia, x, total = state
-    first, elements, kinds, constants, masses, buffer = tables
-    unit, L, G, _, _, _ = factors
-    scale, tolerance, counts, sizes, history = newton
+@inlined
+def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton):  # type: ignore[no-untyped-def]
+    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
+    q, _, _, w, _, _, f, dead, arrived = state
+    _, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
-    total[:] = 0.0
     for iteration in range(ITERATIONS):
         set_loads(q, f, dead, loads, load_values)
-        elastic_forces(q, first, elements, kinds, constants, buffer, load)
-        mass_product(w, first, elements, masses, inertia)
-        for k in range(q.shape[0]):
-            for i in range(q.shape[1]):
-                load[k, i] = f[k, i] - load[k, i] - inertia[k, i]
         if full or counts[2] != 0:
             factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
-        sweep(unit, L, G, load, x)
-        size = _size(x, scale, sizes)
+        _forward(q, w, f, tables, factors, arrived)
+        size = _backward(q, w, coefficients.to_w, newton.scale, factors, arrived)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:
             break
-        _correct(q, v, a, w, x, 1.0, coefficients, total)
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
-        if size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance):
+        if size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance):
             counts[2] = 1 if iteration >= MANY else 0
             return True
         if iteration > 0 and rate > SLOW:
@@ -358,37 +368,52 @@ def _newton(
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
                 return True
         last = size
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            x[k, i] = total[k, i]
-    _correct(q, v, a, w, x, -1.0, coefficients, total)
     counts[2] = 1
     return False
 
 
 @inlined
-def _size(x, scale, sizes):  # type: ignore[no-untyped-def]
-    """Largest component of a correction, positions relative to `scale`; infinite if it is not a number."""
-    largest = 0.0
-    sizes[:] = 0.0
-    for k in range(x.shape[0]):
-        unit = 1.0 / scale if k < 2 else 1.0
-        for i in range(x.shape[1]):
-            here = abs(x[k, i]) * unit
-            sizes[i] = max(sizes[i], here if here - here == 0.0 else np.inf)
-    for i in range(x.shape[1]):
-        largest = max(largest, sizes[i])
-    return largest
+def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
+    """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
+    first, _, kinds, constants, masses, buffer = tables
+    unit, F, work, _ = factors
+    d, body, nodes = len(unit), 0, q.shape[1]
+    last = 12 * BLOCK
+    buffer[last:] = 0.0
+    start_sweep(unit, work)
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        window_forces(q, start, end, body, first, kinds, constants, buffer)
+        window_inertia(w, 1.0, start, end, body, first, masses, buffer)
+        body = body_after(end, body, first)
+        for i in range(start, end):
+            for k in range(d):
+                at = k * BLOCK + i - start
+                work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
+                buffer[last + k] = buffer[at + 6 * BLOCK]
+            pass_outboard(unit, F, i, work)
+            for k in range(d):
+                arrived[i, k] = work[4 * d * d + k]
 
 
 @inlined
-def _correct(q, v, a, w, x, sign, c, total):  # type: ignore[no-untyped-def]
-    """Add sign · x, and what follows from it, to the state, and to the total of the corrections."""
-    for k in range(x.shape[0]):
-        for i in range(x.shape[1]):
-            step = sign * x[k, i]
-            q[k, i] += step
-            a[k, i] += c.to_a * step
-            v[k, i] += c.to_v * step
-            w[k, i] += c.to_w * step
-            total[k, i] += step
+def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-def]
+    """Backward sweep: the corrections, put in place of what arrived, are added to q, and what follows to w.
+
+    Returns the largest component, positions relative to `scale`; infinity if one is not finite.
+    """
+    unit, F, work, _ = factors
+    d, largest, odd = len(unit), 0.0, 0.0
+    start_sweep(unit, work)
+    for i in range(q.shape[1] - 1, -1, -1):
+        for k in range(d):
+            work[4 * d * d + k] = arrived[i, k]
+        find_unknowns(unit, F, i, work)
+        for k in range(d):
+            x = work[4 * d * d + 2 * d + k]
+            arrived[i, k] = x
+            q[k, i] += x
+            w[k, i] += to_w * x
+            largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+            odd += x - x  # 0 unless infinite or not a number
+    return largest if odd == 0.0 else np.inf

@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.actuation import Loads
-from anctmm.assembly import Tables, block_tangents, unpack_tangent
+from anctmm.assembly import SHEAR, Tables, block_tangents
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.compiling import inlined, kernel
-from anctmm.elements.shear_kernel import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -53,19 +53,17 @@ class BlockFactors(NamedTuple):
     Parameters
     ----------
     unit : tuple of `rows` zeros
-        Its type tells the compiler the size of the blocks.
-    L, G : ndarray, shape (nodes, rows, rows)
-    D : ndarray, shape (rows, rows)
-        Scratch, as are the next two.
-    K : ndarray, shape (2 rows, 2 rows)
+        Its type tells the compiler the size d of the blocks.
+    F : ndarray, shape (nodes, d² + d (d + 1)/2)
+        L of each node row by row, behind it the lower triangle of G.
+    work : ndarray, shape (4 d² + 4 d,)
+        Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
     buffer : ndarray, shape (TANGENT_BUFFER,)
     """
 
     unit: tuple[int, ...]
-    L: Array
-    G: Array
-    D: Array
-    K: Array
+    F: Array
+    work: Array
     buffer: Array
 
 
@@ -91,10 +89,8 @@ def block_factors(nodes: int, rows: int) -> BlockFactors:
     """Room for the factors of a chain."""
     return BlockFactors(
         (0,) * rows,
-        np.zeros((nodes, rows, rows)),
-        np.zeros((nodes, rows, rows)),
-        np.zeros((rows, rows)),
-        np.zeros((2 * rows, 2 * rows)),
+        np.zeros((nodes, rows * rows + rows * (rows + 1) // 2)),
+        np.zeros(4 * rows * rows + 4 * rows),
         np.zeros(TANGENT_BUFFER),
     )
 
@@ -116,7 +112,7 @@ def mass_factors(chain: Chain) -> BlockFactors:
 def solve(factors: BlockFactors, load: Array) -> Array:
     """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
     a = np.empty_like(load)
-    sweep(factors.unit, factors.L, factors.G, load.copy(), a)
+    sweep(factors.unit, factors.F, factors.work, load.copy(), a)
     return a
 
 
@@ -200,206 +196,257 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    unit, L, G, D, K, buffer = factors
+    unit, F, work, buffer = factors
     first, _, kinds, constants, masses, _ = tables
-    link, turn, prescribed = links
+    link, turn, known = links
     d = len(unit)
     negative = 0
-    D[:] = 0.0
+    work[:] = 0.0
     for b in range(len(link)):
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
             for n in range(len(loads.nodes) if i == first[b] or i == last else 0):  # loads act on ends only
                 if loads.nodes[n] == i and loads.rows[n] > 0:
-                    _add_torque_stiffness(D, q, i, loads.rows[n], stiffness * load_values[n, 0])
+                    _add_torque_stiffness(unit, q, i, loads.rows[n], stiffness * load_values[n, 0], work)
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
-                if stiffness != 0.0:
-                    if j == 0:
-                        count = min(TANGENT_BLOCK, last - i)
-                        block_tangents(q, i, count, kinds[b], constants[b], buffer)
-                    unpack_tangent(buffer, j, kinds[b], K)
-                _combine(unit, mass, masses, b, stiffness, K)
-                for k in range(d):
-                    for m in range(d):
-                        D[k, m] += K[k, m]
+                if j == 0 and stiffness != 0.0:
+                    block_tangents(q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
+                if kinds[b] == SHEAR:
+                    _add_element(unit, 6, mass, masses[b], stiffness, buffer, j, work)
+                else:
+                    _add_element(unit, 4, mass, masses[b], stiffness, buffer, j, work)
+                negative += _invert(unit, known, 0, i, work)
+                _eliminate(unit, i, work, F)
             elif link[b] == WELD:
-                _turn(unit, turn[b, 0], turn[b, 1], L, G, i, D, K)
-                continue
-            pinned = i == last and link[b] == PIN
-            negative += _invert(unit, D, prescribed, 2 if pinned else 0, G, i)
-            if i < last:
-                _eliminate(unit, K, G, L, i, D)
-            elif pinned:
-                _release(unit, G, L, i, D)
+                _turn(unit, turn[b, 0], turn[b, 1], i, work, F)
             else:
-                for k in range(d):
-                    for m in range(d):
-                        L[i, k, m] = D[k, m] = 0.0
+                for k in range(d * d):
+                    work[d * d + k] = work[k]
+                negative += _invert(unit, known, 2 if link[b] == PIN else 0, i, work)
+                _release(unit, link[b] == PIN, i, work, F)
     return negative
 
 
 @kernel
-def sweep(unit: tuple[int, ...], L: Array, G: Array, b: Array, a: Array) -> None:
+def sweep(unit: tuple[int, ...], F: Array, work: Array, b: Array, a: Array) -> None:
     """Forward and backward sweep.
 
     Parameters
     ----------
-    unit : tuple of `rows` ints
-    L, G : ndarray, shape (nodes, rows, rows)
+    unit, F, work
+        Of `BlockFactors`.
     b : ndarray, shape (rows, nodes)
         Loads; the inboard ones are added to them on the way.
     a : ndarray, shape (rows, nodes)
         Written: the unknowns, 0 for known components.
     """
     d = len(unit)
-    nodes = b.shape[1]
-    for i in range(nodes - 1):
-        for m in range(d):
-            carry = 0.0
-            for k in range(d):
-                carry += L[i, m, k] * b[k, i]
-            b[m, i + 1] -= carry
-    for k in range(d):
-        s = 0.0
-        for m in range(d):
-            s += G[nodes - 1, k, m] * b[m, nodes - 1]
-        a[k, nodes - 1] = s
-    for i in range(nodes - 2, -1, -1):
+    start_sweep(unit, work)
+    for i in range(b.shape[1]):
         for k in range(d):
-            s = 0.0
-            for m in range(d):
-                s += G[i, k, m] * b[m, i] - L[i, m, k] * a[m, i + 1]
-            a[k, i] = s
+            work[4 * d * d + k] = b[k, i]
+        pass_outboard(unit, F, i, work)
+        for k in range(d):
+            b[k, i] = work[4 * d * d + k]
+    start_sweep(unit, work)
+    for i in range(b.shape[1] - 1, -1, -1):
+        for k in range(d):
+            work[4 * d * d + k] = b[k, i]
+        find_unknowns(unit, F, i, work)
+        for k in range(d):
+            a[k, i] = work[4 * d * d + 2 * d + k]
 
 
 @inlined
-def _combine(unit, mass, masses, b, stiffness, K):  # type: ignore[no-untyped-def]
-    """K ← mass · (m ⊗ I₂) + stiffness · K, m in the six scalar rows of a shear element."""
+def start_sweep(unit, work):  # type: ignore[no-untyped-def]
+    """Nothing has come yet from beyond the first node of a sweep."""
     d = len(unit)
-    for k in range(2 * d):
-        for n in range(2 * d):
-            K[k, n] = stiffness * K[k, n] if stiffness != 0.0 else 0.0
-    for side in range(2):
-        for other in range(2):
-            for k in range(d // 2):
-                for n in range(d // 2):
-                    value = mass * masses[b, 3 * side + k, 3 * other + n]
-                    K[d * side + 2 * k, d * other + 2 * n] += value
-                    K[d * side + 2 * k + 1, d * other + 2 * n + 1] += value
+    for k in range(d):
+        work[4 * d * d + d + k] = work[4 * d * d + 2 * d + k] = 0.0
 
 
 @inlined
-def _invert(unit, D, known, start, G, i):  # type: ignore[no-untyped-def]
-    """G ← inverse of D on the components from `start` on that are not known, 0 elsewhere; count of negative pivots.
+def pass_outboard(unit, F, i, work):  # type: ignore[no-untyped-def]
+    """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
+    d = len(unit)
+    load, come = 4 * d * d, 4 * d * d + d
+    for k in range(d):
+        work[load + k] += work[come + k]
+    for m in range(d):
+        s = t = 0.0
+        for k in range(0, d, 2):
+            s -= F[i, d * m + k] * work[load + k]
+            t -= F[i, d * m + k + 1] * work[load + k + 1]
+        work[come + m] = s + t
 
-    Gauss-Jordan without exchange of rows: D is symmetric, and positive definite in every stable state.
+
+@inlined
+def find_unknowns(unit, F, i, work):  # type: ignore[no-untyped-def]
+    """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
+    d = len(unit)
+    load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    for k in range(d):
+        work[out + k] = work[x + k]
+    for k in range(d):
+        s = t = 0.0
+        for m in range(d):
+            low, high = min(k, m), max(k, m)
+            s += F[i, d * d + high * (high + 1) // 2 + low] * work[load + m]
+            t += F[i, d * m + k] * work[out + m]
+        work[x + k] = s - t
+
+
+@inlined
+def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
+    """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the
+    symmetric ones. An element with fewer components, `own`, than the nodes leaves the others without stiffness.
     """
     d = len(unit)
+    A, K = d * d, 2 * d * d
+    for k in range(d):
+        for n in range(d):
+            given = k < own and n < own and stiffness != 0.0
+            work[K + d * k + n] = stiffness * buffer[lower(own + k, n) + j] if given else 0.0
+            if n <= k:
+                work[A + d * k + n] = work[d * k + n] + (
+                    stiffness * buffer[lower(k, n) + j] if given else 0.0
+                )
+                work[d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
+    for k in range(d // 2):
+        for n in range(d // 2):
+            for c in range(2):
+                at = d * (2 * k + c) + 2 * n + c
+                work[K + at] += mass * m[3 + k, n]
+                if n <= k:
+                    work[A + at] += mass * m[k, n]
+                    work[at] += mass * m[3 + k, 3 + n]
+
+
+@inlined
+def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
+    """Matrix 1 ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere; lower triangle.
+
+    The symmetric form of Gauss-Jordan's method ("sweep operator") without exchange of rows: the matrix is positive
+    definite in every stable state. Returns the number of negative pivots.
+    """
+    d = len(unit)
+    A, column = d * d, 3 * d * d
     negative = 0
     for k in range(d):
+        if k < start or known[k, i]:
+            for m in range(d):
+                work[A + d * max(k, m) + min(k, m)] = 1.0 if m == k else 0.0
+    for k in range(d):
+        pivot = work[A + d * k + k]
+        negative += 0 if pivot > 0.0 else 1
+        inverse = 1.0 / pivot
         for m in range(d):
-            free = k >= start and m >= start and not known[k, i] and not known[m, i]
-            G[i, k, m] = D[k, m] if free else 0.0
-    for k in range(start, d):
-        if known[k, i]:
-            continue
-        if not G[i, k, k] > 0.0:
-            negative += 1
-        pivot = 1.0 / G[i, k, k]
-        G[i, k, k] = 1.0
-        for m in range(d):
-            G[i, k, m] *= pivot
+            work[column + m] = work[A + d * max(k, m) + min(k, m)]
         for n in range(d):
             if n != k:
-                f = G[i, n, k]
-                G[i, n, k] = 0.0
-                for m in range(d):
-                    G[i, n, m] -= f * G[i, k, m]
+                f = work[column + n] * inverse
+                for m in range(n + 1):
+                    if m != k:
+                        work[A + d * n + m] -= f * work[column + m]
+        for m in range(d):
+            work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
+        work[A + d * k + k] = -inverse
+    for k in range(d):
+        if k < start or known[k, i]:
+            work[A + d * k + k] = 0.0
     return negative
 
 
 @inlined
-def _eliminate(unit, K, G, L, i, D):  # type: ignore[no-untyped-def]
+def _store(unit, i, work, F):  # type: ignore[no-untyped-def]
+    """Keep G, minus matrix 1, and L, matrix 3."""
+    d = len(unit)
+    for k in range(d):
+        for m in range(d):
+            F[i, d * k + m] = work[3 * d * d + d * k + m]
+        for m in range(k + 1):
+            F[i, d * d + k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
+
+
+@inlined
+def _eliminate(unit, i, work, F):  # type: ignore[no-untyped-def]
     """Pass an element: L ← K_OI G, D ← K_OO − L K_IO."""
     d = len(unit)
+    A, K, L = d * d, 2 * d * d, 3 * d * d
     for m in range(d):
         for k in range(d):
             s = 0.0
             for n in range(d):
-                s += K[d + m, n] * G[i, n, k]
-            L[i, m, k] = s
+                s -= work[K + d * m + n] * work[A + d * max(n, k) + min(n, k)]
+            work[L + d * m + k] = s
     for m in range(d):
         for k in range(m + 1):
-            s = K[d + m, d + k]
+            s = work[d * m + k]
             for n in range(d):
-                s -= L[i, m, n] * K[n, d + k]
-            D[m, k] = s
-            D[k, m] = s
+                s -= work[L + d * m + n] * work[K + d * k + n]
+            work[d * m + k] = s
+    _store(unit, i, work, F)
 
 
 @inlined
-def _release(unit, G, L, i, D):  # type: ignore[no-untyped-def]
-    """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on."""
+def _release(unit, pinned, i, work, F):  # type: ignore[no-untyped-def]
+    """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
     d = len(unit)
-    for k in range(d):
-        for m in range(d):
-            L[i, k, m] = 0.0
-    for m in range(2):
-        L[i, m, m] = -1.0
-        for k in range(2, d):
-            s = 0.0
-            for n in range(2, d):
-                s += D[m, n] * G[i, n, k]
-            L[i, m, k] = s
-    for m in range(2):
-        for k in range(2):
-            s = D[m, k]
-            for n in range(2, d):
-                s -= L[i, m, n] * D[n, k]
-            G[i, m, k] = s
+    A, L = d * d, 3 * d * d
+    for k in range(d * d):
+        work[L + k] = 0.0
+    if pinned:
+        for m in range(2):
+            work[L + d * m + m] = -1.0
+            for k in range(2, d):
+                s = 0.0
+                for n in range(2, d):
+                    s -= work[d * n + m] * work[A + d * max(n, k) + min(n, k)]
+                work[L + d * m + k] = s
+        for m in range(2):
+            for k in range(m + 1):
+                for n in range(2, d):
+                    work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
+    _store(unit, i, work, F)
     for m in range(d):
-        for k in range(d):
-            D[m, k] = G[i, m, k] if m < 2 and k < 2 else 0.0
-    for m in range(2):
-        for k in range(2):
-            G[i, m, k] = 0.0
+        for k in range(m + 1):
+            if not pinned or m > 1:
+                work[d * m + k] = 0.0
 
 
 @inlined
-def _turn(unit, c, s, L, G, i, D, K):  # type: ignore[no-untyped-def]
+def _turn(unit, c, s, i, work, F):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
     d = len(unit)
-    for k in range(d):
-        for m in range(d):
-            G[i, k, m] = 0.0
-    for k in range(d):
-        for m in range(d):
-            L[i, k, m] = 0.0
+    K, L = 2 * d * d, 3 * d * d
+    for k in range(d * d):
+        work[d * d + k] = work[L + k] = 0.0
     for k in range(0, d, 2):
         x, y = (1.0, 0.0) if k == 0 else (c, s)
-        L[i, k, k] = L[i, k + 1, k + 1] = -x
-        L[i, k, k + 1], L[i, k + 1, k] = y, -y
+        work[L + d * k + k] = work[L + d * (k + 1) + k + 1] = -x
+        work[L + d * k + k + 1], work[L + d * (k + 1) + k] = y, -y
     for m in range(d):
         for k in range(d):
             t = 0.0
             for n in range(d):
-                t -= L[i, m, n] * D[n, k]
-            K[m, k] = t
+                t -= work[L + d * m + n] * work[d * max(n, k) + min(n, k)]
+            work[K + d * m + k] = t
     for m in range(d):
-        for k in range(d):
+        for k in range(m + 1):
             t = 0.0
             for n in range(d):
-                t -= K[m, n] * L[i, k, n]
-            D[m, k] = t
+                t -= work[K + d * m + n] * work[L + d * k + n]
+            work[d * m + k] = t
+    _store(unit, i, work, F)
 
 
 @inlined
-def _add_torque_stiffness(D, q, i, row, moment):  # type: ignore[no-untyped-def]
+def _add_torque_stiffness(unit, q, i, row, moment, D):  # type: ignore[no-untyped-def]
     """Subtract the derivative of M (−g_y, g_x)/|g|² by g: a torque has the potential −M θ(g)."""
+    d = len(unit)
     x, y = q[row, i], q[row + 1, i]
     f = moment / (x * x + y * y) ** 2
-    D[row, row] -= f * 2.0 * x * y
-    D[row, row + 1] -= f * (y * y - x * x)
-    D[row + 1, row] -= f * (y * y - x * x)
-    D[row + 1, row + 1] += f * 2.0 * x * y
+    D[d * row + row] -= f * 2.0 * x * y
+    D[d * (row + 1) + row] -= f * (y * y - x * x)
+    D[d * (row + 1) + row + 1] += f * 2.0 * x * y

@@ -59,7 +59,7 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
 
     def mass(x: Array) -> Array:
         out = np.empty_like(q)
-        mass_product(join.spread(x), bodies.first, bodies.elements, bodies.masses, out)
+        mass_product(join.spread(x), bodies.first, bodies.masses, buffer, out)
         return join.gather(out)
 
     def divided(f: Array) -> Array:

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array, csr_array
 from anctmm.assembly import Bodies, block_tangents, unpack_tangent
 from anctmm.chain import Chain, Joined
 from anctmm.compiling import kernel
-from anctmm.elements.shear_kernel import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

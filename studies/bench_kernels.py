@@ -15,7 +15,8 @@ from anctmm.assembly import Tables, block_tangents, elastic_forces
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
 from anctmm.elements import cable_kernel, shear_kernel
-from anctmm.elements.shear_kernel import BLOCK, TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.implicit import GeneralizedAlpha
 from anctmm.riccati import BlockFactors, Links, SplitFactors
 from anctmm.scene import Scene
@@ -130,9 +131,9 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
 @kernel
 def repeat_sweeps(repeats: int, factors: BlockFactors, load: Array, x: Array) -> None:
     """Forward and backward sweep of blocks; a load of zeros stays zero, and costs what any load does."""
-    unit, L, G = factors.unit, factors.L, factors.G
+    unit, F, work, _ = factors
     for _ in range(repeats):
-        riccati.sweep(unit, L, G, load, x)
+        riccati.sweep(unit, F, work, load, x)
 
 
 @kernel

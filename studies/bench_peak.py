@@ -15,7 +15,8 @@ from anctmm.assembly import Bodies, block_tangents
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
 from anctmm.elements import cable_kernel, shear_kernel
-from anctmm.elements.shear_kernel import BLOCK, TANGENT_BUFFER
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from studies.bench_clock import Effort, Samples, figures, in_turn, records, repeated
 from studies.bench_kernels import (
     ACCELERATIONS,
@@ -136,7 +137,7 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
     chain = Chain(scene, implicit_run(scene, n, 1, 1e-3, **variant.options()))
     bodies, q = chain.bodies, counted(bent_arc(n + 1, chain.bodies.rows))
     p, zeros = parts(chain, q), counted(np.zeros(q.shape))
-    t = p.tables._replace(buffer=counted(np.zeros(12 * BLOCK)))
+    t = p.tables._replace(buffer=counted(np.zeros(12 * BLOCK + 6)))
     of_kind: Any = shear_kernel if bodies.kinds[0] == SHEAR_KIND else cable_kernel
     counts = {
         ELEMENT_FORCES: operations(of_kind.forces, q, 0, n, bodies.constants[0], t.buffer),
@@ -163,7 +164,7 @@ def _block_operations(bodies: Bodies, p: Any, q: Any) -> dict[str, int]:
     zeros = counted(np.zeros(q.shape))
     return {
         FACTORIZATION: operations(riccati.factorize, q, p.tables, p.links, 1e6, 1.0, p.loads, none, factors),
-        BLOCK_SWEEP: operations(riccati.sweep, factors.unit, factors.L, factors.G, zeros, zeros.copy()),
+        BLOCK_SWEEP: operations(riccati.sweep, factors.unit, factors.F, factors.work, zeros, zeros.copy()),
     }
 
 

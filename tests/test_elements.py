@@ -21,7 +21,7 @@ from anctmm.elements.cable import CableElement
 from anctmm.elements.invariants import InvariantShearElement
 from anctmm.elements.shapes import gauss, hermite, lobatto, power
 from anctmm.elements.shear import ShearElement
-from anctmm.elements.shear_kernel import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.mesh import BodyMesh
 from anctmm.scene import Beam, Material
 from anctmm.sections import Circle, Rectangle

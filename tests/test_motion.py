@@ -135,7 +135,7 @@ def momentum_and_centre(scene, kind, motion):
     bodies, unit = chain.bodies, np.zeros_like(chain.bodies.reference())
     unit[:2] = 1.0
     weights = np.empty_like(unit)
-    mass_product(unit, bodies.first, bodies.elements, bodies.masses, weights)
+    mass_product(unit, bodies.first, bodies.masses, bodies.buffer(), weights)
     q = motion.fields["bar"].coordinates
     rows = weights.reshape(-1, 2, bodies.nodes).transpose(2, 0, 1)
     return np.einsum("kvc,nkvc->nc", rows, q) / rows[:, 0, 0].sum(), rows[:, 0, 0].sum()

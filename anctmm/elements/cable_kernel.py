@@ -11,12 +11,22 @@ from numpy.typing import NDArray
 
 from anctmm.compiling import inlined, kernel
 from anctmm.elements.cable import CableElement
-from anctmm.elements.shear_kernel import BLOCK, TANGENT_BLOCK, TANGENTS
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.tangent_blocks import (
+    add_full,
+    add_symmetric,
+    clear_sums,
+    place_full,
+    place_symmetric,
+    place_transposed,
+)
 
 Array = NDArray[np.float64]
 
 #: Where the points start among the constants, and how many numbers an axial and a bending point take.
 HEAD, AXIAL, BENDING = 5, 4, 7
+#: Where the sums of tangents stand: second derivatives by u = (r_O − r_I)/l, r'_I and r'_O.
+UU, IU, II, OU, OI, OO = 0, 3, 7, 10, 14, 18
 
 
 def constants(e: CableElement) -> Array:
@@ -129,7 +139,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
 
 @kernel
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements.
+    """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l, r'_I and r'_O, then by the nodal vectors.
 
     Parameters
     ----------
@@ -139,102 +149,104 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     constants : ndarray
         See `constants`.
     out : ndarray, shape (TANGENT_BUFFER,)
-        Written, with scratch behind: entry (2k + r, 2m + s) of element j, k ≤ m < 4 the nodal vectors r_I,
-        r'_I, r_O, r'_O, in row 24 k + 4 m + 2 r + s, rows being TANGENT_BLOCK long.
+        Written, as `tangent_blocks` tells; nodal vectors r_I, r'_I, r_O, r'_O.
     """
-    l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
+    v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
     axial, bending = int(constants[3]), int(constants[4])
-    v = 1.0 / l
-    for k in range(4):
-        for m in range(k, 4):
-            for e in range(4):
-                for j in range(count):
-                    out[(24 * k + 4 * m + e) * TANGENT_BLOCK + j] = 0.0
+    clear_sums(out, 21)
     for p in range(axial):
         at = HEAD + p * AXIAL
-        A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
-        f = EA * w * l
+        A, B, C, f = -constants[at], constants[at + 1], constants[at + 2], EA * constants[at + 3]
         for j in range(count):
             i = first + j
-            bx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * v
-            by = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * v
+            bx = B * q[2, i] + C * q[2, i + 1] + A * (q[0, i + 1] - q[0, i]) * v
+            by = B * q[3, i] + C * q[3, i + 1] + A * (q[1, i + 1] - q[1, i]) * v
             s = 1.0 / (bx * bx + by * by)
             h = f * sqrt(s)
-            out[TANGENTS + 0 * TANGENT_BLOCK + j] = f - h + h * bx * bx * s
-            out[TANGENTS + 1 * TANGENT_BLOCK + j] = h * bx * by * s
-            out[TANGENTS + 2 * TANGENT_BLOCK + j] = f - h + h * by * by * s
-        rows = (A * v, B, -A * v, C)
-        for k in range(4):
-            for m in range(k, 4):
-                n, row = rows[k] * rows[m], 24 * k + 4 * m
-                for j in range(count):
-                    out[(row) * TANGENT_BLOCK + j] += n * out[TANGENTS + 0 * TANGENT_BLOCK + j]
-                    out[(row + 1) * TANGENT_BLOCK + j] += n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
-                    out[(row + 2) * TANGENT_BLOCK + j] += n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
-                    out[(row + 3) * TANGENT_BLOCK + j] += n * out[TANGENTS + 2 * TANGENT_BLOCK + j]
+            S = f - h + h * bx * bx * s, h * bx * by * s, f - h + h * by * by * s
+            F = S[0], S[1], S[1], S[2]
+            add_symmetric(out, UU, j, A * A, S)
+            add_full(out, IU, j, B * A, F)
+            add_symmetric(out, II, j, B * B, S)
+            add_full(out, OU, j, C * A, F)
+            add_full(out, OI, j, C * B, F)
+            add_symmetric(out, OO, j, C * C, S)
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
-        A, B, C = constants[at], constants[at + 1], constants[at + 2]
-        a, b, c = constants[at + 3], constants[at + 4], constants[at + 5]
-        _bending_blocks(q, first, count, A, B, C, a, b, c, v, EI * constants[at + 6] * l, out)
-        rows, curves = (A * v, B, -A * v, C), (a * v * v, b * v, -a * v * v, c * v)
-        for k in range(4):
-            for m in range(k, 4):
-                n, o, row = rows[k] * rows[m], rows[k] * curves[m], 24 * k + 4 * m
-                t, u = curves[k] * rows[m], curves[k] * curves[m]
-                for j in range(count):
-                    Qxx, Qxy, Qyx, Qyy = (
-                        out[TANGENTS + 3 * TANGENT_BLOCK + j],
-                        out[TANGENTS + 4 * TANGENT_BLOCK + j],
-                        out[TANGENTS + 5 * TANGENT_BLOCK + j],
-                        out[TANGENTS + 6 * TANGENT_BLOCK + j],
-                    )
-                    out[(row) * TANGENT_BLOCK + j] += (
-                        n * out[TANGENTS + 0 * TANGENT_BLOCK + j]
-                        + (o + t) * Qxx
-                        + u * out[TANGENTS + 7 * TANGENT_BLOCK + j]
-                    )
-                    out[(row + 1) * TANGENT_BLOCK + j] += (
-                        n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
-                        + o * Qxy
-                        + t * Qyx
-                        + u * out[TANGENTS + 8 * TANGENT_BLOCK + j]
-                    )
-                    out[(row + 2) * TANGENT_BLOCK + j] += (
-                        n * out[TANGENTS + 1 * TANGENT_BLOCK + j]
-                        + o * Qyx
-                        + t * Qxy
-                        + u * out[TANGENTS + 8 * TANGENT_BLOCK + j]
-                    )
-                    out[(row + 3) * TANGENT_BLOCK + j] += (
-                        n * out[TANGENTS + 2 * TANGENT_BLOCK + j]
-                        + (o + t) * Qyy
-                        + u * out[TANGENTS + 9 * TANGENT_BLOCK + j]
-                    )
+        A, B, C = -constants[at], constants[at + 1], constants[at + 2]
+        a, b, c = -constants[at + 3] * v, constants[at + 4] * v, constants[at + 5] * v
+        f = EI * constants[at + 6]
+        for j in range(count):
+            i = first + j
+            ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
+            bx, by = B * q[2, i] + C * q[2, i + 1] + A * ux, B * q[3, i] + C * q[3, i + 1] + A * uy
+            cx, cy = b * q[2, i] + c * q[2, i + 1] + a * ux, b * q[3, i] + c * q[3, i + 1] + a * uy
+            D = _second_derivatives(bx, by, cx, cy, f)
+            add_symmetric(out, UU, j, 1.0, _twice(A, a, D))
+            add_full(out, IU, j, 1.0, _both(B, b, A, a, D))
+            add_symmetric(out, II, j, 1.0, _twice(B, b, D))
+            add_full(out, OU, j, 1.0, _both(C, c, A, a, D))
+            add_full(out, OI, j, 1.0, _both(C, c, B, b, D))
+            add_symmetric(out, OO, j, 1.0, _twice(C, c, D))
+    for j in range(count):
+        place_symmetric(out, j, 0, 0, UU, v * v)
+        place_full(out, j, 1, 0, IU, -v)
+        place_symmetric(out, j, 1, 1, II, 1.0)
+        place_symmetric(out, j, 2, 0, UU, -v * v)
+        place_transposed(out, j, 2, 1, IU, v)
+        place_symmetric(out, j, 2, 2, UU, v * v)
+        place_full(out, j, 3, 0, OU, -v)
+        place_full(out, j, 3, 1, OI, 1.0)
+        place_full(out, j, 3, 2, OU, v)
+        place_symmetric(out, j, 3, 3, OO, 1.0)
 
 
 @inlined
-def _bending_blocks(q, first, count, A, B, C, a, b, c, v, f, out):  # type: ignore[no-untyped-def]
-    """Second derivatives of ½ f κ² at a point; rows of the scratch: 0-2 by r' twice, 3-6 by r' and r'', 7-9 by r''."""
-    for j in range(count):
-        i = first + j
-        ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
-        bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
-        cx, cy = (b * q[2, i] + c * q[2, i + 1] - a * ux) * v, (b * q[3, i] + c * q[3, i + 1] - a * uy) * v
-        s = 1.0 / (bx * bx + by * by)
-        curvature = (bx * cy - by * cx) * s
-        # gradient of κ by r', g, and by r'', h; κ is linear in r''
-        gx, gy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
-        hx, hy = -by * s, bx * s
-        m = f * curvature
-        n = 2.0 * m * s
-        out[TANGENTS + 0 * TANGENT_BLOCK + j] = f * gx * gx - n * (2.0 * bx * gx + curvature)
-        out[TANGENTS + 1 * TANGENT_BLOCK + j] = f * gx * gy - n * (bx * gy + by * gx)
-        out[TANGENTS + 2 * TANGENT_BLOCK + j] = f * gy * gy - n * (2.0 * by * gy + curvature)
-        out[TANGENTS + 3 * TANGENT_BLOCK + j] = f * gx * hx - n * bx * hx
-        out[TANGENTS + 4 * TANGENT_BLOCK + j] = f * gx * hy + m * s - n * bx * hy
-        out[TANGENTS + 5 * TANGENT_BLOCK + j] = f * gy * hx - m * s - n * by * hx
-        out[TANGENTS + 6 * TANGENT_BLOCK + j] = f * gy * hy - n * by * hy
-        out[TANGENTS + 7 * TANGENT_BLOCK + j] = f * hx * hx
-        out[TANGENTS + 8 * TANGENT_BLOCK + j] = f * hx * hy
-        out[TANGENTS + 9 * TANGENT_BLOCK + j] = f * hy * hy
+def _second_derivatives(bx, by, cx, cy, f):  # type: ignore[no-untyped-def]
+    """Of ½ f κ²: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice."""
+    s = 1.0 / (bx * bx + by * by)
+    curvature = (bx * cy - by * cx) * s
+    # gradient of κ by r', g, and by r'', h; κ is linear in r''
+    gx, gy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
+    hx, hy = -by * s, bx * s
+    m = f * curvature
+    n = 2.0 * m * s
+    return (
+        (
+            f * gx * gx - n * (2.0 * bx * gx + curvature),
+            f * gx * gy - n * (bx * gy + by * gx),
+            f * gy * gy - n * (2.0 * by * gy + curvature),
+        ),
+        (
+            f * gx * hx - n * bx * hx,
+            f * gx * hy + m * s - n * bx * hy,
+            f * gy * hx - m * s - n * by * hx,
+            f * gy * hy - n * by * hy,
+        ),
+        (f * hx * hx, f * hx * hy, f * hy * hy),
+    )
+
+
+@inlined
+def _twice(R, r, D):  # type: ignore[no-untyped-def]
+    """Second derivative by a vector on which r' depends by R and r'' by r."""
+    P, Q, S = D
+    n, o, u = R * R, R * r, r * r
+    return (
+        n * P[0] + 2.0 * o * Q[0] + u * S[0],
+        n * P[1] + o * (Q[1] + Q[2]) + u * S[1],
+        n * P[2] + 2.0 * o * Q[3] + u * S[2],
+    )
+
+
+@inlined
+def _both(R, r, C, c, D):  # type: ignore[no-untyped-def]
+    """Second derivative by such a vector and another one, of C and c."""
+    P, Q, S = D
+    n, o, t, u = R * C, R * c, r * C, r * c
+    return (
+        n * P[0] + (o + t) * Q[0] + u * S[0],
+        n * P[1] + o * Q[1] + t * Q[2] + u * S[1],
+        n * P[1] + o * Q[2] + t * Q[1] + u * S[1],
+        n * P[2] + (o + t) * Q[3] + u * S[2],
+    )

@@ -11,14 +11,20 @@ from numpy.typing import NDArray
 from anctmm.compiling import inlined, kernel
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
+from anctmm.elements.tangent_blocks import (
+    ROWS,
+    add_full,
+    add_symmetric,
+    clear_sums,
+    place_full,
+    place_symmetric,
+    place_transposed,
+)
 
 Array = NDArray[np.float64]
 
 #: Elements handled at once; the buffer of their forces has 12 rows of this length: 6 for node I, 6 for node O.
 BLOCK = 64
-#: Elements whose tangents are found at once; room for the tangents, and with scratch of 21 rows behind them.
-TANGENT_BLOCK = 16
-TANGENTS, TANGENT_BUFFER = 144 * TANGENT_BLOCK, 165 * TANGENT_BLOCK
 
 _XI, _W = gauss(POINTS)
 #: Each Gauss point: ξ, 1 − ξ, the derivatives l S1', S2', S5' of the Hermite functions (S4' = −S1') and the weight.
@@ -132,10 +138,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
 
 @kernel
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
-    """Hessians of the energy of a block of elements.
-
-    Each of the three vectors c', d', d is a combination of a few of the nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O,
-    r_y,O; the scratch holds the second derivatives of the energy by the three at a Gauss point, in 2 × 2 blocks.
+    """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l and the gradients, then by the nodal vectors.
 
     Parameters
     ----------
@@ -144,97 +147,137 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         First node of the block, number of its elements, at most TANGENT_BLOCK.
     constants : ndarray, shape (8,)
     out : ndarray, shape (TANGENT_BUFFER,)
-        Written, with scratch behind: entry (2k + r, 2m + s) of element j, k ≤ m < 6 the nodal vectors,
-        in row 24 k + 4 m + 2 r + s, rows being TANGENT_BLOCK long.
+        Written, as `tangent_blocks` tells; nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O.
     """
     l = constants[0]  # noqa: E741
-    for k in range(6):
-        for m in range(k, 6):
-            for e in range(4):
-                for j in range(count):
-                    out[(24 * k + 4 * m + e) * TANGENT_BLOCK + j] = 0.0
+    v = 1.0 / l
+    clear_sums(out, ROWS)
     for p in range(POINTS):
-        x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
-        _blocks(q, first, count, x, y, A, B, C, TABLE[p, 5] * l, constants, out)
-        on_c = (A / l, B, 0.0, -A / l, C, 0.0)
-        on_d, on_e = (0.0, 0.0, y, 0.0, 0.0, x), (0.0, 0.0, -1.0 / l, 0.0, 0.0, 1.0 / l)
-        for k in range(6):
-            for m in range(k, 6):
-                row = 24 * k + 4 * m
-                if k % 3 != 2 and m % 3 != 2:
-                    n = on_c[k] * on_c[m]
-                    for e in range(4):
-                        for j in range(count):
-                            out[(row + e) * TANGENT_BLOCK + j] += (
-                                n * out[TANGENTS + (e - (e > 1)) * TANGENT_BLOCK + j]
-                            )
-                elif k % 3 != 2:
-                    n, o = on_c[k] * on_e[m], on_c[k] * on_d[m]
-                    for e in range(4):
-                        for j in range(count):
-                            out[(row + e) * TANGENT_BLOCK + j] += (
-                                n * out[TANGENTS + (3 + e) * TANGENT_BLOCK + j]
-                                + o * out[TANGENTS + (7 + e) * TANGENT_BLOCK + j]
-                            )
-                elif m % 3 != 2:  # the transpose of the case before
-                    n, o = on_e[k] * on_c[m], on_d[k] * on_c[m]
-                    for e in range(4):
-                        other = 2 * (e % 2) + e // 2
-                        for j in range(count):
-                            out[(row + e) * TANGENT_BLOCK + j] += (
-                                n * out[TANGENTS + (3 + other) * TANGENT_BLOCK + j]
-                                + o * out[TANGENTS + (7 + other) * TANGENT_BLOCK + j]
-                            )
-                else:
-                    n, o, s, t = on_e[k] * on_e[m], on_e[k] * on_d[m], on_d[k] * on_e[m], on_d[k] * on_d[m]
-                    for e in range(4):
-                        other = 2 * (e % 2) + e // 2
-                        for j in range(count):
-                            out[(row + e) * TANGENT_BLOCK + j] += (
-                                n * out[TANGENTS + (11 + e - (e > 1)) * TANGENT_BLOCK + j]
-                                + o * out[TANGENTS + (14 + e) * TANGENT_BLOCK + j]
-                                + s * out[TANGENTS + (14 + other) * TANGENT_BLOCK + j]
-                                + t * out[TANGENTS + (18 + e - (e > 1)) * TANGENT_BLOCK + j]
-                            )
+        x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], -TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
+        w = TABLE[p, 5] * l
+        for j in range(count):
+            i = first + j
+            ex, ey = (q[4, i + 1] - q[4, i]) * v, (q[5, i + 1] - q[5, i]) * v
+            cx = B * q[2, i] + C * q[2, i + 1] + A * (q[0, i + 1] - q[0, i]) * v
+            cy = B * q[3, i] + C * q[3, i + 1] + A * (q[1, i + 1] - q[1, i]) * v
+            dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
+            CC, EC, DC, EE, ED, DD = _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey)
+            add_symmetric(out, 0, j, A * A, CC)
+            add_symmetric(out, 3, j, B * A, CC)
+            add_symmetric(out, 6, j, B * B, CC)
+            add_symmetric(out, 9, j, C * A, CC)
+            add_symmetric(out, 12, j, C * B, CC)
+            add_symmetric(out, 15, j, C * C, CC)
+            I = _sum(y, DC, -v, EC)  # noqa: E741
+            O = _sum(x, DC, v, EC)  # noqa: E741
+            add_full(out, 18, j, A, I)
+            add_full(out, 22, j, B, I)
+            add_full(out, 26, j, C, I)
+            add_full(out, 30, j, A, O)
+            add_full(out, 34, j, B, O)
+            add_full(out, 38, j, C, O)
+            add_symmetric(out, 42, j, 1.0, _twice(-v, y, EE, ED, DD))
+            add_full(out, 45, j, 1.0, _both(v, x, -v, y, EE, ED, DD))
+            add_symmetric(out, 49, j, 1.0, _twice(v, x, EE, ED, DD))
+    for j in range(count):
+        _place(out, j, v)
 
 
 @inlined
-def _blocks(q, first, count, x, y, A, B, C, w, constants, out):  # type: ignore[no-untyped-def]
-    """Second derivatives at a Gauss point: rows 0-2 of the scratch by c' twice, 3-6 by c' and d', 7-10 by c' and d,
-    11-13 by d' twice, 14-17 by d' and d, 18-20 by d twice; three rows where a block is symmetric.
-    """
-    l, LA, LI, LJ = constants[0], w * constants[1], w * constants[2], w * constants[3]  # noqa: E741
+def _place(out, j, v):  # type: ignore[no-untyped-def]
+    """From the sums by u, r_x,I, r_x,O, r_y,I and r_y,O to the tangent by the nodal vectors."""
+    place_symmetric(out, j, 0, 0, 0, v * v)
+    place_symmetric(out, j, 1, 0, 3, -v)
+    place_symmetric(out, j, 1, 1, 6, 1.0)
+    place_full(out, j, 2, 0, 18, -v)
+    place_full(out, j, 2, 1, 22, 1.0)
+    place_symmetric(out, j, 2, 2, 42, 1.0)
+    place_symmetric(out, j, 3, 0, 0, -v * v)
+    place_symmetric(out, j, 3, 1, 3, v)
+    place_transposed(out, j, 3, 2, 18, v)
+    place_symmetric(out, j, 3, 3, 0, v * v)
+    place_symmetric(out, j, 4, 0, 9, -v)
+    place_symmetric(out, j, 4, 1, 12, 1.0)
+    place_transposed(out, j, 4, 2, 26, 1.0)
+    place_symmetric(out, j, 4, 3, 9, v)
+    place_symmetric(out, j, 4, 4, 15, 1.0)
+    place_full(out, j, 5, 0, 30, -v)
+    place_full(out, j, 5, 1, 34, 1.0)
+    place_full(out, j, 5, 2, 45, 1.0)
+    place_full(out, j, 5, 3, 30, v)
+    place_full(out, j, 5, 4, 38, 1.0)
+    place_symmetric(out, j, 5, 5, 49, 1.0)
+
+
+@inlined
+def _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey):  # type: ignore[no-untyped-def]
+    """Of the energy at a Gauss point of weight w: by c' twice, d' and c', d and c', d' twice, d' and d, d twice."""
+    LA, LI, LJ = w * constants[1], w * constants[2], w * constants[3]
     lA, lI, GA, GI = w * constants[4], w * constants[5], w * constants[6], w * constants[7]
-    v = 1.0 / l
-    for j in range(count):
-        i = first + j
-        ex, ey = (q[4, i + 1] - q[4, i]) * v, (q[5, i + 1] - q[5, i]) * v
-        cx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * v
-        cy = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * v
-        dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
-        k2 = 0.5 * (ex * ex + ey * ey)
-        e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
-        N0, N1 = LA * e0 + LI * k2 + lA * eyy, LI * (cx * ex + cy * ey)
-        N2, Ny = LI * e0 + LJ * k2 + lI * eyy, LA * eyy + lA * e0 + lI * k2
-        Q0, Q1 = GA * (cx * dx + cy * dy), GI * (ex * dx + ey * dy)
-        out[TANGENTS + 0 * TANGENT_BLOCK + j] = LA * cx * cx + LI * ex * ex + GA * dx * dx + N0
-        out[TANGENTS + 1 * TANGENT_BLOCK + j] = LA * cx * cy + LI * ex * ey + GA * dx * dy
-        out[TANGENTS + 2 * TANGENT_BLOCK + j] = LA * cy * cy + LI * ey * ey + GA * dy * dy + N0
-        out[TANGENTS + 3 * TANGENT_BLOCK + j] = 2.0 * LI * cx * ex + N1
-        out[TANGENTS + 4 * TANGENT_BLOCK + j] = LI * (cx * ey + ex * cy)
-        out[TANGENTS + 5 * TANGENT_BLOCK + j] = LI * (cy * ex + ey * cx)
-        out[TANGENTS + 6 * TANGENT_BLOCK + j] = 2.0 * LI * cy * ey + N1
-        out[TANGENTS + 7 * TANGENT_BLOCK + j] = (lA + GA) * cx * dx + Q0
-        out[TANGENTS + 8 * TANGENT_BLOCK + j] = lA * cx * dy + GA * dx * cy
-        out[TANGENTS + 9 * TANGENT_BLOCK + j] = lA * cy * dx + GA * dy * cx
-        out[TANGENTS + 10 * TANGENT_BLOCK + j] = (lA + GA) * cy * dy + Q0
-        out[TANGENTS + 11 * TANGENT_BLOCK + j] = LI * cx * cx + LJ * ex * ex + GI * dx * dx + N2
-        out[TANGENTS + 12 * TANGENT_BLOCK + j] = LI * cx * cy + LJ * ex * ey + GI * dx * dy
-        out[TANGENTS + 13 * TANGENT_BLOCK + j] = LI * cy * cy + LJ * ey * ey + GI * dy * dy + N2
-        out[TANGENTS + 14 * TANGENT_BLOCK + j] = (lI + GI) * ex * dx + Q1
-        out[TANGENTS + 15 * TANGENT_BLOCK + j] = lI * ex * dy + GI * dx * ey
-        out[TANGENTS + 16 * TANGENT_BLOCK + j] = lI * ey * dx + GI * dy * ex
-        out[TANGENTS + 17 * TANGENT_BLOCK + j] = (lI + GI) * ey * dy + Q1
-        out[TANGENTS + 18 * TANGENT_BLOCK + j] = LA * dx * dx + GA * cx * cx + GI * ex * ex + Ny
-        out[TANGENTS + 19 * TANGENT_BLOCK + j] = LA * dx * dy + GA * cx * cy + GI * ex * ey
-        out[TANGENTS + 20 * TANGENT_BLOCK + j] = LA * dy * dy + GA * cy * cy + GI * ey * ey + Ny
+    k2 = 0.5 * (ex * ex + ey * ey)
+    e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
+    N0, N1 = LA * e0 + LI * k2 + lA * eyy, LI * (cx * ex + cy * ey)
+    N2, Ny = LI * e0 + LJ * k2 + lI * eyy, LA * eyy + lA * e0 + lI * k2
+    Q0, Q1 = GA * (cx * dx + cy * dy), GI * (ex * dx + ey * dy)
+    return (
+        (
+            LA * cx * cx + LI * ex * ex + GA * dx * dx + N0,
+            LA * cx * cy + LI * ex * ey + GA * dx * dy,
+            LA * cy * cy + LI * ey * ey + GA * dy * dy + N0,
+        ),
+        (
+            2.0 * LI * cx * ex + N1,
+            LI * (cy * ex + ey * cx),
+            LI * (cx * ey + ex * cy),
+            2.0 * LI * cy * ey + N1,
+        ),
+        (
+            (lA + GA) * cx * dx + Q0,
+            lA * cy * dx + GA * dy * cx,
+            lA * cx * dy + GA * dx * cy,
+            (lA + GA) * cy * dy + Q0,
+        ),
+        (
+            LI * cx * cx + LJ * ex * ex + GI * dx * dx + N2,
+            LI * cx * cy + LJ * ex * ey + GI * dx * dy,
+            LI * cy * cy + LJ * ey * ey + GI * dy * dy + N2,
+        ),
+        (
+            (lI + GI) * ex * dx + Q1,
+            lI * ex * dy + GI * dx * ey,
+            lI * ey * dx + GI * dy * ex,
+            (lI + GI) * ey * dy + Q1,
+        ),
+        (
+            LA * dx * dx + GA * cx * cx + GI * ex * ex + Ny,
+            LA * dx * dy + GA * cx * cy + GI * ex * ey,
+            LA * dy * dy + GA * cy * cy + GI * ey * ey + Ny,
+        ),
+    )
+
+
+@inlined
+def _sum(n, B, o, D):  # type: ignore[no-untyped-def]
+    """n B + o D."""
+    return n * B[0] + o * D[0], n * B[1] + o * D[1], n * B[2] + o * D[2], n * B[3] + o * D[3]
+
+
+@inlined
+def _twice(n, o, EE, ED, DD):  # type: ignore[no-untyped-def]
+    """Second derivative by a vector on which d' depends by n and d by o."""
+    return (
+        n * n * EE[0] + 2.0 * n * o * ED[0] + o * o * DD[0],
+        n * n * EE[1] + n * o * (ED[1] + ED[2]) + o * o * DD[1],
+        n * n * EE[2] + 2.0 * n * o * ED[3] + o * o * DD[2],
+    )
+
+
+@inlined
+def _both(n, o, r, s, EE, ED, DD):  # type: ignore[no-untyped-def]
+    """Second derivative by such a vector and another one, of r and s."""
+    return (
+        n * r * EE[0] + (n * s + o * r) * ED[0] + o * s * DD[0],
+        n * r * EE[1] + n * s * ED[1] + o * r * ED[2] + o * s * DD[1],
+        n * r * EE[1] + n * s * ED[2] + o * r * ED[1] + o * s * DD[1],
+        n * r * EE[2] + (n * s + o * r) * ED[3] + o * s * DD[2],
+    )

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from anctmm.assembly import block_tangents, unpack_tangent
-from anctmm.compiling import kernel
-from anctmm.elements.shear_kernel import TANGENT_BLOCK
+from anctmm.compiling import allocating_kernel, kernel
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK
 from reference.global_dae.loads import Loads
 from reference.global_dae.lu import Index
 from reference.global_dae.model import Matrix, Model, Parts, kkt
@@ -165,7 +165,7 @@ def fill_dense(column: Index, row: Index, data: Array, A: Array) -> None:
             A[row[t], j] = data[t]
 
 
-@kernel
+@allocating_kernel
 def solve_dense(A: Array, source: Index, right: Array, left: Array) -> None:
     """Solve with a dense matrix by LAPACK; places of the unknowns in the flat vectors in `source`."""
     x = np.linalg.solve(A, right[source])

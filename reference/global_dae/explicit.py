@@ -152,7 +152,8 @@ def march(
         if not solve(factors, constant, right, left, scratch, dense):
             return n, count
         if n == 0:
-            before[:] = left[:size]
+            for i in range(size):
+                before[i] = left[i]
         if len(trail):
             work = work_since(loads, values, at, rows, left, size, flat_q, trail)
             m.work[0] += work if n > 0 else 0.0

@@ -55,7 +55,9 @@ def motion_of(model: Model, reference: Array) -> Motion:
 @kernel
 def keep(parts: Parts, m: Motion, k: int, kept: Array, energies: Array) -> None:
     """Store the present coordinates and energies as output k."""
-    kept[k] = m.q
+    for n in range(m.q.shape[0]):
+        for i in range(m.q.shape[1]):
+            kept[k, n, i] = m.q[n, i]
     energies[k, 0] = kinetic_energy(m.v, parts.first, parts.elements, parts.masses)
     energies[k, 1] = strain_energy(m.q, parts.first, parts.elements, parts.kinds, parts.constants)
     potential = 0.0

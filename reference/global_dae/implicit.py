@@ -12,7 +12,7 @@ from scipy.sparse.linalg import splu
 
 from anctmm.assembly import elastic_forces, mass_product
 from anctmm.compiling import kernel
-from anctmm.elements.shear_kernel import TANGENT_BUFFER
+from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
@@ -111,7 +111,7 @@ def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: St
     size = s.new_q.size
     elastic_forces(s.new, parts.first, parts.elements, parts.kinds, parts.constants, s.motion.buffer, s.force)
     acceleration = s.new_acceleration.reshape(s.new.shape)
-    mass_product(acceleration, parts.first, parts.elements, parts.masses, s.product)
+    mass_product(acceleration, parts.first, parts.masses, s.motion.buffer, s.product)
     inertia = s.product.reshape(size)
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i] - inertia[i]

@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from anctmm.compiling import inlined, kernel
+from anctmm.compiling import allocating_kernel, inlined, kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -139,7 +139,7 @@ def _arrays(A: sparse.csc_array) -> tuple[Index, Index, Array]:
     return A.indptr.astype(np.uint32), A.indices.astype(np.uint32), np.ascontiguousarray(A.data)
 
 
-@kernel
+@allocating_kernel
 def fill_in(first: Ints, row: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     """Patterns of L (strictly lower) and U (strictly upper) of a permuted matrix, by columns, sorted."""
     n = len(first) - 1

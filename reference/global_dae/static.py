@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
 from anctmm.assembly import elastic_forces, strain_energy
-from anctmm.elements.shear_kernel import TANGENT_BUFFER
+from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.solution import Cost, Solution, Status
 from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.history import solution
