@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.actuation import Hubs, hub_reactions
-from anctmm.assembly import SHEAR, Tables, elastic_forces
+from anctmm.assembly import Tables, elastic_forces
 from anctmm.compiling import inlined, kernel
-from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.element_choice import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.riccati import BlockFactors, sweep
 
@@ -17,15 +17,15 @@ Array = NDArray[np.float64]
 
 
 @inlined
-def by_scalars(q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
+def by_scalars(blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
     """Accelerations of a chain without angled welds, and the reactions of its hubs.
 
     Parameters
     ----------
+    blend : tuple of int
+        Of `Tables`, as are first, kinds, constants, masses and buffer.
     q, f : ndarray, shape (rows, nodes)
         Coordinates and the external forces on them.
-    first, kinds, constants, masses, buffer : ndarray
-        Of `Tables`.
     of, motion, reaction : ndarray
         Of `Hubs`; the reactions are written.
     L, G, D : ndarray
@@ -33,12 +33,12 @@ def by_scalars(q, f, first, kinds, constants, masses, buffer, of, motion, reacti
     a : ndarray, shape (rows, nodes)
         Written.
     """
-    _forward(q, f, first, kinds, constants, masses, buffer, of, motion, L, a)
+    _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a)
     _backward(first, kinds, masses, of, motion, reaction, L, G, D, a)
 
 
 @inlined
-def _forward(q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  # type: ignore[no-untyped-def]
+def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  # type: ignore[no-untyped-def]
     """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
 
     A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
@@ -51,10 +51,7 @@ def _forward(q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  
         last = first[b + 1] - 1
         for start in range(first[b], last, BLOCK):
             count = min(BLOCK, last - start)
-            if kinds[b] == SHEAR:
-                shear_kernel.forces(q, start, count, constants[b], buffer)
-            else:
-                cable_kernel.forces(q, start, count, constants[b], buffer)
+            element_forces(blend, kinds[b], q, start, count, constants[b], buffer)
             if start == first[b] and of[0, b] >= 0:
                 _push(masses, b, motion, of[0, b], buffer)
             for j in range(count):
@@ -166,7 +163,7 @@ def by_blocks(
 ) -> None:
     """Accelerations of any chain by full blocks, and the reactions of its hubs; `load`, (rows, nodes), is scratch."""
     first, masses, rows = tables.first, tables.masses, q.shape[0]
-    elastic_forces(q, first, tables.elements, tables.kinds, tables.constants, tables.buffer, load)
+    elastic_forces(tables.blend, q, first, tables.kinds, tables.constants, tables.buffer, load)
     for k in range(rows):
         for i in range(q.shape[1]):
             load[k, i] = f[k, i] - load[k, i]

@@ -6,10 +6,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import SHEAR, Bodies, Tables
+from anctmm.assembly import Bodies, Tables
 from anctmm.compiling import kernel
 from anctmm.drives import tabulate
-from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.element_choice import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.mesh import varying_loads
 from anctmm.scene import Clamp, Force, Scene
@@ -181,16 +181,13 @@ def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> N
     )  # not a literal, for which the element kernels would be compiled again
     for b in range(len(tables.kinds) if len(hubs.nodes) > 0 else 0):
         for side in range(2):
-            hub, shear, m = hubs.of[side, b], tables.kinds[b] == SHEAR, tables.masses[b]
+            hub, m = hubs.of[side, b], tables.masses[b]
             if hub < 0:
                 continue
             node = tables.first[b] if side == 0 else tables.first[b + 1] - 1
             i = node - side
-            if shear:
-                shear_kernel.forces(q, i, one, tables.constants[b], tables.buffer)
-            else:
-                cable_kernel.forces(q, i, one, tables.constants[b], tables.buffer)
-            for k in range(6 if shear else 4):
+            element_forces(tables.blend, tables.kinds[b], q, i, one, tables.constants[b], tables.buffer)
+            for k in range(components(tables.blend, tables.kinds[b])):
                 r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):
                     r += (

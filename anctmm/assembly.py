@@ -13,23 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.compiling import inlined, kernel
-from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.element_choice import (
+    BOTH,
+    CABLE,
+    CABLES,
+    SHEAR,
+    SHEARS,
+    components,
+    element_energy,
+    element_forces,
+    element_tangents,
+)
 from anctmm.elements.cable import CableElement
+from anctmm.elements.cable_kernel import constants as cable_constants
 from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.shear_kernel import constants as shear_constants
 from anctmm.elements.tangent_blocks import lower
 from anctmm.mesh import BodyMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-CABLE, SHEAR = 0, 1
-
 
 class Tables(NamedTuple):
     """What kernels need of `Bodies`, under the names it has there."""
 
     first: Ints
-    elements: Ints
+    blend: tuple[int, ...]
     kinds: Ints
     constants: Array
     masses: Array
@@ -76,12 +86,16 @@ class Bodies:
         return np.array([SHEAR if m.kind == "shear" else CABLE for m in self.meshes], dtype=np.int64)
 
     @cached_property
+    def blend(self) -> tuple[int, ...]:
+        """CABLES, SHEARS or BOTH, whose type tells the compiler which kinds of element there are."""
+        kinds = set(self.kinds.tolist())
+        return BOTH if len(kinds) > 1 else SHEARS if SHEAR in kinds else CABLES
+
+    @cached_property
     def constants(self) -> Array:
         """Constants of the element kernels, a row a body."""
         rows = [
-            cable_kernel.constants(m.element)
-            if isinstance(m.element, CableElement)
-            else shear_kernel.constants(m.element)
+            cable_constants(m.element) if isinstance(m.element, CableElement) else shear_constants(m.element)
             for m in self.meshes
         ]
         table = np.zeros((len(rows), max(map(len, rows))))
@@ -149,7 +163,7 @@ class Bodies:
 
     def tables(self) -> Tables:
         """Arrays for kernels, with a buffer of their own."""
-        return Tables(self.first, self.elements, self.kinds, self.constants, self.masses, self.buffer())
+        return Tables(self.first, self.blend, self.kinds, self.constants, self.masses, self.buffer())
 
     def buffer(self) -> Array:
         """Scratch of the force kernels: forces of a window, and behind them those that it hands to the next."""
@@ -157,7 +171,7 @@ class Bodies:
 
 
 @inlined
-def window_forces(q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
+def window_forces(blend, q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
     """Elastic forces of the elements behind nodes start … end − 1, at most BLOCK, of all bodies that lie there.
 
     Parameters
@@ -167,7 +181,7 @@ def window_forces(q, start, end, body, first, kinds, constants, buffer):  # type
         The last node of a body has no element behind it: its forces are zero.
     body : int
         Where node `start` lies.
-    first, kinds, constants
+    blend, first, kinds, constants
         Of `Bodies`.
     buffer : ndarray, shape (12 * BLOCK + 6,)
         Written: component k of the force on node I of the element behind node i at k BLOCK + i − start, on node O at
@@ -178,13 +192,11 @@ def window_forces(q, start, end, body, first, kinds, constants, buffer):  # type
         last = first[body + 1] - 1
         count = min(last, end) - node
         if count > 0:
-            if kinds[body] == SHEAR:
-                shear_kernel.forces(q, node, count, constants[body], buffer[node - start :])
-            else:
-                cable_kernel.forces(q, node, count, constants[body], buffer[node - start :])
-                for k in range(4, q.shape[0]):  # a cable among shear elements
-                    for j in range(node - start, node - start + count):
-                        buffer[k * BLOCK + j] = buffer[(6 + k) * BLOCK + j] = 0.0
+            kind = kinds[body]
+            element_forces(blend, kind, q, node, count, constants[body], buffer[node - start :])
+            for k in range(components(blend, kind), q.shape[0]):  # of a cable among shear elements
+                for j in range(node - start, node - start + count):
+                    buffer[k * BLOCK + j] = buffer[(6 + k) * BLOCK + j] = 0.0
             node += count
         if node == last and node < end:
             for k in range(q.shape[0]):
@@ -247,15 +259,15 @@ def _gather(start, end, buffer, f):  # type: ignore[no-untyped-def]
 
 @kernel
 def elastic_forces(
-    q: Array, first: Ints, elements: Ints, kinds: Ints, constants: Array, buffer: Array, f: Array
+    blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array, buffer: Array, f: Array
 ) -> None:
     """Elastic forces on all nodes, the gradient of the strain energy.
 
     Parameters
     ----------
-    q : ndarray, shape (rows, nodes)
-    first, elements, kinds, constants
+    blend, first, kinds, constants
         Of `Bodies`.
+    q : ndarray, shape (rows, nodes)
     buffer : ndarray, shape (12 * BLOCK + 6,)
         Scratch.
     f : ndarray, shape (rows, nodes)
@@ -265,20 +277,17 @@ def elastic_forces(
     body, nodes = 0, q.shape[1]
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
-        window_forces(q, start, end, body, first, kinds, constants, buffer)
+        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
         body = body_after(end, body, first)
         _gather(start, end, buffer, f)
 
 
 @kernel
-def strain_energy(q: Array, first: Ints, elements: Ints, kinds: Ints, constants: Array) -> float:
+def strain_energy(blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array) -> float:
     """Strain energy of all bodies, J."""
     total = 0.0
-    for b in range(len(elements)):
-        if kinds[b] == SHEAR:
-            total += shear_kernel.energy(q, first[b], elements[b], constants[b])
-        else:
-            total += cable_kernel.energy(q, first[b], elements[b], constants[b])
+    for b in range(len(kinds)):
+        total += element_energy(blend, kinds[b], q, first[b], first[b + 1] - 1 - first[b], constants[b])
     return total
 
 
@@ -296,13 +305,13 @@ def mass_product(v: Array, first: Ints, masses: Array, buffer: Array, p: Array) 
 
 
 @kernel
-def kinetic_energy(v: Array, first: Ints, elements: Ints, masses: Array) -> float:
+def kinetic_energy(v: Array, first: Ints, masses: Array) -> float:
     """Kinetic energy of all bodies at velocities v, (rows, nodes), J."""
     total = 0.0
     vectors = v.shape[0] // 2
-    for b in range(len(elements)):
+    for b in range(len(first) - 1):
         m = masses[b]
-        for i in range(first[b], first[b] + elements[b]):
+        for i in range(first[b], first[b + 1] - 1):
             for k in range(vectors):
                 for n in range(vectors):
                     for c in range(2):
@@ -313,11 +322,15 @@ def kinetic_energy(v: Array, first: Ints, elements: Ints, masses: Array) -> floa
 
 
 @kernel
-def block_tangents(q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array) -> None:
+def block_tangents(
+    blend: tuple[int, ...], q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array
+) -> None:
     """Tangents of `count` ≤ TANGENT_BLOCK elements of one kind from a node on.
 
     Parameters
     ----------
+    blend : tuple of int
+        Of `Bodies`.
     q : ndarray, shape (rows, nodes)
     node, count : int
     kind : int
@@ -327,10 +340,7 @@ def block_tangents(q: Array, node: int, count: int, kind: int, constants: Array,
     buffer : ndarray, shape (TANGENT_BUFFER,)
         Written, as `tangent_blocks` tells.
     """
-    if kind == SHEAR:
-        shear_kernel.tangents(q, node, count, constants, buffer)
-    else:
-        cable_kernel.tangents(q, node, count, constants, buffer)
+    element_tangents(blend, kind, q, node, count, constants, buffer)
 
 
 @kernel

@@ -20,8 +20,10 @@ import numba
 from numba.core import config as _config
 
 config: Any = _config
-#: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning.
-OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy"}
+#: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
+#: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
+#: each and halved the speed of short chains.
+OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
 #: Kernels found in the cache load faster than this, s.
 PATIENCE = 1.5
 
@@ -52,15 +54,11 @@ def cache_directory(package: str) -> Path:
 
 
 def kernel(function: Callable[..., Any], allocates: bool = False) -> Any:
-    """Compile a function in nopython mode on first use, cached on disk.
-
-    Without `allocates` numba's runtime is left out: what would take memory does not compile, and no reference to an
-    array is counted. Counting costs some 5 ns an array, and halved the speed of short chains.
-    """
+    """Compile a function in nopython mode on first use, cached on disk; only with `allocates` may it take memory."""
     previous = config.CACHE_DIR
     config.CACHE_DIR = str(cache_directory(function.__module__.partition(".")[0]))
     try:
-        return numba.njit(function, cache=True, _nrt=allocates, **OPTIONS)
+        return numba.njit(function, cache=True, **{**OPTIONS, "_nrt": allocates})
     finally:
         config.CACHE_DIR = previous
 
@@ -71,8 +69,8 @@ def allocating_kernel(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a small function that its callers absorb."""
-    return numba.njit(function, forceinline=True, _nrt=False, **OPTIONS)
+    """Make a function part of the kernels that call it, before types are known: it is never compiled by itself."""
+    return numba.njit(function, inline="always", **OPTIONS)
 
 
 @contextmanager

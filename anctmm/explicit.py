@@ -152,7 +152,7 @@ def advance(
     """
     q, v, f = state.q, state.v, state.f
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
-    first, _, kinds, constants, masses, buffer = tables
+    first, blend, kinds, constants, masses, buffer = tables
     _, of, _, motion, reaction, _ = hubs
     L, G, D = split
     driven = len(hubs.nodes) + len(loads.nodes) > 0
@@ -164,7 +164,9 @@ def advance(
             place_hubs(q, v, hubs)
             set_loads(q, f, state.dead, loads, load_table[step - begin])
         if block is None:
-            by_scalars(q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now)
+            by_scalars(
+                blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now
+            )
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)
         check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here

@@ -182,7 +182,8 @@ def integrate(chain: Chain) -> Solution:
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
     q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
-    return State(q, v, *np.zeros((4, *q.shape)), dead.copy(), dead, np.zeros(q.shape[::-1]))
+    a, w, q_before, w_before = np.zeros((4, *q.shape))
+    return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]))
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -375,7 +376,7 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
 @inlined
 def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
-    first, _, kinds, constants, masses, buffer = tables
+    first, blend, kinds, constants, masses, buffer = tables
     unit, F, work, _ = factors
     d, body, nodes = len(unit), 0, q.shape[1]
     last = 12 * BLOCK
@@ -383,7 +384,7 @@ def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
     start_sweep(unit, work)
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
-        window_forces(q, start, end, body, first, kinds, constants, buffer)
+        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
         window_inertia(w, 1.0, start, end, body, first, masses, buffer)
         body = body_after(end, body, first)
         for i in range(start, end):

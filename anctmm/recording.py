@@ -137,6 +137,6 @@ def keep(step: int, stride: int, q: Array, v: Array, tables: Tables, out: Output
     for k in range(q.shape[0]):  # a loop: assigning a whole array compiles seconds longer
         for i in range(q.shape[1]):
             out.q[place, k, i] = q[k, i]
-    out.energy[place, 0] = kinetic_energy(v, tables.first, tables.elements, tables.masses)
-    out.energy[place, 1] = strain_energy(q, tables.first, tables.elements, tables.kinds, tables.constants)
+    out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
+    out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 2] = out.work[0]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.actuation import Loads
-from anctmm.assembly import SHEAR, Tables, block_tangents
+from anctmm.assembly import Tables, block_tangents, components
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.compiling import inlined, kernel
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
@@ -197,7 +197,7 @@ def factorize(
         Number of negative pivots: 0 where the matrix is positive definite.
     """
     unit, F, work, buffer = factors
-    first, _, kinds, constants, masses, _ = tables
+    first, blend, kinds, constants, masses, _ = tables
     link, turn, known = links
     d = len(unit)
     negative = 0
@@ -211,20 +211,23 @@ def factorize(
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
                 if j == 0 and stiffness != 0.0:
-                    block_tangents(q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
-                if kinds[b] == SHEAR:
-                    _add_element(unit, 6, mass, masses[b], stiffness, buffer, j, work)
-                else:
-                    _add_element(unit, 4, mass, masses[b], stiffness, buffer, j, work)
-                negative += _invert(unit, known, 0, i, work)
-                _eliminate(unit, i, work, F)
+                    block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
+                _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
             elif link[b] == WELD:
                 _turn(unit, turn[b, 0], turn[b, 1], i, work, F)
+                continue
             else:
                 for k in range(d * d):
                     work[d * d + k] = work[k]
-                negative += _invert(unit, known, 2 if link[b] == PIN else 0, i, work)
-                _release(unit, link[b] == PIN, i, work, F)
+            pinned = i == last and link[b] == PIN
+            negative += _invert(unit, known, 2 if pinned else 0, i, work)
+            if i < last:
+                _eliminate(unit, work)
+            else:
+                _release(unit, pinned, work)
+            _store(unit, i, work, F)
+            if i == last:
+                _forget(unit, pinned, work)
     return negative
 
 
@@ -370,7 +373,7 @@ def _store(unit, i, work, F):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _eliminate(unit, i, work, F):  # type: ignore[no-untyped-def]
+def _eliminate(unit, work):  # type: ignore[no-untyped-def]
     """Pass an element: L ← K_OI G, D ← K_OO − L K_IO."""
     d = len(unit)
     A, K, L = d * d, 2 * d * d, 3 * d * d
@@ -386,11 +389,10 @@ def _eliminate(unit, i, work, F):  # type: ignore[no-untyped-def]
             for n in range(d):
                 s -= work[L + d * m + n] * work[K + d * k + n]
             work[d * m + k] = s
-    _store(unit, i, work, F)
 
 
 @inlined
-def _release(unit, pinned, i, work, F):  # type: ignore[no-untyped-def]
+def _release(unit, pinned, work):  # type: ignore[no-untyped-def]
     """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
     d = len(unit)
     A, L = d * d, 3 * d * d
@@ -408,7 +410,12 @@ def _release(unit, pinned, i, work, F):  # type: ignore[no-untyped-def]
             for k in range(m + 1):
                 for n in range(2, d):
                     work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
-    _store(unit, i, work, F)
+
+
+@inlined
+def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
+    """Keep of D what goes on beyond a body: behind a pin that of r, else nothing."""
+    d = len(unit)
     for m in range(d):
         for k in range(m + 1):
             if not pinned or m > 1:

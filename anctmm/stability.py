@@ -48,7 +48,7 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
 
     def force(at: Array, out: Array) -> None:
-        elastic_forces(at, bodies.first, bodies.elements, bodies.kinds, bodies.constants, buffer, out)
+        elastic_forces(bodies.blend, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
 
     def stiffness(x: Array) -> Array:
         p = join.spread(x)

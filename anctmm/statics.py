@@ -146,14 +146,14 @@ class _Search:
 
     def _elastic(self) -> None:
         t = self.tables
-        elastic_forces(self.q, t.first, t.elements, t.kinds, t.constants, t.buffer, self.load)
+        elastic_forces(t.blend, self.q, t.first, t.kinds, t.constants, t.buffer, self.load)
 
     def store(self, record: Record, place: int) -> None:
         """Keep the equilibrium reached."""
         bodies = self.chain.bodies
         record.q[place] = self.q
         record.energy[place, 1] = strain_energy(
-            self.q, bodies.first, bodies.elements, bodies.kinds, bodies.constants
+            bodies.blend, self.q, bodies.first, bodies.kinds, bodies.constants
         )
 
     def _stuck(self, factor: float) -> Status:

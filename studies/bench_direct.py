@@ -79,7 +79,16 @@ def mass_matrices(bodies: Bodies) -> Array:
 def stiffness_matrices(bodies: Bodies, q: Array) -> Array:
     """Tangents of all elements at coordinates q, (elements, 2 rows, 2 rows)."""
     out = np.zeros((int(bodies.elements.sum()), 2 * bodies.rows, 2 * bodies.rows))
-    _tangents(q, bodies.first, bodies.elements, bodies.kinds, bodies.constants, np.zeros(TANGENT_BUFFER), out)
+    _tangents(
+        bodies.blend,
+        q,
+        bodies.first,
+        bodies.elements,
+        bodies.kinds,
+        bodies.constants,
+        np.zeros(TANGENT_BUFFER),
+        out,
+    )
     return out
 
 
@@ -93,13 +102,20 @@ def _places(bodies: Bodies) -> Ints:
 
 @kernel
 def _tangents(
-    q: Array, first: Ints, elements: Ints, kinds: Ints, constants: Array, buffer: Array, out: Array
+    blend: tuple[int, ...],
+    q: Array,
+    first: Ints,
+    elements: Ints,
+    kinds: Ints,
+    constants: Array,
+    buffer: Array,
+    out: Array,
 ) -> None:
     e = 0
     for b in range(len(elements)):
         for start in range(0, elements[b], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, elements[b] - start)
-            block_tangents(q, first[b] + start, count, kinds[b], constants[b], buffer)
+            block_tangents(blend, q, first[b] + start, count, kinds[b], constants[b], buffer)
             for j in range(count):
                 unpack_tangent(buffer, j, kinds[b], out[e])
                 e += 1

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from anctmm import accelerations, explicit, riccati
 from anctmm.actuation import Actuation, Hubs, Loads
-from anctmm.assembly import SHEAR as SHEAR_KIND
 from anctmm.assembly import Tables, block_tangents, elastic_forces
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
-from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.element_choice import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.implicit import GeneralizedAlpha
@@ -85,46 +84,45 @@ def accelerations_of(chain: Chain, q: Array, split: bool) -> Array:
 @kernel
 def repeat_element_forces(repeats: int, q: Array, t: Tables) -> None:
     """Forces of all elements, a block at a time, not yet summed at the nodes."""
-    first, elements, kinds, constants, _, buffer = t
+    first, blend, kinds, constants, _, buffer = t
     for _ in range(repeats):
         for b in range(len(kinds)):
-            for start in range(0, elements[b], BLOCK):
-                count = min(BLOCK, elements[b] - start)
-                if kinds[b] == SHEAR_KIND:
-                    shear_kernel.forces(q, first[b] + start, count, constants[b], buffer)
-                else:
-                    cable_kernel.forces(q, first[b] + start, count, constants[b], buffer)
+            elements = first[b + 1] - 1 - first[b]
+            for start in range(0, elements, BLOCK):
+                count = min(BLOCK, elements - start)
+                element_forces(blend, kinds[b], q, first[b] + start, count, constants[b], buffer)
 
 
 @kernel
 def repeat_forces(repeats: int, q: Array, t: Tables, f: Array) -> None:
     """Elastic forces of all nodes."""
-    first, elements, kinds, constants, _, buffer = t
+    first, blend, kinds, constants, _, buffer = t
     for _ in range(repeats):
-        elastic_forces(q, first, elements, kinds, constants, buffer, f)
+        elastic_forces(blend, q, first, kinds, constants, buffer, f)
 
 
 @kernel
 def repeat_tangents(repeats: int, q: Array, t: Tables, buffer: Array) -> None:
     """Tangents of all elements, a block at a time."""
-    first, elements, kinds, constants, _, _ = t
+    first, blend, kinds, constants, _, _ = t
     for _ in range(repeats):
         for b in range(len(kinds)):
-            for start in range(0, elements[b], TANGENT_BLOCK):
-                count = min(TANGENT_BLOCK, elements[b] - start)
-                block_tangents(q, first[b] + start, count, kinds[b], constants[b], buffer)
+            elements = first[b + 1] - 1 - first[b]
+            for start in range(0, elements, TANGENT_BLOCK):
+                count = min(TANGENT_BLOCK, elements - start)
+                block_tangents(blend, q, first[b] + start, count, kinds[b], constants[b], buffer)
 
 
 @kernel
 def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     """Elastic forces, forward and backward sweep of the split form."""
     q, f, a = p.q, p.f, p.a
-    first, _, kinds, constants, masses, buffer = p.tables
+    first, blend, kinds, constants, masses, buffer = p.tables
     of, motion, reaction = p.hubs.of, p.hubs.motion, p.hubs.reaction
     L, G, D = factors
     for _ in range(repeats):
         accelerations.by_scalars(
-            q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a
+            blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a
         )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm import accelerations, explicit, riccati
 from anctmm.assembly import SHEAR as SHEAR_KIND
-from anctmm.assembly import Bodies, block_tangents
+from anctmm.assembly import Bodies
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
 from anctmm.elements import cable_kernel, shear_kernel
@@ -95,11 +95,12 @@ def _root(x: Any) -> Any:
 def readable(function: Any, known: dict[int, Any] | None = None) -> Any:
     """A compiled kernel as plain Python, and all that it calls."""
     known = {} if known is None else known
-    if not isinstance(function, CPUDispatcher):
+    own = isinstance(function, FunctionType) and function.__module__.startswith("anctmm")
+    if not isinstance(function, CPUDispatcher) and not own:
         return function
     if id(function) in known:
         return known[id(function)]
-    source = function.py_func
+    source = getattr(function, "py_func", function)
     names = dict(source.__globals__)
     plain = FunctionType(source.__code__, names, source.__name__, source.__defaults__, source.__closure__)
     known[id(function)] = plain
@@ -142,10 +143,10 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
     counts = {
         ELEMENT_FORCES: operations(of_kind.forces, q, 0, n, bodies.constants[0], t.buffer),
         TANGENTS: operations(
-            block_tangents, q, 0, n, bodies.kinds[0], bodies.constants[0], counted(np.zeros(TANGENT_BUFFER))
+            of_kind.tangents, q, 0, n, bodies.constants[0], counted(np.zeros(TANGENT_BUFFER))
         ),
         ACCELERATIONS: operations(
-            accelerations.by_scalars, q, zeros, t.first, t.kinds, t.constants, t.masses, t.buffer, p.hubs.of,
+            accelerations.by_scalars, t.blend, q, zeros, t.first, t.kinds, t.constants, t.masses, t.buffer, p.hubs.of,
             p.hubs.motion, p.hubs.reaction, *riccati.split_factors(chain), zeros,
         ),
         UPDATE: operations(

@@ -306,12 +306,12 @@ every_kernel = pytest.mark.parametrize(
 def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, quadrature, elements):
     e, bodies, q = row_of_elements(kind, elements, quadrature)
     f, expected = np.empty_like(q), np.zeros_like(q)
-    elastic_forces(q, bodies.first, bodies.elements, bodies.kinds, bodies.constants, bodies.buffer(), f)
+    elastic_forces(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
     for i in range(elements):
         expected[:, i : i + 2] += e.force(nodal(q, i)).reshape(2, -1).T
     size = scales(e)[: e.vectors_per_node].repeat(2)[:, None]
     assert np.abs((f - expected) * size).max() < 1e-13 * stiffness_scale(e)
-    energy = strain_energy(q, bodies.first, bodies.elements, bodies.kinds, bodies.constants)
+    energy = strain_energy(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants)
     assert energy == pytest.approx(sum(e.energy(nodal(q, i)) for i in range(elements)), rel=1e-13)
 
 
@@ -319,7 +319,7 @@ def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, qu
 def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
     e, bodies, q = row_of_elements(kind, TANGENT_BLOCK, quadrature)
     buffer, K = np.full(TANGENT_BUFFER, np.nan), np.zeros((2 * bodies.rows, 2 * bodies.rows))
-    block_tangents(q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer)
+    block_tangents(bodies.blend, q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer)
     s = scales(e).repeat(2)
     for i in range(TANGENT_BLOCK):
         unpack_tangent(buffer, i, int(bodies.kinds[0]), K)
@@ -331,6 +331,4 @@ def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
 def test_compiled_kinetic_energy_is_that_of_the_mass_matrix(kind):
     e, bodies, v = row_of_elements(kind, 5)
     expected = sum(0.5 * np.einsum("ic,ij,jc", nodal(v, i), e.mass, nodal(v, i)) for i in range(5))
-    assert kinetic_energy(v, bodies.first, bodies.elements, bodies.masses) == pytest.approx(
-        expected, rel=1e-13
-    )
+    assert kinetic_energy(v, bodies.first, bodies.masses) == pytest.approx(expected, rel=1e-13)

@@ -52,7 +52,7 @@ def scales(chain):
 
 def elastic(chain, q):
     b, f = chain.bodies, np.empty_like(q)
-    elastic_forces(q, b.first, b.elements, b.kinds, b.constants, b.buffer(), f)
+    elastic_forces(b.blend, q, b.first, b.kinds, b.constants, b.buffer(), f)
     return f
 
 
@@ -110,7 +110,7 @@ def by_split(chain, q, f):
     a = np.empty_like(q)
     t, hubs = chain.bodies.tables(), Actuation(chain.scene, chain.bodies).hubs()
     bodies = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-    by_scalars(q, f, *bodies, hubs.of, hubs.motion, hubs.reaction, *split_factors(chain), a)
+    by_scalars(t.blend, q, f, *bodies, hubs.of, hubs.motion, hubs.reaction, *split_factors(chain), a)
     return a
 
 

@@ -16,9 +16,8 @@ from anctmm.elements.tangent_blocks import (
     add_full,
     add_symmetric,
     clear_sums,
-    place_full,
-    place_symmetric,
-    place_transposed,
+    place,
+    placement,
 )
 
 Array = NDArray[np.float64]
@@ -27,6 +26,20 @@ Array = NDArray[np.float64]
 HEAD, AXIAL, BENDING = 5, 4, 7
 #: Where the sums of tangents stand: second derivatives by u = (r_O − r_I)/l, r'_I and r'_O.
 UU, IU, II, OU, OI, OO = 0, 3, 7, 10, 14, 18
+PLACES = placement(
+    [
+        (0, 0, "symmetric", UU, 2),
+        (1, 0, "full", IU, -1),
+        (1, 1, "symmetric", II, 0),
+        (2, 0, "symmetric", UU, -2),
+        (2, 1, "transposed", IU, 1),
+        (2, 2, "symmetric", UU, 2),
+        (3, 0, "full", OU, -1),
+        (3, 1, "full", OI, 0),
+        (3, 2, "full", OU, 1),
+        (3, 3, "symmetric", OO, 0),
+    ]
+)
 
 
 def constants(e: CableElement) -> Array:
@@ -188,17 +201,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
             add_full(out, OU, j, 1.0, _both(C, c, A, a, D))
             add_full(out, OI, j, 1.0, _both(C, c, B, b, D))
             add_symmetric(out, OO, j, 1.0, _twice(C, c, D))
-    for j in range(count):
-        place_symmetric(out, j, 0, 0, UU, v * v)
-        place_full(out, j, 1, 0, IU, -v)
-        place_symmetric(out, j, 1, 1, II, 1.0)
-        place_symmetric(out, j, 2, 0, UU, -v * v)
-        place_transposed(out, j, 2, 1, IU, v)
-        place_symmetric(out, j, 2, 2, UU, v * v)
-        place_full(out, j, 3, 0, OU, -v)
-        place_full(out, j, 3, 1, OI, 1.0)
-        place_full(out, j, 3, 2, OU, v)
-        place_symmetric(out, j, 3, 3, OO, 1.0)
+    place(PLACES, v, count, out)
 
 
 @inlined

@@ -16,9 +16,8 @@ from anctmm.elements.tangent_blocks import (
     add_full,
     add_symmetric,
     clear_sums,
-    place_full,
-    place_symmetric,
-    place_transposed,
+    place,
+    placement,
 )
 
 Array = NDArray[np.float64]
@@ -31,6 +30,33 @@ _XI, _W = gauss(POINTS)
 TABLE = np.column_stack([_XI, 1.0 - _XI, hermite(_XI, 1.0, 1)[:, [0, 1, 3]], _W])
 P0, P1, P2, P3, P4 = (tuple(float(v) for v in row[:5]) for row in TABLE)
 W0, W1, W2, W3, W4 = (float(w) for w in _W)
+
+#: Where the sums of tangents go: 18 rows by u, r_x,I and r_x,O, 24 by r_y,I or r_y,O and one of these, 10 by r_y twice.
+PLACES = placement(
+    [
+        (0, 0, "symmetric", 0, 2),
+        (1, 0, "symmetric", 3, -1),
+        (1, 1, "symmetric", 6, 0),
+        (2, 0, "full", 18, -1),
+        (2, 1, "full", 22, 0),
+        (2, 2, "symmetric", 42, 0),
+        (3, 0, "symmetric", 0, -2),
+        (3, 1, "symmetric", 3, 1),
+        (3, 2, "transposed", 18, 1),
+        (3, 3, "symmetric", 0, 2),
+        (4, 0, "symmetric", 9, -1),
+        (4, 1, "symmetric", 12, 0),
+        (4, 2, "transposed", 26, 0),
+        (4, 3, "symmetric", 9, 1),
+        (4, 4, "symmetric", 15, 0),
+        (5, 0, "full", 30, -1),
+        (5, 1, "full", 34, 0),
+        (5, 2, "full", 45, 0),
+        (5, 3, "full", 30, 1),
+        (5, 4, "full", 38, 0),
+        (5, 5, "symmetric", 49, 0),
+    ]
+)
 
 
 def constants(e: ShearElement) -> Array:
@@ -179,34 +205,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
             add_symmetric(out, 42, j, 1.0, _twice(-v, y, EE, ED, DD))
             add_full(out, 45, j, 1.0, _both(v, x, -v, y, EE, ED, DD))
             add_symmetric(out, 49, j, 1.0, _twice(v, x, EE, ED, DD))
-    for j in range(count):
-        _place(out, j, v)
-
-
-@inlined
-def _place(out, j, v):  # type: ignore[no-untyped-def]
-    """From the sums by u, r_x,I, r_x,O, r_y,I and r_y,O to the tangent by the nodal vectors."""
-    place_symmetric(out, j, 0, 0, 0, v * v)
-    place_symmetric(out, j, 1, 0, 3, -v)
-    place_symmetric(out, j, 1, 1, 6, 1.0)
-    place_full(out, j, 2, 0, 18, -v)
-    place_full(out, j, 2, 1, 22, 1.0)
-    place_symmetric(out, j, 2, 2, 42, 1.0)
-    place_symmetric(out, j, 3, 0, 0, -v * v)
-    place_symmetric(out, j, 3, 1, 3, v)
-    place_transposed(out, j, 3, 2, 18, v)
-    place_symmetric(out, j, 3, 3, 0, v * v)
-    place_symmetric(out, j, 4, 0, 9, -v)
-    place_symmetric(out, j, 4, 1, 12, 1.0)
-    place_transposed(out, j, 4, 2, 26, 1.0)
-    place_symmetric(out, j, 4, 3, 9, v)
-    place_symmetric(out, j, 4, 4, 15, 1.0)
-    place_full(out, j, 5, 0, 30, -v)
-    place_full(out, j, 5, 1, 34, 1.0)
-    place_full(out, j, 5, 2, 45, 1.0)
-    place_full(out, j, 5, 3, 30, v)
-    place_full(out, j, 5, 4, 38, 1.0)
-    place_symmetric(out, j, 5, 5, 49, 1.0)
+    place(PLACES, v, count, out)
 
 
 @inlined

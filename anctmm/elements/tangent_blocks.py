@@ -6,7 +6,15 @@ xx, yx, yy, where a block is symmetric, else four, row by row. All rows lie in o
 the compiler sees that they do not overlap.
 """
 
-from anctmm.compiling import inlined
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.compiling import inlined, kernel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Elements whose tangents are found at once.
 TANGENT_BLOCK = 16
@@ -41,36 +49,32 @@ def add_full(out, row, j, n, B):  # type: ignore[no-untyped-def]
     out[at + 3 * TANGENT_BLOCK] += n * B[3]
 
 
-@inlined
-def place_symmetric(out, j, k, m, row, f):  # type: ignore[no-untyped-def]
-    """Make the block of nodal vectors k ≥ m f times a symmetric sum."""
-    at = (SUMS + row) * TANGENT_BLOCK + j
-    xx, yx, yy = f * out[at], f * out[at + TANGENT_BLOCK], f * out[at + 2 * TANGENT_BLOCK]
-    out[lower(2 * k, 2 * m) + j] = xx
-    out[lower(2 * k + 1, 2 * m) + j] = yx
-    out[lower(2 * k + 1, 2 * m + 1) + j] = yy
-    if k != m:
-        out[lower(2 * k, 2 * m + 1) + j] = yx
+def placement(blocks: Sequence[tuple[int, int, str, int, int]]) -> Ints:
+    """Where sums go, (entries, 3): row of the result, row of the sums, power.
+
+    Parameters
+    ----------
+    blocks : sequence of (int, int, str, int, int)
+        Nodal vectors k ≥ m; whether the sum is "symmetric", "full" or to be "transposed"; its first row; the power p of
+        its factor: ±1 for ±v, ±2 for ±v², v = 1/l.
+    """
+    entries = []
+    for k, m, form, source, power in blocks:
+        for r in range(2):
+            for s in range(2 if k > m else r + 1):
+                row = {"symmetric": r + s, "full": 2 * r + s, "transposed": 2 * s + r}[form]
+                entries.append((lower(2 * k + r, 2 * m + s) // TANGENT_BLOCK, source + row, power))
+    return np.array(entries, dtype=np.int64)
 
 
-@inlined
-def place_full(out, j, k, m, row, f):  # type: ignore[no-untyped-def]
-    """Make the block of nodal vectors k > m f times a sum."""
-    at = (SUMS + row) * TANGENT_BLOCK + j
-    out[lower(2 * k, 2 * m) + j] = f * out[at]
-    out[lower(2 * k, 2 * m + 1) + j] = f * out[at + TANGENT_BLOCK]
-    out[lower(2 * k + 1, 2 * m) + j] = f * out[at + 2 * TANGENT_BLOCK]
-    out[lower(2 * k + 1, 2 * m + 1) + j] = f * out[at + 3 * TANGENT_BLOCK]
-
-
-@inlined
-def place_transposed(out, j, k, m, row, f):  # type: ignore[no-untyped-def]
-    """Make the block of nodal vectors k > m f times the transpose of a sum."""
-    at = (SUMS + row) * TANGENT_BLOCK + j
-    out[lower(2 * k, 2 * m) + j] = f * out[at]
-    out[lower(2 * k, 2 * m + 1) + j] = f * out[at + 2 * TANGENT_BLOCK]
-    out[lower(2 * k + 1, 2 * m) + j] = f * out[at + TANGENT_BLOCK]
-    out[lower(2 * k + 1, 2 * m + 1) + j] = f * out[at + 3 * TANGENT_BLOCK]
+@kernel
+def place(table: Ints, v: float, count: int, out: Array) -> None:
+    """Make the result of the sums, for so many elements."""
+    for t in range(len(table)):
+        to, source, power = table[t, 0] * TANGENT_BLOCK, (SUMS + table[t, 1]) * TANGENT_BLOCK, table[t, 2]
+        f = (v if abs(power) == 1 else v * v if abs(power) == 2 else 1.0) * (1.0 if power >= 0 else -1.0)
+        for j in range(count):
+            out[to + j] = f * out[source + j]
 
 
 @inlined

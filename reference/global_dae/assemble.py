@@ -134,11 +134,14 @@ def assemble(
     for i in range(len(system.mass)):
         data[i] = coefficient * system.mass[i] + system.joints[i]
     e = 0
-    for b in range(len(parts.elements)):
-        for k in range(parts.elements[b]):
+    for b in range(len(parts.kinds)):
+        elements = parts.first[b + 1] - 1 - parts.first[b]
+        for k in range(elements):
             if k % TANGENT_BLOCK == 0:
-                count = min(TANGENT_BLOCK, parts.elements[b] - k)
-                block_tangents(q, parts.first[b] + k, count, parts.kinds[b], parts.constants[b], small)
+                count = min(TANGENT_BLOCK, elements - k)
+                block_tangents(
+                    parts.blend, q, parts.first[b] + k, count, parts.kinds[b], parts.constants[b], small
+                )
             unpack_tangent(small, k % TANGENT_BLOCK, parts.kinds[b], K)
             for i in range(K.shape[0]):
                 for j in range(K.shape[1]):

@@ -132,9 +132,9 @@ def march(
     b, rate, acceleration, trail, buffer, scratch, dense = (
         m.b, m.rate, m.acceleration, m.trail, m.buffer, s.scratch, s.dense
     )  # fmt: skip
-    first, elements, kinds, constants, dead = (
+    first, blend, kinds, constants, dead = (
         parts.first,
-        parts.elements,
+        parts.blend,
         parts.kinds,
         parts.constants,
         parts.dead,
@@ -144,7 +144,7 @@ def march(
         if n == 0:
             prescribe(rows, angles, 0, b, rate, acceleration)
             project(rows, flat_v, rate)
-        elastic_forces(q, first, elements, kinds, constants, buffer, force)
+        elastic_forces(blend, q, first, kinds, constants, buffer, force)
         for i in range(size):
             right[i] = dead[i] - right[i]
         add_loads(loads, values, at, flat_q, right)

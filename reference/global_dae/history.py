@@ -58,8 +58,8 @@ def keep(parts: Parts, m: Motion, k: int, kept: Array, energies: Array) -> None:
     for n in range(m.q.shape[0]):
         for i in range(m.q.shape[1]):
             kept[k, n, i] = m.q[n, i]
-    energies[k, 0] = kinetic_energy(m.v, parts.first, parts.elements, parts.masses)
-    energies[k, 1] = strain_energy(m.q, parts.first, parts.elements, parts.kinds, parts.constants)
+    energies[k, 0] = kinetic_energy(m.v, parts.first, parts.masses)
+    energies[k, 1] = strain_energy(parts.blend, m.q, parts.first, parts.kinds, parts.constants)
     potential = 0.0
     for i in range(m.flat_q.size):
         potential -= parts.dead[i] * (m.flat_q[i] - parts.reference[i])

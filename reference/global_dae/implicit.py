@@ -109,7 +109,7 @@ def predict(c: Scheme, s: State) -> None:
 def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: State) -> bool:
     """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; False if it is not finite."""
     size = s.new_q.size
-    elastic_forces(s.new, parts.first, parts.elements, parts.kinds, parts.constants, s.motion.buffer, s.force)
+    elastic_forces(parts.blend, s.new, parts.first, parts.kinds, parts.constants, s.motion.buffer, s.force)
     acceleration = s.new_acceleration.reshape(s.new.shape)
     mass_product(acceleration, parts.first, parts.masses, s.motion.buffer, s.product)
     inertia = s.product.reshape(size)
