@@ -24,11 +24,12 @@ from anctmm.implicit import (
     GeneralizedAlpha,
     Newton,
     State,
+    begin_step,
+    copy,
     correction_size,
     finish,
     new_newton,
     new_state,
-    remember,
     solve_step,
     start,
 )
@@ -160,7 +161,8 @@ def advance(
     load_table: Array,
 ) -> tuple[int, float]:
     """Run over the intervals of output; number of outputs kept and the time reached."""
-    q, v, a, w, q_before, w_before, _, _, _ = state
+    q, v, w = state.q, state.v, state.w
+    flat_q, flat_v, flat_a, flat_w, flat_q_before, flat_w_before = state.flat
     values, angles = control.values, control.angles
     interval, t, scale = control.t_end / control.outputs, 0.0, control.floor
     wanted, factored, last = interval * FIRST, 0.0, 0.0
@@ -180,8 +182,8 @@ def advance(
             if last > 0.0 and h != last:
                 _shift(state, control, 1.0 - h / last)
             last = 0.0
-            remember(q, w, q_before, w_before)
             c = _coefficients(h, control.method)
+            begin_step(False, state.flat, c)
             _interpolate(t + h, control.spacing, hub_table, load_table, angles, values)
             turn_hubs(hubs, angles)
             if abs(h - factored) > STALE * h:
@@ -194,12 +196,13 @@ def advance(
             if solved:
                 error = _error(state, control, c, tables, factors) / scale
             if not error <= 2.0 * allowed:
-                remember(q_before, w_before, q, w)  # back to the start of the step
+                copy(flat_q_before, flat_q)
+                copy(flat_w_before, flat_w)
                 wanted = h * max(0.2, 0.8 * np.sqrt(allowed / error)) if solved else 0.25 * h
                 newton.counts[2] = 1
                 control.counts[1] += 1
                 continue
-            finish(v, a, w, w_before, c)
+            finish(flat_v, flat_a, flat_w, flat_w_before, c)
             t, last = t + h, h
             control.counts[0] += 1
             hub_reactions(q, w, state.f, tables, hubs)
@@ -236,7 +239,7 @@ def _error(state, control, c, tables, factors):  # type: ignore[no-untyped-def]
         for i in range(state.q.shape[1]):
             control.x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
     mass_product(control.x, tables.first, tables.masses, tables.buffer, control.load)
-    sweep(factors.unit, factors.F, factors.work, control.load, control.x)
+    sweep(factors.unit, factors.L, factors.G, factors.work, control.load, control.x)
     total = 0.0
     for k in range(2):
         for i in range(state.q.shape[1]):

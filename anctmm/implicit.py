@@ -31,6 +31,7 @@ from anctmm.assembly import Tables, body_after, window_forces, window_inertia
 from anctmm.chain import Chain
 from anctmm.compiling import announced, inlined, kernel
 from anctmm.elements.shear_kernel import BLOCK
+from anctmm.prefetching import AHEAD, LONG, prefetch_row
 from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, run_batches, too_large, worst_element
 from anctmm.riccati import (
     BlockFactors,
@@ -55,6 +56,8 @@ KAPPA = 0.01
 SLOW = 0.5
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
+#: Components that pass through the cache together between two steps.
+PART = 1024
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
 
@@ -111,7 +114,8 @@ class Coefficients(NamedTuple):
 class State(NamedTuple):
     """q, v, a and w, q and w at the start of the step, external force and dead load: each (rows, nodes).
 
-    loads: those that arrive at each node in a solution, and then the unknowns, (nodes, rows).
+    loads: those that arrive at each node in a solution, and then the unknowns, (nodes, rows). flat: the first six
+    again, as vectors.
     """
 
     q: Array
@@ -123,6 +127,7 @@ class State(NamedTuple):
     f: Array
     dead: Array
     loads: Array
+    flat: tuple[Array, ...]
 
 
 class Newton(NamedTuple):
@@ -183,7 +188,8 @@ def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
     q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
     a, w, q_before, w_before = np.zeros((4, *q.shape))
-    return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]))
+    flat = tuple(x.ravel() for x in (q, v, a, w, q_before, w_before))
+    return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]), flat)
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -259,8 +265,10 @@ def advance(
 
     The two tables hold the values of hubs, (steps + 1, hubs, 3), and loads, (steps + 1, loads, 2), from `begin` on.
     """
-    q, v, a, w, q_before, w_before, f, _, _ = state
+    q, v, _, w, _, _, f, _, _, flat = state
+    _, flat_v, flat_a, flat_w, _, flat_before = flat
     driven = len(hubs.nodes) + len(loads.nodes) > 0
+    unfinished = False
     for step in range(begin, end):
         values = load_table[step - begin]
         if driven:
@@ -269,49 +277,65 @@ def advance(
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
+            if unfinished:
+                finish(flat_v, flat_a, flat_w, flat_before, coefficients)
+            unfinished = False
             keep(step, stride, q, v, tables, out)
         if step == steps:
             break
-        remember(q, w, q_before, w_before)
+        begin_step(unfinished, flat, coefficients)
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - begin])
         if not solve_step(
             state, coefficients, tables, links, factors, hubs, loads, load_table[step + 1 - begin], newton
         ):
             return step + 1
-        finish(v, a, w, w_before, coefficients)
+        unfinished = True
+    if unfinished:
+        finish(flat_v, flat_a, flat_w, flat_before, coefficients)
     return -1
 
 
 @inlined
-def remember(q, w, q_before, w_before):  # type: ignore[no-untyped-def]
-    """Keep q and w of the start of a step."""
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            q_before[k, i] = q[k, i]
-            w_before[k, i] = w[k, i]
+def begin_step(unfinished, flat, c):  # type: ignore[no-untyped-def]
+    """Finish the step before if need be, keep q and w, and predict: part by part, as long as they are in the cache."""
+    q, v, a, w, q_before, w_before = flat
+    for start in range(0, len(q), PART):
+        end = min(start + PART, len(q))
+        was, had = q_before[start:end], w_before[start:end]
+        if unfinished:
+            finish(v[start:end], a[start:end], w[start:end], had, c)
+        copy(q[start:end], was)
+        copy(w[start:end], had)
+        predict(q[start:end], v[start:end], a[start:end], w[start:end], was, had, c)
 
 
 @inlined
 def finish(v, a, w, w_before, c):  # type: ignore[no-untyped-def]
     """v and a at the end of the step, from w there."""
-    for k in range(v.shape[0]):
-        for i in range(v.shape[1]):
-            new = ((1.0 - c.alpha_f) * w[k, i] + c.alpha_f * w_before[k, i] - c.alpha_m * a[k, i]) / (
-                1.0 - c.alpha_m
-            )
-            v[k, i] += c.h * ((1.0 - c.gamma) * a[k, i] + c.gamma * new)
-            a[k, i] = new
+    r = 1.0 / (1.0 - c.alpha_m)
+    now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+    for i in range(len(v)):
+        new = now * w[i] + then * w_before[i] - old * a[i]
+        v[i] += c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
+        a[i] = new
 
 
 @inlined
-def _predict(q, v, a, w, q_before, w_before, c):  # type: ignore[no-untyped-def]
+def copy(x, y):  # type: ignore[no-untyped-def]
+    """Copy x to y."""
+    for i in range(len(x)):
+        y[i] = x[i]
+
+
+@inlined
+def predict(q, v, a, w, q_before, w_before, c):  # type: ignore[no-untyped-def]
     """q and w at the end of the step if w stayed as it was."""
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            new = (w_before[k, i] - c.alpha_m * a[k, i]) / (1.0 - c.alpha_m)
-            q[k, i] = q_before[k, i] + (c.h * v[k, i] + c.h * c.h * ((0.5 - c.beta) * a[k, i] + c.beta * new))
-            w[k, i] = w_before[k, i]
+    r = 1.0 / (1.0 - c.alpha_m)
+    for i in range(len(q)):
+        new = r * (w_before[i] - c.alpha_m * a[i])
+        q[i] = q_before[i] + (c.h * v[i] + c.h * c.h * ((0.5 - c.beta) * a[i] + c.beta * new))
+        w[i] = w_before[i]
 
 
 @inlined
@@ -326,12 +350,14 @@ def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
 
 @inlined
 def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton):  # type: ignore[no-untyped-def]
-    """Find the end of a step: by modified Newton, and where that fails by Newton from the predictor again."""
-    q, v, a, w, q_before, w_before, _, _, _ = state
+    """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton."""
+    q, w = state.q, state.w
+    flat_q, flat_v, flat_a, flat_w, was, had = state.flat
     solved = False
     for full in range(2):
         if not solved:
-            _predict(q, v, a, w, q_before, w_before, coefficients)
+            if full == 1:
+                predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
             _drag(q, w, hubs.nodes, hubs.motion, coefficients)
             solved = _newton(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton
@@ -342,7 +368,7 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
 @inlined
 def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton):  # type: ignore[no-untyped-def]
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
-    q, _, _, w, _, _, f, dead, arrived = state
+    q, _, _, w, _, _, f, dead, arrived, _ = state
     _, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
@@ -377,7 +403,7 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
 def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
     first, blend, kinds, constants, masses, buffer = tables
-    unit, F, work, _ = factors
+    unit, L, _, work, _ = factors
     d, body, nodes = len(unit), 0, q.shape[1]
     last = 12 * BLOCK
     buffer[last:] = 0.0
@@ -388,11 +414,13 @@ def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
         window_inertia(w, 1.0, start, end, body, first, masses, buffer)
         body = body_after(end, body, first)
         for i in range(start, end):
+            if nodes > LONG:
+                prefetch_row(L, min(i + AHEAD, nodes - 1))
             for k in range(d):
                 at = k * BLOCK + i - start
                 work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
                 buffer[last + k] = buffer[at + 6 * BLOCK]
-            pass_outboard(unit, F, i, work)
+            pass_outboard(unit, L, i, work)
             for k in range(d):
                 arrived[i, k] = work[4 * d * d + k]
 
@@ -403,13 +431,17 @@ def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-d
 
     Returns the largest component, positions relative to `scale`; infinity if one is not finite.
     """
-    unit, F, work, _ = factors
+    unit, L, G, work, _ = factors
     d, largest, odd = len(unit), 0.0, 0.0
     start_sweep(unit, work)
-    for i in range(q.shape[1] - 1, -1, -1):
+    nodes = q.shape[1]
+    for i in range(nodes - 1, -1, -1):
+        if nodes > LONG:
+            prefetch_row(L, max(i - AHEAD, 0))
+            prefetch_row(G, max(i - AHEAD, 0))
         for k in range(d):
             work[4 * d * d + k] = arrived[i, k]
-        find_unknowns(unit, F, i, work)
+        find_unknowns(unit, L, G, i, work)
         for k in range(d):
             x = work[4 * d * d + 2 * d + k]
             arrived[i, k] = x

@@ -54,15 +54,18 @@ class BlockFactors(NamedTuple):
     ----------
     unit : tuple of `rows` zeros
         Its type tells the compiler the size d of the blocks.
-    F : ndarray, shape (nodes, d² + d (d + 1)/2)
-        L of each node row by row, behind it the lower triangle of G.
+    L : ndarray, shape (nodes, d²)
+        Row by row.
+    G : ndarray, shape (nodes, d (d + 1)/2)
+        The lower triangle. Apart from L, which alone the forward sweep reads: long chains are bound by memory.
     work : ndarray, shape (4 d² + 4 d,)
         Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
     buffer : ndarray, shape (TANGENT_BUFFER,)
     """
 
     unit: tuple[int, ...]
-    F: Array
+    L: Array
+    G: Array
     work: Array
     buffer: Array
 
@@ -89,7 +92,8 @@ def block_factors(nodes: int, rows: int) -> BlockFactors:
     """Room for the factors of a chain."""
     return BlockFactors(
         (0,) * rows,
-        np.zeros((nodes, rows * rows + rows * (rows + 1) // 2)),
+        np.zeros((nodes, rows * rows)),
+        np.zeros((nodes, rows * (rows + 1) // 2)),
         np.zeros(4 * rows * rows + 4 * rows),
         np.zeros(TANGENT_BUFFER),
     )
@@ -112,7 +116,7 @@ def mass_factors(chain: Chain) -> BlockFactors:
 def solve(factors: BlockFactors, load: Array) -> Array:
     """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
     a = np.empty_like(load)
-    sweep(factors.unit, factors.F, factors.work, load.copy(), a)
+    sweep(factors.unit, factors.L, factors.G, factors.work, load.copy(), a)
     return a
 
 
@@ -196,7 +200,7 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    unit, F, work, buffer = factors
+    unit, L, G, work, buffer = factors
     first, blend, kinds, constants, masses, _ = tables
     link, turn, known = links
     d = len(unit)
@@ -214,7 +218,7 @@ def factorize(
                     block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
                 _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
             elif link[b] == WELD:
-                _turn(unit, turn[b, 0], turn[b, 1], i, work, F)
+                _turn(unit, turn[b, 0], turn[b, 1], i, work, L, G)
                 continue
             else:
                 for k in range(d * d):
@@ -225,19 +229,19 @@ def factorize(
                 _eliminate(unit, work)
             else:
                 _release(unit, pinned, work)
-            _store(unit, i, work, F)
+            _store(unit, i, work, L, G)
             if i == last:
                 _forget(unit, pinned, work)
     return negative
 
 
 @kernel
-def sweep(unit: tuple[int, ...], F: Array, work: Array, b: Array, a: Array) -> None:
+def sweep(unit: tuple[int, ...], L: Array, G: Array, work: Array, b: Array, a: Array) -> None:
     """Forward and backward sweep.
 
     Parameters
     ----------
-    unit, F, work
+    unit, L, G, work
         Of `BlockFactors`.
     b : ndarray, shape (rows, nodes)
         Loads; the inboard ones are added to them on the way.
@@ -249,14 +253,14 @@ def sweep(unit: tuple[int, ...], F: Array, work: Array, b: Array, a: Array) -> N
     for i in range(b.shape[1]):
         for k in range(d):
             work[4 * d * d + k] = b[k, i]
-        pass_outboard(unit, F, i, work)
+        pass_outboard(unit, L, i, work)
         for k in range(d):
             b[k, i] = work[4 * d * d + k]
     start_sweep(unit, work)
     for i in range(b.shape[1] - 1, -1, -1):
         for k in range(d):
             work[4 * d * d + k] = b[k, i]
-        find_unknowns(unit, F, i, work)
+        find_unknowns(unit, L, G, i, work)
         for k in range(d):
             a[k, i] = work[4 * d * d + 2 * d + k]
 
@@ -270,7 +274,7 @@ def start_sweep(unit, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def pass_outboard(unit, F, i, work):  # type: ignore[no-untyped-def]
+def pass_outboard(unit, L, i, work):  # type: ignore[no-untyped-def]
     """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
     d = len(unit)
     load, come = 4 * d * d, 4 * d * d + d
@@ -279,13 +283,13 @@ def pass_outboard(unit, F, i, work):  # type: ignore[no-untyped-def]
     for m in range(d):
         s = t = 0.0
         for k in range(0, d, 2):
-            s -= F[i, d * m + k] * work[load + k]
-            t -= F[i, d * m + k + 1] * work[load + k + 1]
+            s -= L[i, d * m + k] * work[load + k]
+            t -= L[i, d * m + k + 1] * work[load + k + 1]
         work[come + m] = s + t
 
 
 @inlined
-def find_unknowns(unit, F, i, work):  # type: ignore[no-untyped-def]
+def find_unknowns(unit, L, G, i, work):  # type: ignore[no-untyped-def]
     """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
     d = len(unit)
     load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
@@ -295,8 +299,8 @@ def find_unknowns(unit, F, i, work):  # type: ignore[no-untyped-def]
         s = t = 0.0
         for m in range(d):
             low, high = min(k, m), max(k, m)
-            s += F[i, d * d + high * (high + 1) // 2 + low] * work[load + m]
-            t += F[i, d * m + k] * work[out + m]
+            s += G[i, high * (high + 1) // 2 + low] * work[load + m]
+            t += L[i, d * m + k] * work[out + m]
         work[x + k] = s - t
 
 
@@ -362,14 +366,14 @@ def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _store(unit, i, work, F):  # type: ignore[no-untyped-def]
+def _store(unit, i, work, L, G):  # type: ignore[no-untyped-def]
     """Keep G, minus matrix 1, and L, matrix 3."""
     d = len(unit)
     for k in range(d):
         for m in range(d):
-            F[i, d * k + m] = work[3 * d * d + d * k + m]
+            L[i, d * k + m] = work[3 * d * d + d * k + m]
         for m in range(k + 1):
-            F[i, d * d + k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
+            G[i, k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
 
 
 @inlined
@@ -423,29 +427,29 @@ def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _turn(unit, c, s, i, work, F):  # type: ignore[no-untyped-def]
+def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
     d = len(unit)
-    K, L = 2 * d * d, 3 * d * d
+    K, W = 2 * d * d, 3 * d * d
     for k in range(d * d):
-        work[d * d + k] = work[L + k] = 0.0
+        work[d * d + k] = work[W + k] = 0.0
     for k in range(0, d, 2):
         x, y = (1.0, 0.0) if k == 0 else (c, s)
-        work[L + d * k + k] = work[L + d * (k + 1) + k + 1] = -x
-        work[L + d * k + k + 1], work[L + d * (k + 1) + k] = y, -y
+        work[W + d * k + k] = work[W + d * (k + 1) + k + 1] = -x
+        work[W + d * k + k + 1], work[W + d * (k + 1) + k] = y, -y
     for m in range(d):
         for k in range(d):
             t = 0.0
             for n in range(d):
-                t -= work[L + d * m + n] * work[d * max(n, k) + min(n, k)]
+                t -= work[W + d * m + n] * work[d * max(n, k) + min(n, k)]
             work[K + d * m + k] = t
     for m in range(d):
         for k in range(m + 1):
             t = 0.0
             for n in range(d):
-                t -= work[K + d * m + n] * work[L + d * k + n]
+                t -= work[K + d * m + n] * work[W + d * k + n]
             work[d * m + k] = t
-    _store(unit, i, work, F)
+    _store(unit, i, work, L, G)
 
 
 @inlined
