@@ -83,11 +83,11 @@ def junit(findings: Sequence[Finding]) -> str:
             name = f.solver + (f" against {f.against}" if f.against not in ("", f.solver) else "")
             case = TestCase(name, f"{f.scene}.{f.run}", f.wall_s)
             told = _told(f)
-            case.system_out = told
             if f.verdict == NOT_RUN:
                 case.result = [Skipped(told)]
             elif not f.good:
                 case.result = [(Error if f.verdict == FAILED else Failure)(told, f.verdict)]
+            case.system_out = told
             suite.add_testcase(case)
         xml.add_testsuite(suite)
     xml.update_statistics()
@@ -121,7 +121,9 @@ def _differences(name: str, findings: list[Finding]) -> Picture:
                 yscale="log", xlabel=axis, ylabel=f"difference ({UNITS[quantity]})",
                 title=quantity.capitalize(),
             )  # fmt: skip
+        panels[0].plot([], [], color=INK, linewidth=1.2, label="lines: tolerances")
         legend_below(figure, list(panels), 4)
+        figure.suptitle(name.replace("--", " · "), fontsize=10, x=0.01, ha="left")
 
     caption = f"{name}: largest difference to the stored histories (points), and tolerances (lines)."
     return picture(name, caption, draw, (3.1 * max(len(quantities), 2), 3.4))
@@ -161,8 +163,9 @@ def _one(f: Finding) -> Picture:
         above.set(ylabel=worst.column.label, title=f.name)
         above.legend()
         difference = computed.values[:, k] - stored.history.values[:, k]
+        label = f"tolerance, ±{worst.tolerance:.1e} {unit}"
         below.axhspan(
-            -worst.tolerance, worst.tolerance, color=PALETTE[2], alpha=0.3, label="tolerance", linewidth=0
+            -worst.tolerance, worst.tolerance, color=PALETTE[2], alpha=0.4, label=label, linewidth=0.5
         )
         below.plot(computed.t, difference, "o-", color=PALETTE[1], linewidth=1.0)
         below.set(xlabel=computed.axis, ylabel=f"difference ({unit})")
