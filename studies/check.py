@@ -14,7 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from anctmm import registry
-from anctmm.solution import Solution
+from anctmm.solution import Status
 from studies.check_history import Baseline, Column, History, is_ours, read_baseline, write_baseline
 from studies.check_scenes import CheckError, Static, Task, Watch
 from studies.check_tolerance import simulate, tolerances_of
@@ -99,6 +99,16 @@ class Finding:
         return self.verdict in GOOD
 
 
+@dataclass(frozen=True)
+class Done:
+    """A task that was run: how it ended, and its history if it is whole."""
+
+    task: Task
+    status: Status
+    history: History | None
+    wall_s: float
+
+
 def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -> tuple[Task, ...]:
     """Tasks whose name has one of the texts (or fits one of the patterns), of these solvers.
 
@@ -156,9 +166,9 @@ def check(tasks: Sequence[Task], baselines: Path, whole: bool = False) -> Iterat
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
     for task in tasks:
-        solution, wall_s = _timed(task)
-        found = [_own(task, solution, baselines), *_like(task, solution, baselines)]
-        yield tuple(replace(f, wall_s=wall_s) for f in found)
+        done = _done(task)
+        found = [_own(done, baselines), *_like(done, baselines)]
+        yield tuple(replace(f, wall_s=done.wall_s) for f in found)
     if whole:
         yield _unasked(tasks, baselines)
 
@@ -178,8 +188,8 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
     """
     writable(baselines, "--baselines")
     for task in tasks:
-        solution, wall_s = _timed(task)
-        yield (replace(_renewed(task, solution, baselines), wall_s=wall_s),)
+        done = _done(task)
+        yield (replace(_renewed(done, baselines), wall_s=done.wall_s),)
 
 
 def passed(findings: Sequence[Finding]) -> bool:
@@ -199,37 +209,48 @@ def writable(directory: Path, option: str) -> None:
         ) from None
 
 
-def _timed(task: Task) -> tuple[Solution, float]:
+def _done(task: Task) -> Done:
+    """Run a task; an answer that cannot be read is a failure of that solver, not of the check."""
     begun = perf_counter()
-    return simulate(task), perf_counter() - begun
+    solution = simulate(task)
+    status, history = solution.status, None
+    if status.ok:
+        try:
+            history = History.of(solution, task)
+        except Exception as error:
+            reason = f"its answer cannot be read: {type(error).__name__}: {error}"
+            status = Status("failed", reason)
+    return Done(task, status, history, perf_counter() - begun)
 
 
-def _own(task: Task, solution: Solution, baselines: Path) -> Finding:
+def _own(done: Done, baselines: Path) -> Finding:
     """A run against its own stored history."""
-    path = task.path(baselines)
-    bad = _not_whole(task, solution, path.exists())
-    if bad is not None:
-        return bad
+    task, path = done.task, done.task.path(baselines)
+    if done.history is None:
+        return _not_whole(task, done.status, path.exists())
     try:
         stored = read_baseline(path)
     except FileNotFoundError:
         return Finding(task.name, MISSING, f"{path} is not there; --update makes it")
     except CheckError as error:
         return Finding(task.name, UNREADABLE, str(error))
-    return _compared(task, History.of(solution, task), stored, task.solver)
+    return _compared(task, done.history, stored, task.solver)
 
 
-def _like(task: Task, solution: Solution, baselines: Path) -> Iterator[Finding]:
+def _like(done: Done, baselines: Path) -> Iterator[Finding]:
     """A peer's run against what ANC-TMM has stored, if both solve the same equations and both are stored."""
+    task = done.task
     explicit = not isinstance(task.run, Static) and task.run.integrator == "zhai"
     if task.solver not in SAME_EQUATIONS or (task.solver == "exudyn-cable" and explicit):
+        return
+    if done.history is None:
         return
     try:
         own = read_baseline(task.path(baselines))
         ours = read_baseline(replace(task, solver=OURS).path(baselines))
     except (FileNotFoundError, CheckError):
         return  # told by the row of that history
-    if not solution.status.ok or task.settings not in (own.settings, ours.settings):
+    if not task.settings == own.settings == ours.settings:
         return
     both = {
         "displacement": replace(
@@ -239,7 +260,7 @@ def _like(task: Task, solution: Solution, baselines: Path) -> Iterator[Finding]:
     }
     yield _compared(
         task,
-        _displacements(History.of(solution, task)),
+        _displacements(done.history),
         Baseline(ours.settings, both, _displacements(ours.history)),
         OURS,
     )
@@ -275,17 +296,16 @@ def _worst(computed: History, stored: Baseline) -> Worst:
     return Worst(computed.columns[k], float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
 
 
-def _renewed(task: Task, solution: Solution, baselines: Path) -> Finding:
+def _renewed(done: Done, baselines: Path) -> Finding:
     """Store a run's history if it is new or differs."""
-    path = task.path(baselines)
-    bad = _not_whole(task, solution, path.exists())
-    if bad is not None:
+    task, computed, path = done.task, done.history, done.task.path(baselines)
+    if computed is None:
+        bad = _not_whole(task, done.status, path.exists())
         return replace(bad, reason=f"{bad.reason} (what was stored is kept)") if path.exists() else bad
     if path.exists() and not is_ours(path):
         reason = f"{path} is no history stored by anctmm check and is not overwritten; move it away"
         return Finding(task.name, UNREADABLE, reason)
-    computed = History.of(solution, task)
-    before = _own(task, solution, baselines)
+    before = _own(done, baselines)
     if before.verdict == SAME:
         return replace(before, verdict=UNCHANGED)
     try:
@@ -317,15 +337,14 @@ def _tolerances(before: Finding, stored: Baseline) -> str:
     return f"tolerance of {', '.join(changed)}" if changed else ""
 
 
-def _not_whole(task: Task, solution: Solution, stored: bool) -> Finding | None:
-    """A finding for a run that did not end well; None for one that did."""
-    if solution.status.ok:
-        return None
-    reason = _absent(task.solver) or str(solution.status)
-    missing = _absent(task.solver) is not None or "not installed" in solution.status.message
+def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
+    """A finding for a run that did not end well."""
+    absent = _absent(task.solver)
+    if absent is not None or "not installed" in status.message:
+        return Finding(task.name, NOT_RUN, absent or str(status))
     # What was stored could be run once: that the solver now says it cannot is a change.
-    unable = solution.status.code == "unsupported" and (missing or not stored)
-    return Finding(task.name, NOT_RUN if missing or unable else FAILED, reason)
+    unable = status.code == "unsupported" and not stored
+    return Finding(task.name, NOT_RUN if unable else FAILED, str(status))
 
 
 def _absent(solver: str) -> str | None:

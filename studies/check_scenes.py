@@ -185,6 +185,7 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     """
     if not path.is_file():
         raise CheckError(f"--scenes {path}: no such file; a Python file that defines {DECLARED} is needed")
+    places = list(sys.path)
     sys.path.insert(0, str(path.resolve().parent))
     try:
         found = runpy.run_path(str(path)).get(DECLARED)
@@ -193,7 +194,7 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     except Exception as error:
         raise CheckError(f"--scenes {path} does not run: {type(error).__name__}: {error}") from error
     finally:
-        sys.path.pop(0)
+        sys.path[:] = places
     watches = tuple(found) if isinstance(found, list | tuple) else ()
     if not watches or not all(isinstance(w, Watch) for w in watches):
         raise CheckError(
