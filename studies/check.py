@@ -308,6 +308,8 @@ def _renewed(done: Done, baselines: Path) -> Finding:
     before = _own(done, baselines)
     if before.verdict == SAME:
         return replace(before, verdict=UNCHANGED)
+    if not np.isfinite(computed.values).all():
+        return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
     try:
         stored = Baseline(task.settings, tolerances_of(task, computed), computed)
     except CheckError as error:

@@ -151,8 +151,12 @@ def read_baseline(path: Path) -> Baseline:
     """
     try:
         lines = path.read_text(encoding="utf-8").split("\n")
+    except FileNotFoundError:
+        raise
     except UnicodeDecodeError:
         lines = [""]
+    except OSError as error:
+        raise CheckError(f"{path} cannot be read: {error.strerror}; a file is needed") from None
     if lines[0] != FIRST:
         raise CheckError(f"{path} does not begin with {FIRST!r}: it is no history stored by anctmm check")
     head = [line for line in lines if line.startswith("# ")]
@@ -179,8 +183,11 @@ def read_baseline(path: Path) -> Baseline:
 
 def is_ours(path: Path) -> bool:
     """Whether a file was written by `write_baseline`, whole or not."""
-    with path.open("rb") as file:
-        return file.read(len(FIRST)) == FIRST.encode()
+    try:
+        with path.open("rb") as file:
+            return file.read(len(FIRST)) == FIRST.encode()
+    except OSError:
+        return False
 
 
 def _physics(task: Task) -> list[str]:

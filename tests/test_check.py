@@ -372,6 +372,20 @@ def test_update_keeps_what_was_stored_where_a_run_fails(spinner, stored):
     assert not list(stored.rglob(".*"))
 
 
+def test_what_is_no_number_is_not_stored(spinner, tmp_path):
+    spinner.rate = float("nan")
+    found = one(update([TASK], tmp_path))
+    assert (found.verdict, "no numbers" in found.reason) == ("failed", True)
+    assert not list(tmp_path.rglob("*"))
+
+
+def test_a_directory_in_the_place_of_a_history_is_a_row(spinner, tmp_path):
+    TASK.path(tmp_path).mkdir(parents=True)
+    found = one(check([TASK], tmp_path))
+    assert (found.verdict, "Is a directory; a file is needed" in found.reason) == ("unreadable", True)
+    assert "not overwritten" in one(update([TASK], tmp_path)).reason
+
+
 def test_a_turned_scene_moves_alike():
     """With everything that turns: places, velocities, constant and varying forces, gravity."""
     bodies = [
