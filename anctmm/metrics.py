@@ -76,7 +76,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     """
     if not probes:
         raise SolverError("probes is empty; at least one probe is needed")
-    mine, theirs = _common_times(solution.t, reference.t)
+    mine, theirs = common_times(solution.t, reference.t)
     whole = solution.status.ok and reference.status.ok
     if whole and mine.size < 2 < min(solution.t.size, reference.t.size):
         raise SolverError(
@@ -104,7 +104,8 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     )
 
 
-def _common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places in both of the times that both have, to 1e-9 of the longer history."""
     if a.size == 0 or b.size == 0:
         return np.empty(0, np.intp), np.empty(0, np.intp)
     tolerance = 1e-9 * max(float(a[-1]), float(b[-1]), 1e-300)

@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.progress import Progress
+
     from studies.runner import Case, Mesh, Runner
     from studies.study import Options
 
@@ -139,6 +142,53 @@ def bench(
     print(f"\nWritten to {folder}/")
 
 
+@app.command()
+def check(
+    only: Annotated[
+        str | None,
+        typer.Option(help="Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", metavar="LIST"),
+    ] = None,
+    solver: Annotated[str | None, typer.Option(help="Solvers by name: a,b.", metavar="LIST")] = None,
+    update: Annotated[bool, typer.Option("--update", help="Store what is new or differs.")] = False,
+    scenes: Annotated[
+        Path | None, typer.Option(help="A Python file of your own that defines WATCHED.", dir_okay=False)
+    ] = None,
+    baselines: Annotated[
+        Path | None,
+        typer.Option(help="Stored histories: those of anctmm, or baselines/ beside your scenes."),
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Where table, JUnit XML and pictures go.")] = Path("results"),
+) -> None:
+    """Displacement histories against the stored ones; exit 1 and a table where they differ."""
+    from rich.console import Console
+
+    from studies import check as checking
+    from studies.check_report import show, write_check
+    from studies.check_scenes import base_watches, declared_in, tasks_of
+
+    every = tasks_of(declared_in(scenes) if scenes else base_watches())
+    texts, solvers = _texts(only), _texts(solver)
+    tasks = checking.select(every, texts, solvers)
+    stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)
+    checking.writable(out / "check", "--out")
+    findings: list[checking.Finding] = []
+    work = (
+        checking.update(tasks, stored)
+        if update
+        else checking.check(tasks, stored, whole=not texts and not solvers)
+    )
+    with _progress(Console(stderr=True)) as progress:
+        bar = progress.add_task(tasks[0].name, total=len(tasks))
+        for done, found in enumerate(work, 1):
+            findings += found
+            following = tasks[done].name if done < len(tasks) else "writing"
+            progress.update(bar, description=following, completed=min(done, len(tasks)))
+        write_check(findings, out / "check")
+    show(findings, Console())
+    print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
+    raise typer.Exit(0 if checking.passed(findings) else 1)
+
+
 def read_options(elements: str | None, dt: str | None, solvers: str | None, quick: bool) -> "Options":
     """Options as typed to options as meant.
 
@@ -161,14 +211,12 @@ def read_options(elements: str | None, dt: str | None, solvers: str | None, quic
 def sweeping(quick: bool) -> "Iterator[Runner]":
     """A runner that shows its progress; on an interrupt it says what is kept and exits with 130."""
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     from studies.runner import Runner
 
     cache = cache_directory()
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     console = Console(stderr=True)
-    with Progress(*columns, console=console, transient=True) as progress:
+    with _progress(console) as progress:
         task = progress.add_task("starting", total=None)
 
         def on_done(case: "Case", done: int, total: int) -> None:
@@ -198,6 +246,19 @@ def registry_origins(group: str) -> list[tuple[str, str]]:
     from importlib.metadata import entry_points
 
     return sorted((e.name, f"{e.dist.name if e.dist else '?'}: {e.value}") for e in entry_points(group=group))
+
+
+def _progress(console: "Console") -> "Progress":
+    """A bar that goes away when it is done."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    return Progress(*columns, console=console, transient=True)
+
+
+def _texts(text: str | None) -> tuple[str, ...]:
+    """Items of a list as typed."""
+    return tuple(item for item in (t.strip() for t in (text or "").split(",")) if item)
 
 
 def _list(option: str, text: str | None, read: Callable[[str], Any], allowed: str) -> tuple[Any, ...] | None:

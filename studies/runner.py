@@ -207,7 +207,7 @@ class Runner:
 
     def attempt(self, case: Case) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""
-        return self._guarded(case, lambda: case.solve(self.resolve(case.solver)))
+        return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
 
     def key(self, case: Case) -> str:
         """Text that tells a case and the code of its solver from every other."""
@@ -236,17 +236,7 @@ class Runner:
                 return self._run(case, solver, k)
             return self.remember(f"{self.key(case)}|sample {k}", lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
 
-        return self._guarded(case, solution)
-
-    @staticmethod
-    def _guarded(case: Case, solve: Callable[[], Solution]) -> Solution:
-        try:
-            return solve()
-        except AnctmmError as error:
-            return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
-        except Exception as error:  # one broken solver must not end a sweep
-            reason = f"{type(error).__name__}: {_one_line(error)}"
-            return nothing(case.solver, case.scene, None, Status("failed", reason))
+        return guarded(case.solver, case.scene, solution)
 
     def _run(self, case: Case, solver: Solver, k: int) -> Solution:
         try:
@@ -261,6 +251,17 @@ class Runner:
         self.computed += 1
         # Only the first sample's history is wanted; of the others the cost.
         return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
+
+
+def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
+    """What `solve` returns; whatever it raises becomes a solution with that status."""
+    try:
+        return solve()
+    except AnctmmError as error:
+        return nothing(solver, scene, None, Status("refused", _one_line(error)))
+    except Exception as error:  # one broken solver must not end a sweep
+        reason = f"{type(error).__name__}: {_one_line(error)}"
+        return nothing(solver, scene, None, Status("failed", reason))
 
 
 def _compute(key: str, compute: Callable[[], Any]) -> Any:
