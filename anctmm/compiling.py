@@ -24,6 +24,8 @@ config: Any = _config
 #: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
 #: each and halved the speed of short chains.
 OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
+#: Options of implementations that the compiler chooses by the types of arguments.
+CHOSEN: dict[str, Any] = {"jit_options": OPTIONS, "inline": "always"}
 #: Kernels found in the cache load faster than this, s.
 PATIENCE = 1.5
 

@@ -9,14 +9,13 @@ from typing import Any
 
 from numba.extending import overload
 
-from anctmm.compiling import OPTIONS
+from anctmm.compiling import CHOSEN
 from anctmm.elements import cable_kernel, shear_kernel
 
 #: Kinds of element, as a body has one of them.
 CABLE, SHEAR = 0, 1
 #: Kinds that a scene has, by the length of the tuple.
 CABLES, SHEARS, BOTH = (0,), (0, 0), (0, 0, 0)
-CHOSEN: dict[str, Any] = {"jit_options": OPTIONS, "inline": "always"}
 
 
 def components(blend, kind):  # type: ignore[no-untyped-def]

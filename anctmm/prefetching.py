@@ -9,7 +9,7 @@ from llvmlite import ir
 from numba.core import cgutils, types
 from numba.extending import intrinsic, overload
 
-from anctmm.compiling import OPTIONS
+from anctmm.compiling import CHOSEN
 
 #: Nodes of a chain whose factors do not stay in the cache, and how many nodes ahead they are asked for.
 LONG, AHEAD = 2000, 8
@@ -38,10 +38,10 @@ def _prefetch(typingctx: Any, array: Any, row: Any, line: Any) -> Any:
     return types.void(array, types.int64, types.int64), codegen
 
 
-@overload(prefetch_row, jit_options=OPTIONS, inline="always")
+@overload(prefetch_row, **CHOSEN)
 def _prefetch_row(array, row):  # type: ignore[no-untyped-def]
     def every_line(array, row):  # type: ignore[no-untyped-def]
         for line in range((8 * array.shape[1] + _LINE - 1) // _LINE):
-            _prefetch(array, row, line)
+            _prefetch(array, row, line)  # type: ignore[call-arg]
 
     return every_line
