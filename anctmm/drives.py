@@ -95,7 +95,7 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     table = np.empty((len(t), width))
     if len(t) == 0:
         return table
-    ends = (0, len(t) // 2, len(t) - 1)
+    ends = () if isinstance(history, (Quintic, Pulse)) else (0, len(t) // 2, len(t) - 1)
     samples = {i: one(float(t[i])) for i in ends}
     try:
         with np.errstate(all="ignore"):
@@ -103,7 +103,7 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
         columns = [values] if width == 1 else list(values)
         table[:] = np.stack([np.broadcast_to(np.asarray(c, dtype=float), t.shape) for c in columns], axis=1)
         vectorised = len(columns) == width and all(
-            np.allclose(table[i], v, rtol=1e-12, atol=0.0) for i, v in samples.items()
+            (np.abs(table[i] - v) <= 1e-12 * np.abs(v)).all() for i, v in samples.items()
         )
     except Exception:  # a history of scalars only: whatever it raises on an array, ask it time by time
         vectorised = False

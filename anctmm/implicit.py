@@ -207,19 +207,35 @@ def start(
     factors: BlockFactors,
     hubs: Hubs,
     loads: Loads,
-    newton: "Newton",
+    newton: Newton,
     actuation: Actuation,
 ) -> None:
     """True accelerations at t = 0, M w = F, from which a starts too; the hubs' are those of their drives."""
     now = np.zeros(1)
-    values = actuation.load_table(now)[0]
-    turn_hubs(hubs, actuation.hub_table(now)[0])
+    drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
+    _balance(state, tables, links, factors, hubs, loads, drives, values)
+    newton.counts[:] = 0, 1, 1
+
+
+@kernel
+def _balance(
+    state: State,
+    tables: Tables,
+    links: Links,
+    factors: BlockFactors,
+    hubs: Hubs,
+    loads: Loads,
+    drives: Array,
+    values: Array,
+) -> None:
+    """w and a from the forces at t = 0; one call, since handing over so many arrays takes longer than the work."""
+    turn_hubs(hubs, drives)
     place_hubs(state.q, state.v, hubs)
     set_loads(state.q, state.f, state.dead, loads, values)
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
     by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
-    state.a[:] = state.w
-    newton.counts[:] = 0, 1, 1
+    _, _, flat_a, flat_w, _, _ = state.flat
+    copy(flat_w, flat_a)
 
 
 def correction_size(chain: Chain, state: State) -> Array:
