@@ -25,7 +25,8 @@ from studies.timing import undisturbed
 #: Errors at which costs are compared.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
 QUADRATURES = ("full", "reduced", "lobatto")
-STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
+#: Steps tried, s: whole parts of the scenes' output_dt, close enough for a front without large gaps.
+STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))
 #: Newton's tolerances: of ANC-TMM for corrections; of Exudyn for residuals, None its usual best.
 TOLERANCES: dict[str, tuple[Any, ...]] = {
     OURS: (1e-7, 1e-5, 1e-3),
@@ -132,7 +133,7 @@ def _notes() -> tuple[str, ...]:
         "Each code's front: no other of its settings has both a smaller error and a smaller cost. The fronts of both "
         "codes ran again, in turn; costs are medians of these, interpolated between neighbours on the front in "
         "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
-        f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:g}' for s in STEPS)} s, and three "
+        f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, and three "
         "Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and elements × "
         f"steps are at most {MOST_EXPLICIT:g} (they are far behind). Both codes "
         "have the same elements and generalized-α (spectral radius 0.9) and so the same errors: Exudyn ran every "
