@@ -31,7 +31,7 @@ from anctmm.assembly import Tables, body_after, window_forces, window_inertia
 from anctmm.chain import Chain
 from anctmm.compiling import announced, inlined, kernel
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.prefetching import AHEAD, LONG, prefetch_row
+from anctmm.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, run_batches, too_large, worst_element
 from anctmm.riccati import (
     BlockFactors,
@@ -432,6 +432,10 @@ def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
         for i in range(start, end):
             if nodes > LONG:
                 prefetch_row(L, min(i + AHEAD, nodes - 1))
+                if i % LINE == 0:
+                    prefetch_columns(q, min(i + BLOCK, nodes - 1))
+                    prefetch_columns(w, min(i + BLOCK, nodes - 1))
+                    prefetch_columns(f, min(i + BLOCK, nodes - 1))
             for k in range(d):
                 at = k * BLOCK + i - start
                 work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
@@ -455,6 +459,9 @@ def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-d
         if nodes > LONG:
             prefetch_row(L, max(i - AHEAD, 0))
             prefetch_row(G, max(i - AHEAD, 0))
+            if i % LINE == 0:
+                prefetch_columns(q, max(i - 2 * AHEAD, 0))
+                prefetch_columns(w, max(i - 2 * AHEAD, 0))
         for k in range(d):
             work[4 * d * d + k] = arrived[i, k]
         find_unknowns(unit, L, G, i, work)
