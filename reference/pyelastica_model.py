@@ -5,6 +5,7 @@ elements between them, curvatures at the inner nodes. Its rods are round and mov
 inertia are overwritten with the beam's own, and nothing drives a rod out of the plane.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from math import hypot, sqrt
 from typing import Any
@@ -13,7 +14,7 @@ import elastica as ea
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.scene import Beam, Clamp, Force, Scene
+from anctmm.scene import Beam, Clamp, Force, Load, Scene, Torque
 
 Array = NDArray[np.float64]
 
@@ -161,29 +162,29 @@ class Rod:
         nodal *= self.body.material.density * self.body.section.area
         return np.outer(np.asarray(self.scene.gravity), nodal)
 
-    def _end_forces(self) -> Array:
-        forces = np.zeros((2, self.elements + 1))
+    def _on_ends(self) -> Iterator[tuple[int, Load]]:
+        """Loads on the body, by the place of the end: 0 or −1."""
         for load in self.scene.loads:
             body, side = self.scene.body_end(load.end)
-            if body is self.body and isinstance(load, Force):
-                forces[:, -1 if side else 0] += load.value
+            if body is self.body:
+                yield -1 if side else 0, load
+
+    def _end_forces(self) -> Array:
+        forces = np.zeros((2, self.elements + 1))
+        for end, load in self._on_ends():
+            if isinstance(load, Force):
+                forces[:, end] += np.asarray(load.value, dtype=float)
         return forces
 
     def _end_moments(self) -> dict[int, tuple[float, float]]:
-        found = {}
-        for end in (0, -1):
-            moment = sum(
-                float(load.value)  # type: ignore[arg-type]
-                for load in self.scene.loads
-                if not isinstance(load, Force)
-                and self.scene.body_end(load.end)[0] is self.body
-                and (-1 if self.scene.body_end(load.end)[1] else 0) == end
-            )
-            sprung = self.held.get(end) == "clamp" and self.clamp == "half-element"
-            spring = 2.0 * self.stiffness.EI / self.stiffness.l if sprung else 0.0
-            if moment or spring:
-                found[end] = moment, spring
-        return found
+        """Moment (N m) and spring (N m/rad) of each end that has one."""
+        moments = {0: 0.0, -1: 0.0}
+        for end, load in self._on_ends():
+            if isinstance(load, Torque):
+                moments[end] += float(np.asarray(load.value, dtype=float))
+        spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0
+        springs = {end: spring if self.held.get(end) == "clamp" else 0.0 for end in moments}
+        return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}
 
     def _straight(self) -> Any:
         """PyElastica's rod, with the beam's stiffness and inertia about every axis of its section."""
