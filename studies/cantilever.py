@@ -219,7 +219,8 @@ def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sw
 def _static_convergence(frame: pd.DataFrame) -> Picture:
     caption = (
         f"Static convergence to the exact continuum of each element ({PICTURED}): extensible elastica for the cable, "
-        "director continuum of Green strains for the shear element, which needs many elements for so thin a beam."
+        "director continuum of Green strains for the shear element, which needs many elements for so thin a beam, "
+        "Reissner's rod for the peers of its kind."
     )
     return error_pictures.over_mesh(frame[frame["scene"] == PICTURED], "static_convergence", caption)
 

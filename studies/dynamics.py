@@ -98,7 +98,8 @@ class Sweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of all elements and the element whose reference they have."""
-        return rows_frame(self.rows, self.outcomes)
+        families = [_measured_by(o.case, self.references) for o in self.outcomes]
+        return rows_frame(self.rows, self.outcomes, families)
 
     def solution(self, **wanted: Any) -> Solution | None:
         """The whole solution with the smallest step among the cases with these values; None without one."""

@@ -329,11 +329,13 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
     }
 
 
-def rows_frame(rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome]) -> pd.DataFrame:
+def rows_frame(
+    rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome], families: Sequence[str]
+) -> pd.DataFrame:
     """Rows as a frame, with the number of all elements and the element whose reference they have."""
     return pd.DataFrame(rows, columns=list(COLUMNS)).assign(
         all_elements=[sum(o.case.mesh) for o in outcomes],
-        family=[o.case.element for o in outcomes],
+        family=list(families),
     )
 
 

@@ -13,7 +13,18 @@ from anctmm.offer import Offer
 from anctmm.scene import Probe
 from anctmm.solution import Solution
 from reference.exact import solve_static
-from studies.runner import STATIC, Case, Mesh, Outcome, Reference, Runner, product, row, rows_frame
+from studies.runner import (
+    STATIC,
+    Case,
+    Mesh,
+    Outcome,
+    Reference,
+    Runner,
+    element_of,
+    product,
+    row,
+    rows_frame,
+)
 from studies.scenes import BaseScene
 from studies.study import Options
 from studies.tables import Table
@@ -49,7 +60,7 @@ class StaticSweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of elements as a number."""
-        return rows_frame(self.rows, self.outcomes)
+        return rows_frame(self.rows, self.outcomes, [_family(o.case) for o in self.outcomes])
 
 
 def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
@@ -99,6 +110,12 @@ def limit_of(solver: str, element: str) -> str:
     except AnctmmError:
         limits = {}
     return limits.get(element) or Offer().limits[element]
+
+
+def _family(case: Case) -> str:
+    """Element among whose rows a case is shown."""
+    own = element_of(case.solver, case.element)
+    return own if limit_of(case.solver, case.element) == own else case.element
 
 
 def _contestants(scheme: StaticScheme, schemes: Iterable[StaticScheme], options: Options) -> list[str]:

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -523,6 +524,19 @@ def test_cantilever_tends_to_the_exact_solutions(cantilever_result):
     assert set(cable["solver"]) == {"anctmm", "global-dae", "exudyn-cable"}
     assert (cable["order"] > 4.0).all()
     assert cable["smallest_error"].max() == pytest.approx(1.02e-5, rel=0.02)
+
+
+def test_cantilever_peers_tend_to_reissners_rod(cantilever_result):
+    rates = cantilever_result.table("rates").frame
+    peers = rates[rates["element"] == "reissner"].groupby("solver")["order"]
+    assert peers.min()["exudyn-reissner"] > 3.8
+    rows = cantilever_result.table("accuracy").frame.query("solver == 'pyelastica'")
+    if find_spec("elastica") is None:
+        assert rows["status"].str.contains("PyElastica is not installed").all()
+        pytest.skip("PyElastica (extra `peers`) is not installed")
+    assert set(rows["reference"]) == {"exact: reissner"}
+    assert peers.min()["pyelastica"] == pytest.approx(2.0, abs=0.1)
+    assert rows[rows["scene"] == "cantilever-force-3"]["error"].min() == pytest.approx(0.01397, rel=0.01)
 
 
 def test_cantilever_shows_what_the_shear_element_tends_to(cantilever_result):
