@@ -207,6 +207,37 @@ def test_reference_falls_back_and_says_why_there_is_none():
     assert np.isnan(reference.uncertainty)
 
 
+def test_an_element_of_its_own_is_measured_by_its_own_reference():
+    steps = {"t_end": 0.05, "output_dt": 0.01}
+    plan = Plan(
+        (
+            Scheme(
+                "shear",
+                "full",
+                "generalized-alpha",
+                ("anctmm", "exudyn-reissner"),
+                ((8,),),
+                lambda m: (1e-2,),
+            ),
+        ),
+        {
+            "shear": Fine(("anctmm",), (16,), (8,), 5e-3, 1e-2, "generalized-alpha"),
+            "reissner": Fine(("exudyn-reissner",), (16,), (8,), 5e-3, 1e-2, "generalized-alpha"),
+        },
+    )
+    swept = sweep(replace(FALL, **steps), plan, Options(), Runner(None, repeats=1))
+    assert swept.frame["element"].tolist() == swept.frame["family"].tolist() == ["shear", "reissner"]
+    assert [name.split()[0] for name in swept.frame["reference"]] == ["anctmm", "exudyn-reissner"]
+    without = sweep(
+        replace(FALL, **steps),
+        Plan(plan.schemes, {"shear": plan.references["shear"]}),
+        Options(),
+        Runner(None, repeats=1),
+    )
+    assert without.frame["family"].tolist() == ["shear", "shear"]
+    assert set(without.frame["reference"]) == {swept.frame["reference"].iloc[0]}
+
+
 def test_a_named_solver_runs_the_schemes_that_list_it():
     plan = Plan(
         (
