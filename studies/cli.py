@@ -54,6 +54,7 @@ def main() -> None:
 def list_() -> None:
     """Scenes, solvers and studies."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from anctmm import registry
@@ -73,7 +74,7 @@ def list_() -> None:
         scenes.add_row(base.scene.name, bodies, ", ".join(map(_probe, base.probes)), base.source)
     solvers = table("Solvers", "name", "from", "lacks")
     for name, origin in registry.origins():
-        solvers.add_row(name, origin, _lacks(name))
+        solvers.add_row(name, origin, escape(_lacks(name)))
     studies = table("Studies", "name", "question")
     for name, (_, question) in STUDIES.items():
         studies.add_row(name, question)

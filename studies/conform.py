@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from anctmm import registry
@@ -201,7 +202,8 @@ def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     for head in ("rule", "asks", "measured", "allowed", "verdict"):
         shown.add_column(head, header_style="dim", overflow="fold", no_wrap=head in ("rule", "verdict"))
     for f in findings:
-        shown.add_row(f.rule, f.asks, f.measured, f.allowed, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
+        texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
+        shown.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
     console.print(shown)
     counts = {v: sum(f.verdict == v for f in findings) for v in STYLES}
     console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))

@@ -15,7 +15,7 @@ from anctmm import registry
 from anctmm.errors import AnctmmError, PluginError, UnknownOptionError
 from anctmm.offer import FEATURES, Offer
 from anctmm.scene import Clamp
-from studies.conform import BROKEN, HOLDS, NOT_OFFERED, NOT_RUN, conform, passed, show
+from studies.conform import BROKEN, HOLDS, NOT_OFFERED, NOT_RUN, Finding, conform, passed, show
 from studies.conform_rules import REFUSED, RULES
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
@@ -274,12 +274,13 @@ def test_the_table_has_a_row_a_rule(plugged):
     plugged(ignores_drives, rest, Offer())
     console = Console(record=True, width=200)
     findings = list(conform("broken"))
-    show("broken", findings, console)
+    show("broken", [*findings, Finding("peer", "asks", "install anctmm[peers]", "", HOLDS)], console)
     text = console.export_text()
+    assert "install anctmm[peers]" in text  # no markup
     for rule in RULES:
         assert rule.name in text
         assert rule.asks in text
-    assert f"{len(RULES)} holds, 1 broken" in text
+    assert f"{len(RULES) + 1} holds, 1 broken" in text
 
 
 def test_offers_are_checked():
