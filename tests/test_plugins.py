@@ -132,6 +132,25 @@ def test_the_template_stands_in_the_list_beside_the_broken_ones(ballistic):
     assert "reference.global_dae:solve" in lines["global-dae"]
 
 
+def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(ballistic, tmp_path):
+    broken(ballistic, "raises", "nothing")
+    where = ["--only", "cantilever-fall/cable-implicit", "--baselines", str(tmp_path / "stored")]
+    asked = ["check", *where, "--out", str(tmp_path / "out"), "--solver"]
+    assert command(ballistic, *asked, "ballistic", "--update").returncode == 0
+    (stored,) = (tmp_path / "stored").rglob("ballistic.csv")
+    done = command(ballistic, *asked, "ballistic")
+    assert (done.returncode, "ballistic" in done.stdout) == (0, True), done.stdout
+    stored.write_text(stored.read_text().replace("-1.22625", "-1.22626"))  # the fall after 0.5 s, m
+    assert command(ballistic, *asked, "ballistic").returncode == 1
+    done = command(ballistic, *asked, "raises,nothing")
+    said = " ".join(done.stdout.split())
+    assert done.returncode == 1
+    assert (
+        "solver 'raises' of package raises (raises:solve) cannot be loaded: RuntimeError: no licence" in said
+    )
+    assert "with a NoneType; an anctmm.Solution is needed" in said
+
+
 def test_a_studys_table_has_its_rows_and_those_of_the_broken_ones(ballistic):
     broken(ballistic)
     plan = Plan(
