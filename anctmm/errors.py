@@ -77,3 +77,7 @@ class UnknownSolverError(AnctmmError, KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
+
+
+class PluginError(SolverError):
+    """A registered solver cannot be loaded, lacks what is asked of it, or answers with nonsense."""

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.mesh import BodyMesh, build
+from anctmm.offer import Offer
 from anctmm.scene import Beam, Scene
 from anctmm.solution import HermiteField, Solution
 from reference.exudyn_model import Model, clamped_rates
@@ -22,6 +23,7 @@ from reference.exudyn_run import dynamics, statics
 
 Array = NDArray[np.float64]
 
+OFFER = Offer(element="cable", limits={"cable": "elastica"})
 #: Exudyn's numbers of the quadratures.
 QUADRATURE = {"full": 0, "reduced": 1, "lobatto": 2}
 #: Elements times output times whose energies are computed at once.

@@ -14,6 +14,7 @@ from time import perf_counter
 import numpy as np
 
 from anctmm import registry
+from anctmm.errors import PluginError
 from anctmm.solution import Status
 from studies.check_history import Baseline, Column, History, is_ours, read_baseline, write_baseline
 from studies.check_scenes import CheckError, Static, Task, Watch
@@ -355,8 +356,8 @@ def _absent(solver: str) -> str | None:
         return f"solver {solver!r} is not installed; installed are {', '.join(registry.names())}"
     try:
         registry.solver(solver)
-    except ImportError as error:
-        return f"solver {solver!r} cannot be imported: {error}"
+    except PluginError as error:
+        return str(error)
     return None
 
 

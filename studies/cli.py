@@ -54,6 +54,7 @@ def main() -> None:
 def list_() -> None:
     """Scenes, solvers and studies."""
     from rich.console import Console
+    from rich.markup import escape
     from rich.table import Table
 
     from anctmm import registry
@@ -71,9 +72,9 @@ def list_() -> None:
         base = build()
         bodies = ", ".join(b.name for b in base.scene.bodies)
         scenes.add_row(base.scene.name, bodies, ", ".join(map(_probe, base.probes)), base.source)
-    solvers = table("Solvers", "name", "from")
-    for name, origin in registry_origins(registry.GROUP):
-        solvers.add_row(name, origin)
+    solvers = table("Solvers", "name", "from", "lacks")
+    for name, origin in registry.origins():
+        solvers.add_row(name, origin, escape(_lacks(name)))
     studies = table("Studies", "name", "question")
     for name, (_, question) in STUDIES.items():
         studies.add_row(name, question)
@@ -189,6 +190,22 @@ def check(
     raise typer.Exit(0 if checking.passed(findings) else 1)
 
 
+@app.command()
+def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> None:
+    """Test a solver against the rules every solver keeps; exit 1 and a table where it breaks one."""
+    from rich.console import Console
+
+    from studies import conform as conforming
+
+    findings = []
+    with Console(stderr=True).status("starting") as shown:
+        for finding in conforming.conform(name):
+            shown.update(f"tested: {finding.rule}")
+            findings.append(finding)
+    conforming.show(name, findings, Console())
+    raise typer.Exit(0 if conforming.passed(findings) else 1)
+
+
 def read_options(elements: str | None, dt: str | None, solvers: str | None, quick: bool) -> "Options":
     """Options as typed to options as meant.
 
@@ -241,11 +258,15 @@ def cache_directory() -> Path:
     return Path(base) / "anctmm" / "runs"
 
 
-def registry_origins(group: str) -> list[tuple[str, str]]:
-    """Names of the registered solvers with the package and function each comes from."""
-    from importlib.metadata import entry_points
+def _lacks(solver: str) -> str:
+    """What a solver says it lacks, or why it cannot be loaded."""
+    from anctmm import registry
+    from anctmm.errors import PluginError
 
-    return sorted((e.name, f"{e.dist.name if e.dist else '?'}: {e.value}") for e in entry_points(group=group))
+    try:
+        return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
+    except PluginError as error:
+        return f"broken: {error}"
 
 
 def _progress(console: "Console") -> "Progress":

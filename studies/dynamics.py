@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from anctmm.discretisation import ELEMENTS
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from studies.runner import (
@@ -14,6 +15,7 @@ from studies.runner import (
     Outcome,
     Reference,
     Runner,
+    element_of,
     mesh_label,
     product,
     refined_reference,
@@ -70,7 +72,11 @@ class Fine:
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep: its schemes, and the reference of each element."""
+    """A sweep: its schemes, and the reference of each element.
+
+    A solver that uses an element of its own is measured against that element's reference, where there is one, or else
+    against that of the element asked for.
+    """
 
     schemes: tuple[Scheme, ...]
     references: Mapping[str, Fine]
@@ -87,12 +93,13 @@ class Sweep:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """A row a run."""
-        return [row(o, self.references[o.case.element]) for o in self.outcomes]
+        return [row(o, self.references[_measured_by(o.case, self.references)]) for o in self.outcomes]
 
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of all elements and the element whose reference they have."""
-        return rows_frame(self.rows, self.outcomes)
+        families = [_measured_by(o.case, self.references) for o in self.outcomes]
+        return rows_frame(self.rows, self.outcomes, families)
 
     def solution(self, **wanted: Any) -> Solution | None:
         """The whole solution with the smallest step among the cases with these values; None without one."""
@@ -106,7 +113,7 @@ class Sweep:
 def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
-    elements = dict.fromkeys(case.element for case in cases)
+    elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
     references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
     return Sweep(base, tuple(runner.sweep(cases)), references)
 
@@ -154,10 +161,18 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
     return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
 
 
+def _measured_by(case: Case, references: Mapping[str, Any]) -> str:
+    """Element whose reference a case is measured against."""
+    own = element_of(case.solver, case.element)
+    return own if own in references else case.element
+
+
 def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
+    asked = element if element in ELEMENTS else "shear"  # a solver with an element of its own does not mind
+
     def case(mesh: Mesh, dt: float) -> Case:
         return Case(
-            base.scene, "", mesh, element=element, quadrature=fine.quadrature, integrator=fine.integrator,
+            base.scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
             dt=dt, t_end=base.t_end, output_dt=base.output_dt,
         )  # fmt: skip
 

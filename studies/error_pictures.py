@@ -15,9 +15,13 @@ from studies.plots import (
     work_precision,
 )
 
-ELEMENT_TITLES = {"cable": "Cable elements", "shear": "Shear-deformable elements"}
+ELEMENT_TITLES = {
+    "cable": "Cable elements",
+    "shear": "Shear-deformable elements",
+    "reissner": "Reissner's rods",
+}
 #: Observed by theory: how the error of each element falls with the mesh.
-MESH_ORDERS = {"cable": 4.0, "shear": 2.0}
+MESH_ORDERS = {"cable": 4.0, "shear": 2.0, "reissner": 2.0}
 SHORT = {"generalized-alpha": "implicit", "zhai": "explicit", "static": ""}
 #: Quadratures other than the first have colours of their own.
 RULE_COLOURS = {"reduced": PALETTE[4], "lobatto": PALETTE[6]}

@@ -27,7 +27,7 @@ def glance(result: Result, console: Console) -> None:
         console.print()
     for status, runs in failed(frame).groupby("status", sort=False):
         solvers = ", ".join(dict.fromkeys(runs["solver"]))
-        console.print(f"{len(runs)} of {solvers}: {status}", style="yellow", highlight=False)
+        console.print(f"{len(runs)} of {solvers}: {status}", style="yellow", highlight=False, markup=False)
     for finding in result.findings:
         console.print(f"• {finding}", highlight=False)
 

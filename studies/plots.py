@@ -33,6 +33,7 @@ SOLVER_COLOURS = {
     "exudyn-cable": PALETTE[2],
     "global-dae-dense": PALETTE[3],
     "exudyn-reissner": PALETTE[5],
+    "pyelastica": PALETTE[6],
 }
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.2, 2)))

@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 
-LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn")
+LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica")
 #: Of this package only what takes part in a run: editing a picture must not repeat an hour of runs.
 #: (A scene is part of a run's key by its value.)
 RUN_MODULES = ("runner.py", "timing.py")

@@ -5,7 +5,6 @@ import inspect
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from importlib import import_module
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -18,6 +17,7 @@ from anctmm import registry
 from anctmm.discretisation import Discretisation
 from anctmm.errors import AnctmmError, SolverError
 from anctmm.metrics import compare
+from anctmm.registry import Solver, static_of
 from anctmm.scene import Probe, Scene
 from anctmm.solution import Cost, Solution, Status, nothing
 from studies import provenance
@@ -30,9 +30,6 @@ COLUMNS = (
     "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "wall_s", "repeats",
     "status",
 )  # fmt: skip
-#: Solvers that use one element whatever a discretisation asks for.
-FIXED_ELEMENTS = {"exudyn-cable": "cable", "exudyn-reissner": "reissner"}
-Solver = Callable[..., Solution]
 Mesh = tuple[int, ...]
 
 
@@ -134,18 +131,12 @@ class Reference:
     solution: Solution | None = None
 
 
-def static_of(name: str, solver: Solver) -> Solver:
-    """The `solve_static` that stands in the module of a registered solver.
-
-    Raises
-    ------
-    SolverError
-        If there is none.
-    """
-    static = getattr(import_module(solver.__module__), "solve_static", None)
-    if static is None:
-        raise SolverError(f"solver {name!r} has no solve_static beside it; it runs dynamic scenes only")
-    return static  # type: ignore[no-any-return]
+def element_of(solver: str, asked: str) -> str:
+    """Name of the element a solver uses for one asked for; that asked for, if the solver is not there."""
+    try:
+        return registry.offer_of(registry.load(solver)).element_of(asked)
+    except AnctmmError:
+        return asked
 
 
 @dataclass
@@ -318,7 +309,7 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
     return {
         "scene": case.scene.name,
         "solver": case.solver,
-        "element": FIXED_ELEMENTS.get(case.solver, case.element),
+        "element": element_of(case.solver, case.element),
         "quadrature": case.quadrature if case.element == "cable" else "-",
         "integrator": case.integrator,
         "elements": mesh_label(case.mesh),
@@ -338,11 +329,13 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
     }
 
 
-def rows_frame(rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome]) -> pd.DataFrame:
+def rows_frame(
+    rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome], families: Sequence[str]
+) -> pd.DataFrame:
     """Rows as a frame, with the number of all elements and the element whose reference they have."""
     return pd.DataFrame(rows, columns=list(COLUMNS)).assign(
         all_elements=[sum(o.case.mesh) for o in outcomes],
-        family=[o.case.element for o in outcomes],
+        family=list(families),
     )
 
 

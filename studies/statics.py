@@ -1,24 +1,48 @@
 """Static cantilevers: convergence to the exact solutions of the continua the elements discretise."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from anctmm import registry
+from anctmm.errors import AnctmmError
+from anctmm.offer import Offer
 from anctmm.scene import Probe
 from anctmm.solution import Solution
 from reference.exact import solve_static
-from studies.runner import STATIC, Mesh, Outcome, Reference, Runner, product, row, rows_frame
+from studies.runner import (
+    STATIC,
+    Case,
+    Mesh,
+    Outcome,
+    Reference,
+    Runner,
+    element_of,
+    product,
+    row,
+    rows_frame,
+)
 from studies.scenes import BaseScene
 from studies.study import Options
 from studies.tables import Table
 
-#: The continuum each element tends to, as `reference.exact` calls it.
-LIMITS = {"cable": "elastica", "shear": "director"}
+#: Continua that have exact solutions, as `reference.exact` calls them.
+LIMITS = ("elastica", "reissner", "director")
 #: Errors below this are rounding, whatever the mesh: no order is read from them.
 ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class StaticScheme:
+    """Element and quadrature, with who runs them on which meshes."""
+
+    element: str
+    quadrature: str
+    solvers: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
 
 
 @dataclass(frozen=True)
@@ -36,7 +60,7 @@ class StaticSweep:
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of elements as a number."""
-        return rows_frame(self.rows, self.outcomes)
+        return rows_frame(self.rows, self.outcomes, [_family(o.case) for o in self.outcomes])
 
 
 def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
@@ -56,24 +80,58 @@ def exact_reference(base: BaseScene, model: str) -> Reference:
 
 
 def static_sweep(
-    bases: Iterable[BaseScene],
-    schemes: Iterable[tuple[str, str, tuple[str, ...]]],
-    meshes: Mapping[str, tuple[Mesh, ...]],
-    options: Options,
-    runner: Runner,
+    bases: Iterable[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
 ) -> StaticSweep:
-    """Run scenes × (element, quadrature, solvers) × meshes."""
-    cases, references = [], []
+    """Run scenes × schemes, each solver measured against the continuum it says it tends to.
+
+    A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
+    whose element it offers in statics, on the full quadrature.
+    """
+    cases: list[Case] = []
+    references: list[Reference] = []
     for base in bases:
-        for element, quadrature, listed in schemes:
-            solvers = [s for s in options.solvers or listed if s in listed]
-            mine = product(
-                base.scene, solvers, options.meshes or meshes[element], element=element, quadrature=quadrature,
-                integrator=STATIC,
-            )  # fmt: skip
-            cases += mine
-            references += [exact_reference(base, LIMITS[element])] * len(mine)
+        exact = {limit: exact_reference(base, limit) for limit in LIMITS}
+        for scheme in schemes:
+            for solver in _contestants(scheme, schemes, options):
+                mine = product(
+                    base.scene, [solver], options.meshes or scheme.meshes, element=scheme.element,
+                    quadrature=scheme.quadrature, integrator=STATIC,
+                )  # fmt: skip
+                fresh = [case for case in mine if case not in cases]
+                cases += fresh
+                references += [exact[limit_of(solver, scheme.element)]] * len(fresh)
     return StaticSweep(tuple(runner.sweep(cases)), tuple(references))
+
+
+def limit_of(solver: str, element: str) -> str:
+    """The continuum a solver's rest positions tend to; the element's own, if the solver is not there to say."""
+    try:
+        limits = registry.offer_of(registry.load(solver)).limits
+    except AnctmmError:
+        limits = {}
+    return limits.get(element) or Offer().limits[element]
+
+
+def _family(case: Case) -> str:
+    """Element among whose rows a case is shown."""
+    own = element_of(case.solver, case.element)
+    return own if limit_of(case.solver, case.element) == own else case.element
+
+
+def _contestants(scheme: StaticScheme, schemes: Iterable[StaticScheme], options: Options) -> list[str]:
+    if options.solvers is None:
+        return list(scheme.solvers)
+    listed = {solver for s in schemes for solver in s.solvers}
+    return [s for s in options.solvers if s in scheme.solvers or (s not in listed and _offers(s, scheme))]
+
+
+def _offers(solver: str, scheme: StaticScheme) -> bool:
+    """Whether another package's solver takes part; one that cannot be loaded does, to say so."""
+    try:
+        offer = registry.offer_of(registry.load(solver))
+    except AnctmmError:
+        offer = Offer()
+    return scheme.quadrature == "full" and "statics" not in offer.lacks and scheme.element in offer.limits
 
 
 def rates(frame: pd.DataFrame) -> Table:
@@ -95,7 +153,8 @@ def rates(frame: pd.DataFrame) -> Table:
     columns = [*keys, "smallest_error", "order", "between_elements"]
     notes = (
         "order: of the last doubling of the mesh whose error is still above rounding. The cable tends to the "
-        "extensible elastica, the shear element to the director continuum of its own energy.",
+        "extensible elastica, the shear element to the director continuum of its own energy, the Reissner peers "
+        "to Reissner's rod.",
     )
     found = pd.DataFrame(lines, columns=columns)
     return Table("rates", "Observed orders of the static cantilever", found, notes)

@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +205,37 @@ def test_reference_falls_back_and_says_why_there_is_none():
     reference = refined_reference(runner(None), bad, (), FALL.probes, ["fake"])
     assert reference.name == "none: fake unsupported: thirteen | elements"
     assert np.isnan(reference.uncertainty)
+
+
+def test_an_element_of_its_own_is_measured_by_its_own_reference():
+    steps = {"t_end": 0.05, "output_dt": 0.01}
+    plan = Plan(
+        (
+            Scheme(
+                "shear",
+                "full",
+                "generalized-alpha",
+                ("anctmm", "exudyn-reissner"),
+                ((8,),),
+                lambda m: (1e-2,),
+            ),
+        ),
+        {
+            "shear": Fine(("anctmm",), (16,), (8,), 5e-3, 1e-2, "generalized-alpha"),
+            "reissner": Fine(("exudyn-reissner",), (16,), (8,), 5e-3, 1e-2, "generalized-alpha"),
+        },
+    )
+    swept = sweep(replace(FALL, **steps), plan, Options(), Runner(None, repeats=1))
+    assert swept.frame["element"].tolist() == swept.frame["family"].tolist() == ["shear", "reissner"]
+    assert [name.split()[0] for name in swept.frame["reference"]] == ["anctmm", "exudyn-reissner"]
+    without = sweep(
+        replace(FALL, **steps),
+        Plan(plan.schemes, {"shear": plan.references["shear"]}),
+        Options(),
+        Runner(None, repeats=1),
+    )
+    assert without.frame["family"].tolist() == ["shear", "shear"]
+    assert set(without.frame["reference"]) == {swept.frame["reference"].iloc[0]}
 
 
 def test_a_named_solver_runs_the_schemes_that_list_it():
@@ -523,6 +555,19 @@ def test_cantilever_tends_to_the_exact_solutions(cantilever_result):
     assert set(cable["solver"]) == {"anctmm", "global-dae", "exudyn-cable"}
     assert (cable["order"] > 4.0).all()
     assert cable["smallest_error"].max() == pytest.approx(1.02e-5, rel=0.02)
+
+
+def test_cantilever_peers_tend_to_reissners_rod(cantilever_result):
+    rates = cantilever_result.table("rates").frame
+    peers = rates[rates["element"] == "reissner"].groupby("solver")["order"]
+    assert peers.min()["exudyn-reissner"] > 3.8
+    rows = cantilever_result.table("accuracy").frame.query("solver == 'pyelastica'")
+    if find_spec("elastica") is None:
+        assert rows["status"].str.contains("PyElastica is not installed").all()
+        pytest.skip("PyElastica (extra `peers`) is not installed")
+    assert set(rows["reference"]) == {"exact: reissner"}
+    assert peers.min()["pyelastica"] == pytest.approx(2.0, abs=0.1)
+    assert rows[rows["scene"] == "cantilever-force-3"]["error"].min() == pytest.approx(0.01397, rel=0.01)
 
 
 def test_cantilever_shows_what_the_shear_element_tends_to(cantilever_result):
