@@ -77,3 +77,7 @@ class UnknownSolverError(AnctmmError, KeyError):
 
     def __str__(self) -> str:
         return str(self.args[0]) if self.args else ""
+
+
+class OutputError(AnctmmError, OSError):
+    """A file or directory cannot be written."""
