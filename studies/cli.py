@@ -184,12 +184,13 @@ def check(
     from studies import check as checking
     from studies.check_report import show, write_check
     from studies.check_scenes import base_watches, declared_in, tasks_of
+    from studies.files import check_writable
 
     every = tasks_of(declared_in(scenes) if scenes else base_watches())
     texts, solvers = _texts(only), _texts(solver)
     tasks = checking.select(every, texts, solvers)
     stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)
-    checking.writable(out / "check", "--out")
+    check_writable(out / "check")
     findings: list[checking.Finding] = []
     work = (
         checking.update(tasks, stored)

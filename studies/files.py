@@ -35,7 +35,7 @@ def atomic_write(path: Path, content: str | bytes) -> None:
         ) from error
 
 
-def check_writable(directory: Path) -> None:
+def check_writable(directory: Path, option: str = "--out") -> None:
     """Refuse a directory for results before an hour of work, not after.
 
     Raises
@@ -45,6 +45,6 @@ def check_writable(directory: Path) -> None:
     """
     if reason := why_not_writable(directory):
         raise OutputError(
-            f"--out is {str(directory)!r}, which cannot be written ({reason}); a directory that can be made and "
-            f"written is needed"
+            f"{option} is {str(directory)!r}, which cannot be written ({reason}); "
+            f"a directory that can be written is needed"
         )

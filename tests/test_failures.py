@@ -21,6 +21,8 @@ from anctmm.registry import solver
 from anctmm.scene import Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.sections import Circle, Rectangle, Section
 from reference import exudyn_cable, exudyn_reissner, global_dae
+from studies.check import BASELINES
+from studies.check_history import CheckError, read_baseline
 from studies.cli import app
 from studies.files import atomic_write, check_writable
 from studies.runner import Case, Reference, Runner, row
@@ -402,6 +404,8 @@ COMMANDS = {
         ["study", "cantilever", "--solvers", "anctmm,adams"],
         ["--solvers", "'adams'", "global-dae"],
     ),
+    "check of nothing": (["check", "--only", "five-bar"], ["five-bar"]),
+    "check by nobody": (["check", "--solver", "adams"], ["adams"]),
     "out is a file": (
         ["study", "cantilever", "--out", "FILE"],
         ["--out", "file'", "File exists", "directory"],
@@ -573,6 +577,14 @@ def forget_kernels(here):
     here.patch.setattr("numba.core.caching.FunctionCache.save_overload", full)
 
 
+def stored_history(here, spoil):
+    """A stored history of `anctmm check` that is not what it was."""
+    whole = sorted(BASELINES.rglob("*.csv"))[0].read_bytes()
+    path = here.path / "history.csv"
+    path.write_bytes(spoil(whole))
+    return read_baseline(path)
+
+
 #: How the environment or a file is spoilt, the error's class or the status or "note", and what the message must hold.
 PLACES = {
     "Exudyn missing": (
@@ -679,6 +691,26 @@ PLACES = {
         ["cannot be locked", "No locks available", "two sessions may repeat runs"],
     ),
     "result of no file": (unpicklable, "note", ["cannot be kept", "lambda", "computed each time"]),
+    "foreign CSV": (
+        lambda here: stored_history(here, lambda whole: b"t,x\n0,1\n"),
+        CheckError,
+        ["history.csv", "does not begin with", "no history stored by anctmm check"],
+    ),
+    "CSV of another tongue": (
+        lambda here: stored_history(here, lambda whole: b"\xff\xfe\x00"),
+        CheckError,
+        ["history.csv", "does not begin with"],
+    ),
+    "CSV cut": (
+        lambda here: stored_history(here, lambda whole: whole[: len(whole) // 2]),
+        CheckError,
+        ["history.csv", "cut short", "rows", "are needed", "--update"],
+    ),
+    "CSV with a word for a number": (
+        lambda here: stored_history(here, lambda whole: b"x".join(whole.rsplit(b"0.", 1))),
+        CheckError,
+        ["history.csv", "cannot be read", "--update"],
+    ),
     "no room for a table": (full_report, errors.OutputError, ["accuracy.csv", "No space left", "3 bytes"]),
     "table below a file": (
         lambda here: atomic_write(here.file / "x" / "a.csv", "1"),
