@@ -33,9 +33,10 @@ from anctmm.implicit import (
     solve_step,
     start,
 )
-from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, too_large, worst_element
+from anctmm.recording import Output, Record, gradient_size, keep, too_large, worst_element
 from anctmm.riccati import BlockFactors, Links, block_factors, links, sweep
-from anctmm.solution import Solution, Status
+from anctmm.solution import Solution, Status, in_short
+from anctmm.soundness import STRETCH_LIMIT
 
 Array = NDArray[np.float64]
 
@@ -129,16 +130,24 @@ def integrate(chain: Chain) -> Solution:
         actuation.hub_table(grid),
         actuation.load_table(grid),
     )
-    status = Status() if kept > run.steps else _stuck(chain, t, state)
+    status = Status() if kept > run.steps else _stuck(chain, t, state, newton)
     return record.solution(kept, status, int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1]))
 
 
-def _stuck(chain: Chain, t: float, state: State) -> Status:
-    body, element = worst_element(chain, correction_size(chain, state))
+def _stuck(chain: Chain, t: float, state: State, newton: Newton) -> Status:
+    """What is known of a run that ended early."""
+    if newton.history.any():
+        body, element = worst_element(chain, correction_size(chain, state))
+        what = (
+            f"no step was small enough at t = {t:.6g} s, with corrections {in_short(newton.history)} in the last one "
+            f"tried; the motion may blow up there"
+        )
+    else:
+        body, element = worst_element(chain, gradient_size(state.q))
+        what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s"
     return Status(
         "diverged",
-        f"no step was small enough at t = {t:.6g} s, worst in element {element} of body {body!r}; the motion may "
-        f"blow up there: a finer mesh may do, or a load that does not jump",
+        f"{what}, worst in element {element} of body {body!r}: a finer mesh may do, or a load that does not jump",
         time=t,
         body=body,
         element=element,
@@ -170,6 +179,7 @@ def advance(
     work_done(False, q, hubs, loads, values)
     for number in range(outputs + 1):
         if too_large(q, STRETCH_LIMIT):
+            newton.history[:] = 0.0  # no step was refused
             return number, t
         keep(number, 1, q, v, tables, out)
         if number == outputs:

@@ -6,18 +6,19 @@ another one (a reference has kernels, too): a stale kernel cannot be found.
 """
 
 import hashlib
-import os
 import sys
-import tempfile
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numba
 from numba.core import config as _config
+from numba.core.caching import FunctionCache
+
+from anctmm.storage import kept_in, note
 
 config: Any = _config
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
@@ -39,30 +40,57 @@ def source_digest(root: Path) -> str:
     return digest.hexdigest()[:16]
 
 
+class Cache(FunctionCache):  # type: ignore[misc]
+    """Numba's cache of a function; a broken file is compiled anew, a full disk keeps nothing, neither ends a run."""
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Machine code of a signature, or None: not there, or not readable."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:  # whatever unpickling half a file may raise
+            note(
+                f"the kept kernel {self._name} is not readable ({type(error).__name__}); it is compiled anew"
+            )
+            with suppress(OSError):
+                self.flush()
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep machine code, if the disk has room."""
+        try:
+            super().save_overload(sig, data)
+        except OSError as error:
+            _not_kept(error.strerror or str(error), self.cache_path)
+
+
 @lru_cache
-def cache_directory(package: str) -> Path:
-    """Where compiled kernels of a top-level package are kept; below ANCTMM_CACHE or the user's cache directory."""
-    base = os.environ.get("ANCTMM_CACHE") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+def _not_kept(reason: str, path: str) -> None:
+    """Say once why kernels are not kept."""
+    note(f"compiled kernels cannot be kept in {path} ({reason}); the next run compiles them again")
+
+
+@lru_cache
+def cache_directory(package: str) -> Path | None:
+    """Where compiled kernels of a top-level package are kept; None where nothing can be."""
     digests = [source_digest(Path(__file__).parent)]
     if package != __name__.partition(".")[0] and hasattr(sys.modules.get(package), "__path__"):
         digests += [source_digest(Path(root)) for root in sys.modules[package].__path__]
-    directory = Path(base) / "anctmm" / "-".join(["kernels", *digests])
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError:  # no writable home: kernels then live as long as the machine's temporary files
-        directory = Path(tempfile.gettempdir()) / "anctmm" / directory.name
-        directory.mkdir(parents=True, exist_ok=True)
-    return directory
+    return kept_in("-".join(["kernels", *digests]))
 
 
 def kernel(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function in nopython mode on first use, cached on disk; only with `allocates` may it take memory."""
+    compiled: Any = numba.njit(function, **{**OPTIONS, "_nrt": allocates})
+    directory = cache_directory(function.__module__.partition(".")[0])
+    if directory is None:
+        return compiled
     previous = config.CACHE_DIR
-    config.CACHE_DIR = str(cache_directory(function.__module__.partition(".")[0]))
+    config.CACHE_DIR = str(directory)
     try:
-        return numba.njit(function, cache=True, **{**OPTIONS, "_nrt": allocates})
+        compiled._cache = Cache(function)
     finally:
         config.CACHE_DIR = previous
+    return compiled
 
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:

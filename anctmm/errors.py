@@ -81,3 +81,7 @@ class UnknownSolverError(AnctmmError, KeyError):
 
 class PluginError(SolverError):
     """A registered solver cannot be loaded, lacks what is asked of it, or answers with nonsense."""
+
+
+class OutputError(AnctmmError, OSError):
+    """A file or directory cannot be written."""

@@ -17,7 +17,6 @@ from anctmm.assembly import Tables
 from anctmm.chain import Chain
 from anctmm.compiling import announced, kernel
 from anctmm.recording import (
-    STRETCH_LIMIT,
     Output,
     Record,
     gradient_size,
@@ -28,9 +27,13 @@ from anctmm.recording import (
 )
 from anctmm.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
 from anctmm.solution import Solution, Status
-from anctmm.stability import check_step
+from anctmm.soundness import STRETCH_LIMIT
+from anctmm.stability import check_step, largest_step
 
 Array = NDArray[np.float64]
+
+#: Nodes up to which a run that diverged is examined for its largest stable step: a Lanczos iteration.
+EXAMINED = 5_000
 
 
 class Numbers(NamedTuple):
@@ -112,16 +115,21 @@ def integrate(chain: Chain) -> Solution:
     failed = run_batches(chain, one)
     if failed < 0:
         return record.solution(len(run.output_steps), Status(), run.steps)
-    return record.solution(1 + (failed - 1) // run.stride, _diverged(chain, failed, q), failed)
+    kept = 1 + (failed - 1) // run.stride
+    before = record.q[kept - 1] if kept else bodies.reference()
+    return record.solution(kept, _diverged(chain, failed, q, before), failed)
 
 
-def _diverged(chain: Chain, step: int, q: Array) -> Status:
+def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
+    """What is known of a run that diverged at a step; `before` are the coordinates of the output before."""
     body, element = worst_element(chain, gradient_size(q))
     t = float(chain.run.times(np.array([step]))[0])
+    limit = largest_step(chain, before) if chain.bodies.nodes <= EXAMINED else np.inf
+    why = f", to {limit:.3g} s at the output before" if limit < chain.run.dt else ""
     return Status(
         "diverged",
         f"the motion diverged at t = {t:.6g} s (step {step}) in element {element} of body {body!r}; "
-        f"a smaller dt than {chain.run.dt:g} s may do: deformation raises the highest frequency",
+        f"a smaller dt than {chain.run.dt:g} s may do: deformation lowers the largest stable step{why}",
         time=t,
         step=step,
         body=body,

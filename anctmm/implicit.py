@@ -27,12 +27,27 @@ from anctmm.actuation import (
     turn_hubs,
     work_done,
 )
-from anctmm.assembly import Tables, body_after, window_forces, window_inertia
-from anctmm.chain import Chain
+from anctmm.assembly import (
+    Tables,
+    body_after,
+    elastic_forces,
+    mass_product,
+    window_forces,
+    window_inertia,
+)
+from anctmm.chain import Chain, Joined
 from anctmm.compiling import announced, inlined, kernel
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
-from anctmm.recording import STRETCH_LIMIT, Output, Record, keep, run_batches, too_large, worst_element
+from anctmm.recording import (
+    Output,
+    Record,
+    gradient_size,
+    keep,
+    run_batches,
+    too_large,
+    worst_element,
+)
 from anctmm.riccati import (
     BlockFactors,
     Links,
@@ -41,9 +56,11 @@ from anctmm.riccati import (
     find_unknowns,
     links,
     pass_outboard,
+    solve,
     start_sweep,
 )
-from anctmm.solution import Solution, Status
+from anctmm.solution import Solution, Status, in_short
+from anctmm.soundness import STRETCH_LIMIT
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -245,18 +262,67 @@ def correction_size(chain: Chain, state: State) -> Array:
 
 
 def _stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
-    body, element = worst_element(chain, correction_size(chain, state))
+    """What is known of the step that ended a run."""
+    residuals: tuple[float, ...] = ()
     t = float(chain.run.times(np.array([step]))[0])
-    history = ", ".join(f"{x:.1e}" for x in newton.history if x > 0.0)
+    if not newton.history.any():  # the step was found, and is none that can be
+        body, element = worst_element(chain, gradient_size(state.q))
+        what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s (step {step})"
+    else:
+        body, element = worst_element(chain, correction_size(chain, state))
+        residuals = residual_history(chain, state, t)
+        what = (
+            f"Newton's iteration failed at t = {t:.6g} s (step {step}), with corrections {in_short(newton.history)} "
+            f"and residuals {in_short(residuals)} N"
+        )
     return Status(
         "diverged",
-        f"Newton's iteration failed at t = {t:.6g} s (step {step}), worst in element {element} of body {body!r}, "
-        f"with corrections {history or 'none'}; a smaller dt than {chain.run.dt:g} s or a finer mesh may do",
+        f"{what}, worst in element {element} of body {body!r}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
+        f"may do",
         time=t,
         step=step,
         body=body,
         element=element,
+        residuals=residuals,
     )
+
+
+def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
+    """Norms of the residual, N, of Newton's iteration in the step to t that failed, gone through once more.
+
+    The kernel does not form them: a step that succeeds has no use for them.
+    """
+    bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.scene, chain.bodies)
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
+    values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
+    factors, force, (elastic, inertia) = (
+        block_factors(bodies.nodes, bodies.rows),
+        dead.copy(),
+        np.zeros((2, *dead.shape)),
+    )
+    turn_hubs(hubs, actuation.hub_table(now)[0])
+    a, w = state.a, state.w_before.copy()
+    new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
+    q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * a + c.beta * new)
+    for h, i in enumerate(hubs.nodes):
+        w[:, i] += c.to_w * (hubs.motion[0, h] - q[:, i])
+        q[:, i] = hubs.motion[0, h]
+    found: list[float] = []
+    with np.errstate(all="ignore"):
+        while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():
+            set_loads(q, force, dead, loads, values)
+            elastic_forces(
+                tables.blend, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
+            )
+            mass_product(w, tables.first, tables.masses, tables.buffer, inertia)
+            residual = force - elastic - inertia
+            found.append(float(np.linalg.norm(joined.gather(residual))))
+            factorize(q, tables, links(chain), c.to_w, 1.0, loads, values, factors)
+            x = solve(factors, residual)
+            q += x
+            w += c.to_w * x
+    return tuple(found)
 
 
 @kernel
@@ -292,6 +358,7 @@ def advance(
             out.work[0] += work_done(step > 0, q, hubs, loads, values)
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
+                newton.history[:] = 0.0  # no iteration failed
                 return step
             if unfinished:
                 finish(flat_v, flat_a, flat_w, flat_before, coefficients)

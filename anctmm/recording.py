@@ -12,11 +12,10 @@ from anctmm.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.chain import Chain
 from anctmm.compiling import kernel
 from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
+from anctmm.soundness import sound
 
 Array = NDArray[np.float64]
 
-#: A gradient longer than this at an output is taken as divergence: no elastic beam stretches a thousandfold.
-STRETCH_LIMIT = 1e3
 #: Steps computed between two looks at Python (progress, Ctrl-C, tabulated drives), at least.
 BATCH = 20_000
 
@@ -70,7 +69,9 @@ class Record:
         factorizations: int = 1,
         t: Array | None = None,
     ) -> Solution:
-        """The solution with the first `kept` outputs, at the times of the discretisation or at `t`."""
+        """The solution with the first `kept` outputs that are sound, at the times of the discretisation or,
+        for statics, at the load factors `t`.
+        """
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
         bodies, q = chain.bodies, self.q[:kept]
@@ -81,7 +82,7 @@ class Record:
         kinetic, strain, work = self.energy[:kept].T
         moved = q - bodies.reference()
         potential = -np.einsum("kn,okn->o", chain.dead_load, moved)
-        return Solution(
+        found = Solution(
             solver="anctmm",
             scene=chain.scene,
             run=chain.run,
@@ -92,6 +93,7 @@ class Record:
             status=status,
             dofs=chain.dofs,
         )
+        return sound(found, static=t is not None)
 
 
 def batches(steps: int, stride: int) -> list[tuple[int, int]]:

@@ -94,6 +94,10 @@ class Beam:
             raise PropertyError(f"beam {self.name!r} section is {self.section!r}; a Section is needed")
         if not isinstance(self.material, Material):
             raise PropertyError(f"beam {self.name!r} material is {self.material!r}; a Material is needed")
+        if self.velocity is not None and not callable(self.velocity):
+            raise PropertyError(
+                f"beam {self.name!r} velocity is {self.velocity!r}; None or a callable fraction -> (vx, vy) is allowed"
+            )
         if self.length == 0.0:
             raise DegenerateBodyError(
                 f"beam {self.name!r} has length 0: start and end are both {self.start!r}; "
@@ -243,6 +247,8 @@ class Scene:
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
+        if not isinstance(self.name, str) or not self.name:
+            raise PropertyError(f"scene name is {self.name!r}; a non-empty string is needed")
         set_(self, "bodies", _all_of("bodies", self.bodies, (Beam,)))
         set_(self, "joints", _all_of("joints", self.joints, (Pin, Weld, Clamp)))
         set_(self, "loads", _all_of("loads", self.loads, (Force, Torque)))
@@ -339,6 +345,10 @@ class Scene:
 
 
 def _all_of(what: str, things: Iterable[Any], kinds: tuple[type, ...]) -> tuple[Any, ...]:
+    if isinstance(things, str) or not isinstance(things, Iterable):
+        raise SceneError(
+            f"scene {what} is {things!r}; a list of {', '.join(k.__name__ for k in kinds)} is needed"
+        )
     things = tuple(things)
     for thing in things:
         if not isinstance(thing, kinds):

@@ -1,6 +1,6 @@
 """What every solver answers with: times, fields over the bodies, energies, cost and status."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -121,7 +121,8 @@ class Status:
     Parameters
     ----------
     code : str
-        "ok"; "diverged" or "failed" (what was computed until then is kept); "unsupported" (nothing was done).
+        "ok"; "diverged" or "failed" (what was computed until then is kept); "imprecise" (rounding leaves fewer than
+        four digits of a rest position; the message says how many); "unsupported" (nothing was done).
     message : str
         Why, and what to try.
     time : float, optional
@@ -130,6 +131,8 @@ class Status:
     body : str, optional
     element : int, optional
         Counted from 0 at the body's start.
+    residuals : tuple of float
+        Of Newton's iteration that failed: norm of the residual before each correction, N.
     """
 
     code: str = "ok"
@@ -138,6 +141,7 @@ class Status:
     step: int | None = None
     body: str | None = None
     element: int | None = None
+    residuals: tuple[float, ...] = ()
 
     @property
     def ok(self) -> bool:
@@ -214,3 +218,9 @@ class Solution:
 def nothing(solver: str, scene: Scene, run: Discretisation | None, status: Status) -> Solution:
     """The answer of a solver that cannot do a scene: no history, and a status that says why."""
     return Solution(solver, scene, run, np.empty(0), {}, Energy.unknown(0), Cost(), status)
+
+
+def in_short(history: Iterable[float]) -> str:
+    """Sizes met in an iteration as text: all, or the first and the last few."""
+    sizes = [f"{x:.1e}" for x in history if x > 0.0]
+    return ", ".join(sizes if len(sizes) <= 8 else [*sizes[:4], "…", *sizes[-3:]]) or "none"

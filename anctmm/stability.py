@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
+from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
 
 from anctmm.assembly import elastic_forces, mass_product
 from anctmm.chain import Chain, Joined
@@ -87,6 +87,16 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     except ArpackNoConvergence as error:
         value = max(error.eigenvalues, default=0.0)
     return sqrt(max(float(value), 0.0))
+
+
+def largest_step(chain: Chain, q: Array) -> float:
+    """Largest stable Zhai step of a scene linearised about a configuration, s; infinite if that cannot be told."""
+    try:
+        frequency = highest_frequency(chain, q)
+    except (ArpackError, np.linalg.LinAlgError):
+        return float("inf")
+    limit = zhai_limit(chain.run.psi, chain.run.phi)
+    return limit / frequency if limit > 0.0 and frequency > 0.0 else float("inf")
 
 
 def element_bound(chain: Chain) -> float:

@@ -1,6 +1,7 @@
 """Statics by ANC-TMM: Newton's iteration on K_T, solved by the Riccati recursion, with load steps."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from anctmm.recording import Record, worst_element
 from anctmm.riccati import block_factors, factorize, links, solve
 from anctmm.scene import Scene
 from anctmm.solution import Solution, Status
+from anctmm.stability import DIFFERENCE
 
 Array = NDArray[np.float64]
 
@@ -27,6 +29,15 @@ REACH = 0.7
 SMALLEST = 1e-6
 #: Corrections that no longer fall count as rounding below this size.
 ROUNDING = 1e-6
+#: Digits of the displacements below which a rest position is imprecise.
+DIGITS = 4.0
+#: Nodes from which on the error of a solve is looked at: it grows with the fourth power of their number.
+MANY = 1_000
+#: Errors of this size are the rounding of coordinates: no digit is lost to them.
+COORDINATES = 1e-13
+COARSER = "rounding grows with the fourth power of the number of elements; a coarser mesh is needed"
+#: Relative error of a solve from which on Newton's iteration may not mend it, and from which on it does not.
+DOUBTFUL, HOPELESS = 0.1, 0.9
 
 
 def solve_static(
@@ -46,7 +57,8 @@ def solve_static(
     Returns
     -------
     Solution
-        `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load.
+        `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load. Where rounding
+        leaves fewer than four digits of it, as on very fine meshes, the status is "imprecise" and says how many.
 
     Raises
     ------
@@ -72,8 +84,8 @@ def solve_static(
             break
         search.store(record, k)
         kept = k + 1
-    if status.ok and search.floor > chain.run.newton_tolerance:
-        status = Status("ok", f"corrections stop falling at {search.floor:.1e}, the rounding of this scene")
+    if status.ok:
+        status = search.precision()
     return record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
 
 
@@ -96,12 +108,14 @@ class _Search:
         """Back to the undeformed scene."""
         self.q = self.chain.bodies.reference()
         self.before: tuple[float, Array] | None = None
-        self.factor, self.iterations, self.floor = 0.0, 0, 0.0
+        self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
 
     def reach(self, target: float) -> Status | None:
         """Go to a load factor, in as many steps as needed; a status if it cannot be reached."""
         step = target - self.factor
+        if self.blur >= HOPELESS:
+            return self._blurred(self.factor)
         while target - self.factor > 1e-12:
             step = min(step, target - self.factor)
             kept = self.q.copy()
@@ -113,6 +127,8 @@ class _Search:
                 step *= 2.0
                 continue
             self.q, self.before = kept, None
+            if self.blur >= DOUBTFUL:
+                return self._blurred(self.factor)
             step *= 0.5
             if step < SMALLEST:
                 return self._stuck(self.factor + step)
@@ -129,20 +145,80 @@ class _Search:
             self._elastic()
             factorize(self.q, self.tables, links(self.chain), 0.0, 1.0, self.loads, values, self.factors)
             x = solve(self.factors, total - self.load)
-            self.size = np.maximum(np.abs(x[:2]).max(axis=0) / self.chain.length, np.abs(x[2:]).max(axis=0))
+            self.size = self._sizes(x)
             size = float(self.size.max())
             self.iterations += 1
             if not size < REACH:
                 return False
             self.q += x
             if size <= self.chain.run.newton_tolerance:
+                self._trust(size * min(self.blur / (1.0 - self.blur), 1.0) if self.blur < 1.0 else size)
                 return True
             stalled = stalled + 1 if size > 0.5 * last and size < ROUNDING else 0
             if stalled == 2:
                 self.floor = max(self.floor, size)
+                self._trust(size)
                 return True
             last = size
         return False
+
+    def _trust(self, left: float) -> None:
+        """Count the digits of the displacements that an error of this size leaves."""
+        moved = float(self._sizes(self.q - self.chain.bodies.reference()).max())
+        if left > COORDINATES:
+            self.digits = min(self.digits, max(0.0, float(np.log10(moved / left))))
+
+    def _sizes(self, x: Array) -> Array:
+        """Largest component at each node, (nodes,): positions relative to the scene's length, gradients as they are."""
+        return np.maximum(np.abs(x[:2]).max(axis=0) / self.chain.length, np.abs(x[2:]).max(axis=0))
+
+    @cached_property
+    def blur(self) -> float:
+        """Relative error of a solve with K_T of the undeformed scene, from one step of iterative refinement.
+
+        0 for meshes too coarse to have one, and for a scene that cannot stand on any mesh.
+        """
+        chain = self.chain
+        if chain.bodies.nodes < MANY:
+            return 0.0
+        coarse = {name: min(elements, 2) for name, (elements, _) in chain.run.of(chain.scene).items()}
+        stands = _Search(Chain(chain.scene, replace(chain.run, mesh=coarse)))._solve_error() < DOUBTFUL
+        return self._solve_error() if stands else 0.0
+
+    def _solve_error(self) -> float:
+        t, q, load = self.tables, self.chain.bodies.reference(), self.chain.dead_load.copy()
+        set_loads(q, load, self.chain.dead_load, self.loads, self.values)
+        if not load.any():
+            return 0.0
+        factorize(q, t, links(self.chain), 0.0, 1.0, self.loads, 0.0 * self.values, self.factors)
+        with np.errstate(all="ignore"):
+            x = solve(self.factors, load)
+            h = DIFFERENCE / float(self._sizes(x).max())
+            ends = np.empty((2, *q.shape))
+            for end, place in zip(ends, (q + h * x, q - h * x), strict=True):
+                elastic_forces(t.blend, place, t.first, t.kinds, t.constants, t.buffer, end)
+            error = solve(self.factors, load - (ends[0] - ends[1]) / (2.0 * h))
+            found = float(self._sizes(error).max() / self._sizes(x).max())
+        return found if np.isfinite(found) else np.inf
+
+    def precision(self) -> Status:
+        """Status of a search that came to its end: what rounding has left."""
+        if self.digits < DIGITS:
+            return Status(
+                "imprecise", f"{_digits(self.digits)} of the displacements can be trusted: {COARSER}"
+            )
+        if self.floor > self.chain.run.newton_tolerance:
+            return Status("ok", f"corrections stop falling at {self.floor:.1e}, the rounding of this scene")
+        return Status()
+
+    def _blurred(self, factor: float) -> Status:
+        """Status of a search that ends because solves have lost their digits."""
+        return Status(
+            "imprecise",
+            f"{_digits(-float(np.log10(self.blur)))} of a solve with {self.chain.bodies.nodes} nodes can be trusted, "
+            f"and so no equilibrium beyond {factor:.6g} of the load: {COARSER}",
+            time=factor,
+        )
 
     def _elastic(self) -> None:
         t = self.tables
@@ -166,3 +242,9 @@ class _Search:
             body=body,
             element=element,
         )
+
+
+def _digits(count: float) -> str:
+    """A number of digits in words."""
+    whole = int(max(count, 0.0))
+    return "no digit" if whole == 0 else f"about {whole} digit{'s' if whole > 1 else ''}"

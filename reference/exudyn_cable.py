@@ -168,9 +168,10 @@ class Cables:
         return kinetic, strain
 
     def stretched(self, body: Beam, coordinates: Array) -> Array:
-        """Largest gradient of a node at each time, (n,)."""
+        """Larger gradient of the nodes of each element, (n, elements)."""
         with np.errstate(all="ignore"):
-            return np.hypot(coordinates[..., 2], coordinates[..., 3]).max(axis=1)
+            sizes = np.hypot(coordinates[..., 2], coordinates[..., 3])
+            return np.maximum(sizes[:, :-1], sizes[:, 1:])
 
 
 def _by_element(nodal: Array) -> Array:

@@ -73,7 +73,7 @@ class Beams(Protocol):
         ...
 
     def stretched(self, body: Beam, coordinates: Array) -> Array:
-        """Largest gradient at each time, (n,); `coordinates` (n, nodes, width) are absolute."""
+        """Largest gradient in each element, (n, elements); `coordinates` (n, nodes, width) are absolute."""
         ...
 
 

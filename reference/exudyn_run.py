@@ -17,6 +17,7 @@ from anctmm.drives import tabulate
 from anctmm.errors import DiscretisationError
 from anctmm.scene import Clamp, Force, Load, Scene
 from anctmm.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.soundness import sound
 from anctmm.validation import positive
 from reference.exudyn_model import Beams, Model, Unsupported, load_exudyn, silence
 
@@ -182,7 +183,8 @@ def _timed(exu: Any, solve: Callable[[Any], Any], settings: Any) -> tuple[str | 
     try:
         solve(settings)
     except exu.SolverError as error:
-        message = str(error)
+        lines = str(error).splitlines()
+        message = " ".join(" ".join(line for line in lines if "[Python file" not in line).split())
     return message, process_time() - cpu, perf_counter() - wall
 
 
@@ -211,8 +213,12 @@ def _verdict(
     steps, expected = it.currentStepIndex - 1, len(run.output_steps)
     if rows < len(history.t):
         time, step = float(history.t[rows]), int(run.output_steps[rows])
-        why = f"gradients or energy grew without bounds before t = {time:.6g} s"
-        return rows, Status("diverged", f"{why}; a dt below {run.dt:g} s may help", time, step)
+        body, element = _worst(model, history, rows)
+        why = (
+            f"gradients or energy grew without bounds before t = {time:.6g} s, most in element {element} of body "
+            f"{body!r}"
+        )
+        return rows, Status("diverged", f"{why}; a dt below {run.dt:g} s may help", time, step, body, element)
     if message is not None or not (steps == run.steps and rows == expected):
         time, least = float(it.currentTime), roundoff(model.beams, model.scene)
         why = message or f"Exudyn took {steps} steps for {run.steps} and wrote {rows} of {expected} rows"
@@ -226,7 +232,7 @@ def _sound(model: Model, history: History, loads: dict[Load, Array], explicit: b
     run, energy from nowhere, since rotations may bound an instability.
     """
     bodies, beams = model.scene.bodies, model.beams
-    worst = np.max([beams.stretched(body, history.coordinates[body.name]) for body in bodies], axis=0)
+    worst = np.max([beams.stretched(b, history.coordinates[b.name]).max(axis=1) for b in bodies], axis=0)
     bad = np.flatnonzero(~(worst < STRETCH))
     rows = int(bad[0]) if bad.size else len(history.t)
     if explicit and rows:
@@ -235,6 +241,17 @@ def _sound(model: Model, history: History, loads: dict[Load, Array], explicit: b
         bad = np.flatnonzero((np.abs(energy.balance) > NOWHERE * present) & (present > 0.0))
         rows = int(bad[0]) if bad.size else rows
     return rows
+
+
+def _worst(model: Model, history: History, row: int) -> tuple[str, int]:
+    """Body and element with the largest gradient at a row; what is not finite is larger than all."""
+    found = {}
+    for body in model.scene.bodies:
+        sizes = model.beams.stretched(body, history.coordinates[body.name][row : row + 1])[0]
+        sizes = np.where(np.isfinite(sizes), sizes, np.inf)
+        found[body.name] = float(sizes.max()), int(sizes.argmax())
+    name = max(found, key=lambda n: found[n][0])
+    return name, found[name][1]
 
 
 def _table(load: Load, t: Array) -> Array:
@@ -247,10 +264,11 @@ def _solution(
 ) -> Solution:
     scene, beams = model.scene, model.beams
     fields = {name: beams.field(scene.body(name), q) for name, q in history.coordinates.items()}
-    return Solution(
+    found = Solution(
         beams.solver, scene, run, history.t, fields, _energy(model, history, loads), cost, status,
         model.mbs.systemData.ODE2Size(),
     )  # fmt: skip
+    return sound(found, static=model.static, energies=False)
 
 
 def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy:

@@ -133,9 +133,9 @@ def _notes() -> tuple[str, ...]:
         "Each code's front: no other of its settings has both a smaller error and a smaller cost. The fronts of both "
         "codes ran again, in turn; costs are medians of these, interpolated between neighbours on the front in "
         "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
-        f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, and three "
-        "Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and elements × "
-        f"steps are at most {MOST_EXPLICIT:g} (they are far behind). Both codes "
+        f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, "
+        "and three Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and "
+        f"elements × steps are at most {MOST_EXPLICIT:g} (they are far behind). Both codes "
         "have the same elements and generalized-α (spectral radius 0.9) and so the same errors: Exudyn ran every "
         f"setting whose elements × steps are within {SLACK:g}× of the fewest for its error, found with ANC-TMM.",
         "Exudyn: fast module, one thread, modified Newton, the faster of its dense and sparse solvers, no files.",

@@ -242,11 +242,13 @@ def _rest_pairs(bases: list[BaseScene], rest: StaticSweep) -> list[tuple[str, So
 
 
 def _curves(fallen: Sweep, element: str) -> dict[str, Solution]:
-    cases = [o.case for o in fallen.outcomes if o.case.element == element and o.solution.status.ok]
+    found = [o for o in fallen.outcomes if o.case.element == element and len(o.solution.t) > 1]
     curves = {}
-    for mesh in dict.fromkeys(c.mesh for c in cases):
-        case = min((c for c in cases if c.mesh == mesh), key=lambda c: c.dt)
-        solution = fallen.solution(element=element, mesh=mesh, dt=case.dt, solver=case.solver)
-        assert solution is not None
+    for mesh in dict.fromkeys(o.case.mesh for o in found):
+        # whole runs first; of those the smallest step
+        mine = [o for o in found if o.case.mesh == mesh]
+        case, solution = min(
+            ((o.case, o.solution) for o in mine), key=lambda pair: (not pair[1].status.ok, pair[0].dt)
+        )
         curves[f"{case.solver}, {mesh_label(mesh)} {element}, dt = {case.dt:g} s"] = solution
     return curves

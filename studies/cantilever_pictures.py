@@ -11,6 +11,9 @@ from studies.plots import (
     INK,
     PALETTE,
     Picture,
+    cut_label,
+    end_cross,
+    endings,
     legend_below,
     picture,
     sequence_colours,
@@ -65,17 +68,24 @@ def tip_errors(solutions: Mapping[str, Solution], reference: Solution) -> Pictur
     mine = {
         label: (
             s.t,
-            1e3 * np.linalg.norm(s.displacement("beam.end") - reference.displacement("beam.end"), axis=1),
+            1e3
+            * np.linalg.norm(
+                s.displacement("beam.end") - reference.displacement("beam.end")[: len(s.t)], axis=1
+            ),
         )
         for label, s in solutions.items()
-        if len(s.t) == len(reference.t)
+        if len(s.t) == len(reference.t) or (not s.status.ok and 1 < len(s.t) < len(reference.t))
     }
+    cut = endings(solutions)
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         positive = {label: (t[1:], np.maximum(d[1:], 1e-9)) for label, (t, d) in mine.items()}
         for k, (label, (t, away)) in enumerate(positive.items()):
-            axes.plot(t, away, color=PALETTE[k % len(PALETTE)], label=label)
+            colour = PALETTE[k % len(PALETTE)]
+            axes.plot(t, away, color=colour, label=cut_label(label, cut))
+            if label in cut:
+                end_cross(axes, t, away, colour)
         axes.set(
             xlabel="time (s)",
             ylabel="distance of tip from reference (mm)",

@@ -8,7 +8,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from pathlib import Path
-from tempfile import TemporaryFile
 from time import perf_counter
 
 import numpy as np
@@ -19,6 +18,7 @@ from anctmm.solution import Status
 from studies.check_history import Baseline, Column, History, is_ours, read_baseline, write_baseline
 from studies.check_scenes import CheckError, Static, Task, Watch
 from studies.check_tolerance import simulate, tolerances_of
+from studies.files import check_writable
 from studies.provenance import stamp
 
 __all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "select", "update"]
@@ -184,10 +184,10 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
 
     Raises
     ------
-    CheckError
+    OutputError
         At once, if the directory cannot be written.
     """
-    writable(baselines, "--baselines")
+    check_writable(baselines, "--baselines")
     for task in tasks:
         done = _done(task)
         yield (replace(_renewed(done, baselines), wall_s=done.wall_s),)
@@ -196,18 +196,6 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
 def passed(findings: Sequence[Finding]) -> bool:
     """Whether all is well, and anything was compared at all."""
     return all(f.good for f in findings) and any(f.verdict != NOT_RUN for f in findings)
-
-
-def writable(directory: Path, option: str) -> None:
-    """Make a directory, and be sure that files can be written there before any work."""
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        with TemporaryFile(dir=directory):
-            pass
-    except OSError as error:
-        raise CheckError(
-            f"{option} {directory}: {error.strerror}; a directory that can be written is needed"
-        ) from None
 
 
 def _done(task: Task) -> Done:

@@ -1,6 +1,6 @@
 """The command line. Whatever is slow to import is imported by the command that needs it."""
 
-import os
+import shlex
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -16,7 +17,32 @@ if TYPE_CHECKING:
     from studies.runner import Case, Mesh, Runner
     from studies.study import Options
 
+
+class BadOption(Exception):
+    """An option's value cannot be read."""
+
+
+class Commands(TyperGroup):
+    """Commands whose errors, if they are the user's or the disk's, are one line and exit code 2."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except (BadOption, OSError) as error:
+            reason: Exception = error
+        except Exception as error:
+            from anctmm.errors import AnctmmError
+
+            if not isinstance(error, AnctmmError):
+                raise
+            reason = error
+        typer.echo(f"anctmm: {' '.join(str(reason).split())}", err=True)
+        raise typer.Exit(2)
+
+
 app = typer.Typer(
+    cls=Commands,
     help="Accuracy, stability and cost of planar flexible multibody solvers.",
     no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
@@ -32,22 +58,9 @@ Solvers = Annotated[
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 
 
-class BadOption(Exception):
-    """An option's value cannot be read."""
-
-
 def main() -> None:
-    """Entry point: errors of ours are one line and exit code 2, an interrupt says what is kept."""
-    from anctmm.errors import AnctmmError
-
-    try:
-        app()
-    except (AnctmmError, BadOption) as error:
-        print(f"anctmm: {' '.join(str(error).split())}", file=sys.stderr)
-        sys.exit(2)
-    except OSError as error:
-        print(f"anctmm: {error}", file=sys.stderr)
-        sys.exit(2)
+    """Entry point."""
+    app()
 
 
 @app.command("list")
@@ -95,11 +108,13 @@ def study(
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
+    from studies.files import check_writable
     from studies.glance import glance
     from studies.study import find, write
 
     run = find(name)
     options = read_options(elements, dt, solvers, quick)
+    check_writable(out)
     with sweeping(quick) as runner:
         result = run(options, runner)
     folder = write(result, out)
@@ -113,9 +128,11 @@ def report(
     out: Annotated[Path, typer.Option(help="Where the page, tables and pictures go.")] = Path("reports"),
 ) -> None:
     """Run every study and write one page."""
+    from studies.files import check_writable
     from studies.page import write_page
     from studies.study import STUDIES, Options, find, write
 
+    check_writable(out)
     results = []
     with sweeping(quick) as runner:
         for name in STUDIES:
@@ -134,8 +151,10 @@ def bench(
     from rich.console import Console
 
     from studies import bench as benchmark
+    from studies.files import check_writable
     from studies.study import write
 
+    check_writable(out)
     with Console(stderr=True).status("starting") as shown:
         result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
     folder = write(result, out)
@@ -166,12 +185,13 @@ def check(
     from studies import check as checking
     from studies.check_report import show, write_check
     from studies.check_scenes import base_watches, declared_in, tasks_of
+    from studies.files import check_writable
 
     every = tasks_of(declared_in(scenes) if scenes else base_watches())
     texts, solvers = _texts(only), _texts(solver)
     tasks = checking.select(every, texts, solvers)
     stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)
-    checking.writable(out / "check", "--out")
+    check_writable(out / "check")
     findings: list[checking.Finding] = []
     work = (
         checking.update(tasks, stored)
@@ -229,9 +249,10 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
     """A runner that shows its progress; on an interrupt it says what is kept and exits with 130."""
     from rich.console import Console
 
+    from anctmm.storage import kept_in
     from studies.runner import Runner
 
-    cache = cache_directory()
+    cache = kept_in("runs")
     console = Console(stderr=True)
     with _progress(console) as progress:
         task = progress.add_task("starting", total=None)
@@ -240,22 +261,24 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
             progress.update(task, description=what, completed=done, total=total)
 
-        runner = Runner(cache, repeats=1 if quick else 3, budget_s=1.0 if quick else 20.0, on_done=on_done)
+        def note(text: str) -> None:
+            console.print(f"anctmm: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+
+        runner = Runner(
+            cache, repeats=1 if quick else 3, budget_s=1.0 if quick else 20.0, on_done=on_done, note=note
+        )
         try:
             yield runner
         except KeyboardInterrupt:
             progress.stop()
-            console.print(
-                f"Interrupted. Finished runs ({runner.computed} of this session) are kept in {cache}; "
-                f"the same command goes on from there."
+            again = shlex.join(["anctmm", *sys.argv[1:]])
+            kept = (
+                f"Finished runs ({runner.computed} of this session) are kept in {cache}; go on with: {again}"
             )
+            if cache is None:
+                kept = "Nothing is kept, for no directory could be written."
+            console.print(f"Interrupted. {kept}", soft_wrap=True, markup=False, highlight=False)
             raise typer.Exit(130) from None
-
-
-def cache_directory() -> Path:
-    """Where finished runs are kept: beside the compiled kernels."""
-    base = os.environ.get("ANCTMM_CACHE") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(base) / "anctmm" / "runs"
 
 
 def _lacks(solver: str) -> str:

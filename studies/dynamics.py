@@ -109,6 +109,16 @@ class Sweep:
         ]  # fmt: skip
         return min(found, key=lambda o: o.case.dt).solution if found else None
 
+    def history(self, **wanted: Any) -> Solution | None:
+        """The whole solution as above, or else the longest that was cut; None where nothing moved."""
+        if whole := self.solution(**wanted):
+            return whole
+        cut = [
+            o.solution for o in self.outcomes
+            if len(o.solution.t) > 1 and all(getattr(o.case, k) == v for k, v in wanted.items())
+        ]  # fmt: skip
+        return max(cut, key=lambda s: float(s.t[-1]), default=None)
+
 
 def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""

@@ -178,13 +178,10 @@ def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
     drawn: list[Picture] = []
     curves = _curves(swept)
     if curves:
-        best = list(curves.values())[-1]
-        drawn += [
-            mechanism_pictures.crank_angle(best),
-            mechanism_pictures.joint(curves),
-            mechanism_pictures.deflection(curves),
-            mechanism_pictures.configurations(best, SNAPSHOTS),
-        ]
+        drawn += [mechanism_pictures.joint(curves), mechanism_pictures.deflection(curves)]
+    if whole := [s for s in curves.values() if s.status.ok]:
+        drawn.insert(0, mechanism_pictures.crank_angle(whole[-1]))
+        drawn.append(mechanism_pictures.configurations(whole[-1], SNAPSHOTS))
     if (frame["error"] > 0).any():
         drawn += [
             error_pictures.over_mesh(frame),
@@ -196,7 +193,8 @@ def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
 
 def _curves(swept: Sweep) -> Mapping[str, Solution]:
     """One solver's meshes of the shear element (or of what there is), then the reference."""
-    cases = [o.case for o in swept.outcomes if o.solution.status.ok]
+    moved = [o for o in swept.outcomes if len(o.solution.t) > 1]
+    cases = [o.case for o in sorted(moved, key=lambda o: not o.solution.status.ok)]  # whole ones first
     if not cases:
         return {}
     element = "shear" if any(c.element == "shear" for c in cases) else cases[0].element
@@ -204,7 +202,7 @@ def _curves(swept: Sweep) -> Mapping[str, Solution]:
     curves = {}
     for mesh in dict.fromkeys(c.mesh for c in mine):
         solver = next(c.solver for c in mine if c.mesh == mesh)
-        solution = swept.solution(element=element, mesh=mesh, solver=solver)
+        solution = swept.history(element=element, mesh=mesh, solver=solver)
         assert solution is not None
         curves[f"{solver}, {mesh_label(mesh)} {element}"] = solution
     reference = swept.references[element]

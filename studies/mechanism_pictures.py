@@ -7,7 +7,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from anctmm.solution import Solution
-from studies.plots import INK, PALETTE, Picture, histories, legend_below, picture, sequence_colours, shapes
+from studies.plots import (
+    INK,
+    PALETTE,
+    Picture,
+    endings,
+    histories,
+    legend_below,
+    picture,
+    sequence_colours,
+    shapes,
+)
 from studies.scenes import CRANK_TURN
 
 Array = NDArray[np.float64]
@@ -58,19 +68,19 @@ def crank_angle(solution: Solution) -> Picture:
 def joint(solutions: Mapping[str, Solution]) -> Picture:
     """Fig. 6: joint 4, coupler to follower."""
     paths = {label: (s.t, s.position("coupler", 1.0)) for label, s in solutions.items()}
-    reference = list(paths.values())[-1][1]
+    reference, cut = list(paths.values())[-1][1], endings(solutions)
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots(2, 2)
         for k, name in enumerate("xy"):
             curves = {label: (t, p[:, k]) for label, (t, p) in paths.items()}
-            histories(axes[0, k], curves, "", f"{name} (m)", f"Joint 4: {name}")
+            histories(axes[0, k], curves, "", f"{name} (m)", f"Joint 4: {name}", cut)
             away = {
-                label: (t, 1e3 * (p[:, k] - reference[:, k]))
+                label: (t, 1e3 * (p[:, k] - reference[: len(p), k]))
                 for label, (t, p) in paths.items()
-                if len(p) == len(reference)
+                if len(p) == len(reference) or (label in cut and len(p) < len(reference))
             }
-            histories(axes[1, k], away, "time (s)", f"{name} − {name} of reference (mm)")
+            histories(axes[1, k], away, "time (s)", f"{name} − {name} of reference (mm)", cut=cut)
         legend_below(figure, [axes[0, 0]], columns=2)
 
     caption = "Position of joint 4 (Fig. 6 of the paper), and below its distance from the reference, in mm."
@@ -83,7 +93,8 @@ def deflection(solutions: Mapping[str, Solution]) -> Picture:
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
-        histories(axes, curves, "time (s)", "offset of midpoint from chord (mm)", "Coupler deflection")
+        cut = endings(solutions)
+        histories(axes, curves, "time (s)", "offset of midpoint from chord (mm)", "Coupler deflection", cut)
         legend_below(figure, [axes], columns=2)
 
     caption = "Offset of the coupler's midpoint from the chord of its ends (Fig. 7 of the paper)."

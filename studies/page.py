@@ -8,9 +8,10 @@ import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from studies import provenance
+from studies.files import atomic_write
 from studies.plots import GRID, INK, PAPER, Picture
 from studies.study import Result
-from studies.tables import Table, atomic_write, cells
+from studies.tables import Table, cells
 
 
 def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:

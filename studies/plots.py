@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
@@ -17,10 +18,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
-from studies.tables import atomic_write
+from anctmm.solution import Solution
+from studies.files import atomic_write
 
 Array = NDArray[np.float64]
 Curve = tuple[Array, Array]
+NOTHING_CUT: Mapping[str, str] = MappingProxyType({})
 
 #: Ink, grid and paper: the page replaces these three by its theme's.
 INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
@@ -123,16 +126,56 @@ def solver_marker(name: str) -> str:
 # --- histories and shapes ----------------------------------------------------------------------------------
 
 
-def histories(axes: Axes, curves: Mapping[str, Curve], x_label: str, y_label: str, title: str = "") -> None:
-    """Curves over time, the last one thin and black: what the others should be."""
+def histories(
+    axes: Axes,
+    curves: Mapping[str, Curve],
+    x_label: str,
+    y_label: str,
+    title: str = "",
+    cut: Mapping[str, str] = NOTHING_CUT,
+) -> None:
+    """Curves over time, the last one thin and black: what the others should be.
+
+    Parameters
+    ----------
+    axes : Axes
+        Drawn on.
+    curves : mapping of label to (x, y)
+    x_label, y_label, title : str
+        Texts.
+    cut : mapping of label to str
+        How a history ended that is not whole: its curve ends in a cross, and its label says so.
+    """
     for i, (label, (x, y)) in enumerate(curves.items()):
-        last = i == len(curves) - 1 and i > 0
+        last = i == len(curves) - 1 and i > 0 and label not in cut
+        colour = INK if last else PALETTE[i % len(PALETTE)]
         axes.plot(
-            x, y, label=label, color=INK if last else PALETTE[i % len(PALETTE)],
+            x, y, label=cut_label(label, cut), color=colour,
             linestyle="-" if last else DASHES[i % len(DASHES)],
             linewidth=0.9 if last else 1.9,
         )  # fmt: skip
+        if label in cut:
+            end_cross(axes, x, y, colour)
     axes.set(xlabel=x_label, ylabel=y_label, title=title)
+
+
+def cut_label(label: str, cut: Mapping[str, str]) -> str:
+    """A curve's label, with how it ended if it is not whole."""
+    return f"{label} ✕ {cut[label]}" if label in cut else label
+
+
+def end_cross(axes: Axes, x: Array, y: Array, colour: Any) -> None:
+    """A cross where a history ends before its time."""
+    axes.plot(x[-1:], y[-1:], "x", color=colour, markersize=8, markeredgewidth=2.2, zorder=6)
+
+
+def endings(solutions: Mapping[str, Solution]) -> dict[str, str]:
+    """How the solutions ended that are not whole, for labels."""
+    return {
+        label: f"{s.status.code} at {s.t[-1] if s.status.time is None else s.status.time:.3g} s"
+        for label, s in solutions.items()
+        if not s.status.ok
+    }
 
 
 def shapes(axes: Axes, curves: Iterable[tuple[str, Sequence[Curve], Any]], title: str = "") -> None:

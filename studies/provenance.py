@@ -46,7 +46,7 @@ def stamp() -> str:
 
 @cache
 def source_hash() -> str:
-    """Hash of the source a run's result depends on: joblib sees a function's own text, not its helpers'."""
+    """Hash of the source a run's result depends on."""
     digest = hashlib.sha256()
     for package in ("anctmm", "reference"):
         root = _root(package)

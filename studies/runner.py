@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from joblib import Memory
 
-from anctmm import registry
+from anctmm import registry, storage
 from anctmm.discretisation import Discretisation
 from anctmm.errors import AnctmmError, SolverError
 from anctmm.metrics import compare
@@ -21,6 +20,7 @@ from anctmm.registry import Solver, static_of
 from anctmm.scene import Probe, Scene
 from anctmm.solution import Cost, Solution, Status, nothing
 from studies import provenance
+from studies.store import Store
 from studies.timing import summarise, undisturbed
 
 STATIC = "static"
@@ -155,6 +155,8 @@ class Runner:
         Name → solver.
     on_done : callable
         Told after each case: (case, number done, number of all).
+    note : callable
+        Told what the user should know, such as a finished run that is not readable.
     """
 
     cache: Path | None
@@ -162,13 +164,12 @@ class Runner:
     budget_s: float = 10.0
     resolve: Callable[[str], Solver] = registry.solver
     on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
+    note: Callable[[str], None] = storage.note
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        memory = Memory(self.cache, verbose=0)
-        # bound here, so that the runner itself is no part of the key
-        self._remembered = memory.cache(_compute, ignore=["compute"])
+        self._store = Store(self.cache, self.note)
 
     def sweep(self, cases: Iterable[Case]) -> list[Outcome]:
         """Run cases; those that differ in the solver only take their samples in turn.
@@ -194,7 +195,7 @@ class Runner:
 
     def remember(self, key: str, compute: Callable[[], Any]) -> Any:
         """Result of any computation, cached under a key, the source and the versions."""
-        return self._remembered(_stamped(key), compute)
+        return self._store.remember(_stamped(key), compute)
 
     def attempt(self, case: Case) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""
@@ -237,6 +238,8 @@ class Runner:
                     case.warm_up(solver)
                     self._warm.add(kind)
                 solution = case.solve(solver)
+            if not isinstance(solution, Solution):
+                raise SolverError(f"solver {case.solver!r} answered {solution!r}; a Solution is needed")
         except AnctmmError as error:
             return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
         self.computed += 1
@@ -253,10 +256,6 @@ def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solutio
     except Exception as error:  # one broken solver must not end a sweep
         reason = f"{type(error).__name__}: {_one_line(error)}"
         return nothing(solver, scene, None, Status("failed", reason))
-
-
-def _compute(key: str, compute: Callable[[], Any]) -> Any:
-    return compute()
 
 
 def product(

@@ -1,8 +1,6 @@
-"""Tables: tidy frames to CSV, Markdown, HTML and the terminal. Files appear whole or not at all."""
+"""Tables: tidy frames to CSV, Markdown, HTML and the terminal."""
 
 import json
-import os
-import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isnan
@@ -12,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from studies import provenance
+from studies.files import atomic_write
 
 ACCURACY = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
@@ -117,17 +116,3 @@ def write_machine(folder: Path) -> None:
     """Machine and versions beside the CSV files, which have no room for them."""
     facts = {"machine": provenance.machine(), "versions": provenance.versions()}
     atomic_write(folder / "machine.json", json.dumps(facts, indent=2) + "\n")
-
-
-def atomic_write(path: Path, content: str) -> None:
-    """Write a file so that a reader sees the old one or the whole new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
-            file.write(content)
-        os.chmod(temporary, 0o644)  # mkstemp makes it private
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise

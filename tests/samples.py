@@ -11,9 +11,25 @@ from anctmm.sections import Rectangle
 
 SOFT = Material(E=1e7, density=1000.0)
 SQUARE = Rectangle(0.02, 0.02)
+A, B, C = (0.0, 0.0), (1.0, 0.0), (2.0, 0.0)
 KINDS = ("cable", "shear")
 INTEGRATORS = ("zhai", "generalized-alpha")
 SUPPORTS = {"free": lambda end: (), "pin": lambda end: (Pin(end),), "clamp": lambda end: (Clamp(end),)}
+
+
+def beam(name="a", start=A, end=B, section=SQUARE, material=SOFT, velocity=None):
+    """A body along the x axis, 1 m long."""
+    return Beam(name, start, end, section, material, velocity)
+
+
+def scene_of(*joints, bodies=None, loads=(), gravity=(0.0, 0.0)):
+    """Bodies "a" and "b" in a row along the x axis, or others."""
+    return Scene("s", bodies or [beam(), beam("b", B, C)], joints, loads, gravity)
+
+
+def run_of(**options):
+    """A discretisation with two elements a body."""
+    return Discretisation(**{"mesh": 2, **options})
 
 
 def bar(joints=(), loads=(), velocity=None, gravity=(0.0, 0.0), material=SOFT):

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from anctmm.assembly import kinetic_energy, strain_energy
 from anctmm.compiling import kernel
-from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
+from anctmm.solution import Cost, Energy, HermiteField, Solution, Status, in_short
+from anctmm.soundness import sound
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 
@@ -81,12 +82,15 @@ class Reached:
         Where it failed; −1 if it did not.
     why : str
         What failed.
+    residuals : tuple of float
+        Of Newton's iteration that failed, N.
     """
 
     step: int
     outputs: int
     node: int = -1
     why: str = ""
+    residuals: tuple[float, ...] = ()
 
 
 class Marcher:
@@ -146,19 +150,29 @@ class Marcher:
     def _diverged(self, reached: Reached) -> Status:
         t = float(self.model.run.times(np.array([reached.step]))[0])
         body, element = self.model.bodies.element_at(reached.node)
+        history = f", residuals {in_short(reached.residuals)} N" if reached.residuals else ""
         message = (
-            f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}: "
+            f"{reached.why} at t = {t:.6g} s (step {reached.step}), body {body!r}, element {element}{history}: "
             f"{self.advice}"
         )
-        return Status("diverged", message, t, reached.step, body, element)
+        return Status("diverged", message, t, reached.step, body, element, reached.residuals)
 
 
 def solution(
-    solver: str, model: Model, t: Array, kept: Array, energies: Array, cost: Cost, status: Status
+    solver: str,
+    model: Model,
+    t: Array,
+    kept: Array,
+    energies: Array,
+    cost: Cost,
+    status: Status,
+    *,
+    static: bool = False,
 ) -> Solution:
-    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4)."""
+    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is sound."""
     fields = {
         name: HermiteField(q, model.scene.body(name).length) for name, q in model.bodies.by_body(kept).items()
     }
     energy = Energy(*(column.copy() for column in energies.T))
-    return Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)
+    found = Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)
+    return sound(found, static=static)

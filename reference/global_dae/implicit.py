@@ -55,6 +55,7 @@ class State(NamedTuple):
     motion: q_n, v_n; acceleration q̈_n and auxiliary a_n, flat; multiplier μ/s (2 m,). new, flat new_q: q_{n+1};
     new_v, new_acceleration, flat. right, left: of the linear system, flat, with the unknowns at `places`; force
     (rows, nodes) is the head of right. product, data, small, K, scratch, column, dense: of the kernels used.
+    residuals: largest component before each correction of the last step, (ITERATIONS,).
     counts: Newton iterations, factorisations, node of the largest correction, whether the factors can be used, step
     reached, outputs kept.
     """
@@ -78,6 +79,7 @@ class State(NamedTuple):
     column: Array
     dense: Array
     places: Ints
+    residuals: Array
     counts: Ints
 
 
@@ -106,8 +108,8 @@ def predict(c: Scheme, s: State) -> None:
 
 
 @kernel
-def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: State) -> bool:
-    """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; False if it is not finite."""
+def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: State) -> float:
+    """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; its largest component, infinite if one is not a number."""
     size = s.new_q.size
     elastic_forces(parts.blend, s.new, parts.first, parts.kinds, parts.constants, s.motion.buffer, s.force)
     acceleration = s.new_acceleration.reshape(s.new.shape)
@@ -122,10 +124,11 @@ def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: St
         add_transposed(
             rows, j, -rows.scale * s.multiplier[2 * j], -rows.scale * s.multiplier[2 * j + 1], s.right
         )
-    bad = False
-    for i in range(size):
-        bad |= not abs(s.right[i]) < HUGE
-    return not bad
+    largest = 0.0
+    for i in range(s.right.size):
+        here = abs(s.right[i])
+        largest = max(largest, here if here < HUGE else np.inf)
+    return largest
 
 
 @kernel
@@ -178,8 +181,10 @@ def newton(
     """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if dense, else while it contracts with an old one."""
     dense = len(factors.width) == 0
     before, renew = np.inf, dense or s.counts[3] == 0
-    for _ in range(ITERATIONS):
-        if not residual(parts, rows, loads, table, n, s):
+    s.residuals[:] = 0.0
+    for iteration in range(ITERATIONS):
+        s.residuals[iteration] = residual(parts, rows, loads, table, n, s)
+        if s.residuals[iteration] == np.inf:
             return FAILED
         fresh = renew
         if renew:
@@ -324,7 +329,8 @@ class GeneralizedAlpha(Marcher):
                 return Reached(start, outputs)
             if code == FAILED or start == repivoted:
                 why = "Newton's iteration does not converge" if code == FAILED else "the tangent is singular"
-                return Reached(start, outputs, int(counts[2]), why)
+                found = self.state.residuals
+                return Reached(start, outputs, int(counts[2]), why, tuple(map(float, found[found > 0.0])))
             repivoted = start
             try:
                 self._choose_pivots(values[start - first], self.state.motion.q)
@@ -373,6 +379,7 @@ def _start(model: Model, system: System, dense: bool) -> State:
         column=np.zeros(unknowns),
         dense=np.zeros((unknowns, unknowns) if dense else (0, 0)),
         places=model.places(1).reshape(-1),
+        residuals=np.zeros(ITERATIONS),
         counts=np.zeros(6, dtype=np.int64),
     )
 

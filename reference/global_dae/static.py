@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 
 #: Newton iterations of a load step; correction of a gradient that is out of Newton's reach; smallest load step.
 ITERATIONS, REACH, SMALLEST = 25, 1.0, 1e-6
+#: Digits of the displacements below which an equilibrium is imprecise.
+DIGITS = 4.0
+#: Corrections of this size are the rounding of coordinates.
+COORDINATES = 1e-13
 #: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
 ROUNDINGS = 8.0
 
@@ -53,11 +57,11 @@ class Search:
         self.data = np.zeros(len(self.system.row) + 1)
         self.scratch = np.zeros(TANGENT_BUFFER), np.zeros((2 * model.bodies.rows, 2 * model.bodies.rows))
         self.buffer, self.force = model.bodies.buffer(), model.bodies.reference()
-        self.iterations, self.floor, self.node = 0, 0.0, 0
+        self.iterations, self.floor, self.digits, self.node = 0, 0.0, np.inf, 0
 
     def start(self) -> Equilibrium:
         """The undeformed scene without loads."""
-        self.floor, self.iterations = 0.0, 0
+        self.floor, self.digits, self.iterations = 0.0, np.inf, 0
         return Equilibrium(0.0, self.model.bodies.reference(), np.zeros(2 * len(self.model.joints)))
 
     def reach(self, start: Equilibrium, target: float) -> Equilibrium:
@@ -89,9 +93,7 @@ class Search:
             self.iterations += 1
             change = np.zeros_like(q)
             change.reshape(-1)[self.places[:dofs]] = x[:dofs]
-            sizes = np.maximum(
-                np.abs(change[:2]).max(axis=0) / self.model.length, np.abs(change[2:]).max(axis=0)
-            )
+            sizes = self._sizes(change)
             size, self.node = float(sizes.max()), int(sizes.argmax())
             if not size < REACH:
                 return None
@@ -100,10 +102,16 @@ class Search:
             if size <= tolerance:
                 return Equilibrium(guess.factor, q, multiplier)
             if size > 0.5 * last and self._rounded(A, q, right):
+                moved = float(self._sizes(q - self.model.bodies.reference()).max())
                 self.floor = max(self.floor, size)
+                self.digits = min(self.digits, max(0.0, float(np.log10(moved / size))))
                 return Equilibrium(guess.factor, q, multiplier)
             last = size
         return None
+
+    def _sizes(self, x: Array) -> Array:
+        """Largest component at each node, (nodes,): positions relative to the scene's length, gradients as they are."""
+        return np.maximum(np.abs(x[:2]).max(axis=0) / self.model.length, np.abs(x[2:]).max(axis=0))
 
     def _residual(self, factor: float, q: Array, multiplier: Array) -> Array:
         model, parts, dofs = self.model, self.model.parts, self.model.dofs
@@ -149,9 +157,7 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
         kept.append(now.q)
         energies.append(_energies(model, now))
     if status.ok and search.floor > 0.0:
-        status = Status(
-            "ok", f"corrections end at {search.floor:.1e}: the residual is as small as rounding allows"
-        )
+        status = _rounded_off(search)
     cost = Cost(
         process_time() - start[0],
         perf_counter() - start[1],
@@ -159,7 +165,9 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
         search.iterations,
         search.iterations,
     )
-    return solution(solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status)
+    return solution(
+        solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status, static=True
+    )
 
 
 def _energies(model: Model, e: Equilibrium) -> Array:
@@ -176,3 +184,15 @@ def _stuck(model: Model, search: Search, factor: float) -> Status:
         f"free to move or buckle there; hold it, take more load_steps or a finer mesh"
     )
     return Status("diverged", message, factor, None, body, element)
+
+
+def _rounded_off(search: Search) -> Status:
+    """Status of equilibria found to rounding: a small residual is no small error where K is ill-conditioned."""
+    said = f"corrections end at {search.floor:.1e}: the residual is as small as rounding allows"
+    if search.floor < COORDINATES or search.digits >= DIGITS:
+        return Status("ok", said)
+    digits = f"{search.digits:.0f}" if search.digits >= 1.0 else "no"
+    return Status(
+        "imprecise",
+        f"{said}, and {digits} digits of the displacements can be trusted; a coarser mesh is needed",
+    )
