@@ -43,7 +43,9 @@ def orders(e):
 def test_bending_frequencies_of_cables_converge_at_fourth_order(joints, ends):
     wanted = exact.euler_bernoulli_frequencies(ends, 3, LENGTH, EI, MASS)
     e = errors(bar(joints), "cable", (8, 16, 32), wanted)
-    assert orders(e) == pytest.approx(np.full((2, 3), 4.0), abs=0.35)
+    clear = e[1:] > 1e-7  # of rounding, ε ω_max²/ω²
+    assert clear.sum() >= 4
+    assert orders(e)[clear] == pytest.approx(4.0, abs=0.35)
     assert e[-1].max() < 1.2e-5
 
 
