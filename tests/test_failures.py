@@ -602,7 +602,7 @@ PLACES = {
         "unsupported",
         ["exudyn is not installed", "pip install exudyn"],
     ),
-    "broken package": (broken_package, "failed", ["ModuleNotFoundError", "'no_such_package'"]),
+    "broken package": (broken_package, "refused", ["'mine'", "ModuleNotFoundError", "'no_such_package'"]),
     "solver gone": (
         lambda here: status_of(case("adams")),
         "refused",
