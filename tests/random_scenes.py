@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import cos, sin
 
-import numpy as np
 from hypothesis import strategies as st
 
 from anctmm.drives import Pulse, Quintic
@@ -46,9 +45,9 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Swirl:
-    """Initial velocity of a body in one smooth field of the plane that vanishes at `centre`, m/s.
+    """Initial velocity of a body in one linear field of the plane that vanishes at `centre`, m/s.
 
-    One field for all bodies, so that joined ends agree.
+    One field for all bodies, so that joined ends agree; linear, so that its slope along them is found to rounding.
     """
 
     start: tuple[float, float]
@@ -62,7 +61,7 @@ class Swirl:
             for a, b, c in zip(self.start, self.end, self.centre, strict=True)
         )
         xx, xy, yx, yy = self.gradient
-        return float(xx * np.sin(x) + xy * np.sin(y)), float(yx * np.sin(x) + yy * np.sin(y))
+        return xx * x + xy * y, yx * x + yy * y
 
 
 @st.composite

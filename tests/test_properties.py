@@ -10,7 +10,7 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from hypothesis import given, note
+from hypothesis import assume, given, note
 from hypothesis import strategies as st
 from random_scenes import EIGHTHS, VECTORS, Drawn, Swirl, rows, structures
 from samples import KINDS, bar, chain_of, row_scene
@@ -27,15 +27,11 @@ from anctmm.stability import highest_frequency
 from anctmm.statics import solve_static
 
 EPS = float(np.finfo(float).eps)
+TOLERANCE = 1e-12
 #: A disturbance far above rounding, and small enough that its effect is proportional to it.
 DISTURBANCE = 1e-10
-#: Steps of a run, Δt ω_max (explicit below the limit of 2, implicit above), the longest Δt (s), and the relative
-#: error of a step: rounding, or what Newton's iteration leaves.
-METHODS = {
-    "zhai": (200, 1.0, 1.0, EPS),
-    "generalized-alpha": (40, 30.0, 5e-4, KAPPA * 1e-12),
-    "statics": (1, 1.0, 1.0, EPS),
-}
+#: Steps of a run, Δt ω_max (explicit below the limit of 2, implicit above), and the longest Δt, s.
+METHODS = {"zhai": (200, 1.0, 1.0), "generalized-alpha": (40, 30.0, 5e-4), "statics": (1, 1.0, 1.0)}
 MOTIONS = ("zhai", "generalized-alpha")
 every_method = pytest.mark.parametrize("method", METHODS)
 
@@ -53,12 +49,12 @@ def frequency(drawn):
 def answer(method, drawn, dt, **options):
     """Solution of a drawn scene by a method."""
     if method == "statics":
-        found = solve_static(drawn.scene, mesh=drawn.mesh, element=drawn.element, newton_tolerance=1e-12)
+        found = solve_static(drawn.scene, mesh=drawn.mesh, element=drawn.element, newton_tolerance=TOLERANCE)
     else:
         run = {
             "dt": dt,
             "t_end": METHODS[method][0] * dt,
-            "newton_tolerance": 1e-12,
+            "newton_tolerance": TOLERANCE,
             "check_stability": False,
         }
         found = solve(
@@ -101,7 +97,7 @@ class Case:
     def __init__(self, method, drawn, furthest=1.0):
         self.method, self.drawn = method, drawn
         w = frequency(drawn)
-        steps, part, longest, precision = METHODS[method]
+        steps, part, longest = METHODS[method]
         self.dt = min(part / w, longest) if w > 0.0 else 1e-3
         self.solution = answer(method, drawn, self.dt)
         self.history = histories(self.solution)
@@ -112,6 +108,10 @@ class Case:
             scene = replace(drawn.scene, gravity=tuple(drawn.scene.gravity + kick))
             kicked = histories(answer(method, replace(drawn, scene=scene), self.dt))
             effect = max(effect, apart(self.history, kicked))
+        precision = EPS
+        if method == "generalized-alpha":  # what Newton's iteration may leave is far above rounding
+            length = sum(b.length for b in drawn.scene.bodies)
+            precision = max(KAPPA * TOLERANCE, 32.0 * EPS * (1.0 + reach / length))
         self.tolerance = precision * (reach * steps + effect / DISTURBANCE)
 
     def same(self, other, back, second=1.0):
@@ -431,7 +431,7 @@ def test_zhai_run_backwards_from_its_last_two_positions_returns_to_the_start(dra
     fallen = place(restarted(last, np.zeros_like(last), t_end=case.dt), -1)  # from rest: last + ½ Δt² a(last)
     back = restarted(last, (before - fallen) / case.dt)
     there = {name: q[::-1] for name, q in histories(back).items()}
-    assert max(np.abs(q[0] - q[-1]).max() for q in case.history.values()) > 1e3 * case.tolerance
+    assume(max(np.abs(q[0] - q[-1]).max() for q in case.history.values()) > 1e3 * case.tolerance)
     case.within(0.25 * apart(case.history, there))  # twice the steps, four times the drift
 
 
@@ -450,5 +450,5 @@ def test_halving_shear_elements_never_raises_the_potential_energy_at_rest(drawn)
     one, two = (e.strain[-1] + e.potential[-1] for e in (coarse, halved))
     rounding = EPS * sum(b.material.E * b.section.area * b.length for b in drawn.scene.bodies)
     note(f"{one} J, halved {two} J, rounding {rounding} J")
-    assert one < 0.0
+    assert two < 0.0
     assert two <= one + rounding
