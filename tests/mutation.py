@@ -14,6 +14,7 @@ import importlib.machinery
 import os
 import random
 import re
+import shlex
 import signal
 import sys
 import time
@@ -23,16 +24,24 @@ from pathlib import Path
 for _name in ("NUMBA_DISABLE_JIT", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ[_name] = "1"
 
-import numba  # noqa: E402, F401
+import hypothesis.strategies  # noqa: E402, F401
 import numpy.testing  # noqa: E402, F401
 import pytest  # noqa: E402
-import scipy.differentiate  # noqa: E402
-import scipy.sparse.linalg  # noqa: E402, F401
 from cosmic_ray.ast import Visitor, get_ast  # noqa: E402
 from cosmic_ray.mutating import MutationVisitor  # noqa: E402
 from cosmic_ray.plugins import get_operator, operator_names  # noqa: E402
 
+import anctmm  # noqa: E402, F401
+
+for _name in [n for n in sys.modules if n.partition(".")[0] == "anctmm"]:
+    del sys.modules[_name]  # the libraries it needs stay loaded, it is imported anew with the fault
+
 ROOT = Path(__file__).parents[1]
+#: What the tests need not load, and a warning about what is loaded already.
+PYTEST = shlex.split(
+    "-x -p no:cacheprovider -p no:randomly -p no:xdist -p no:regressions -p no:datadir "
+    "-W ignore::pytest.PytestAssertRewriteWarning"
+)
 #: Operators whose faults a program of numbers can survive: `a << b` or `a is b` fails at once and proves nothing.
 OPERATORS = re.compile(
     r"core/(ReplaceBinaryOperator_(Add|Sub|Mul|Div)_(Add|Sub|Mul|Div)"
@@ -43,12 +52,14 @@ OPERATORS = re.compile(
 )
 #: Arguments of pytest for the faults of a module, the quickest to see them first.
 TESTS = {
-    "anctmm/elements/": ["tests/test_elements.py"],
-    "anctmm/transfer.py": ["tests/test_transfer.py"],
-    "anctmm/riccati.py": ["tests/test_transfer.py", "tests/test_statics.py"],
-    "anctmm/metrics.py": ["tests/test_metrics.py"],
-    "anctmm/explicit.py": ["tests/test_explicit.py", "tests/test_properties.py"],
-    "anctmm/implicit.py": ["tests/test_implicit.py", "tests/test_properties.py"],
+    "anctmm/elements/": "tests/test_elements.py",
+    "anctmm/transfer.py": "tests/test_transfer.py -k 'not thousand'",
+    "anctmm/riccati.py": "tests/test_transfer.py -k 'not thousand'",
+    "anctmm/metrics.py": "tests/test_metrics.py",
+    "anctmm/explicit.py": "tests/test_explicit.py tests/test_motion.py -k 'stoermer or limits_by or diverging "
+    "or outputs_hold or batches or (hub_at_either and zhai and cable)'",
+    "anctmm/implicit.py": "tests/test_implicit.py tests/test_motion.py -k 'coefficients or members or factors "
+    "or small_vibration or driven_hub_is or counts or misses or annihilates or outputs_hold or batches'",
 }
 #: Longest time of a fault's tests, s: a loop that does not end is seen, too.
 PATIENCE = 120
@@ -114,7 +125,7 @@ def survives(path, source, arguments):
         sys.meta_path.insert(0, Planted(path, source))
         code = 1
         try:
-            code = int(pytest.main(["-x", "-p", "no:cacheprovider", "-p", "no:randomly", *arguments]))
+            code = int(pytest.main([*PYTEST, *arguments]))
         finally:
             os._exit(code)
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
@@ -134,7 +145,7 @@ def examine(path, sample, seed):
     """Plant a sample of a module's faults, and print what survives and a line of the table."""
     source = path.read_text(encoding="utf-8")
     name = path.relative_to(ROOT).as_posix()
-    arguments = next(tests for prefix, tests in TESTS.items() if name.startswith(prefix))
+    arguments = shlex.split(next(tests for prefix, tests in TESTS.items() if name.startswith(prefix)))
     if not survives(path, source, arguments):
         raise SystemExit(f"{name}: the tests fail without a fault: {arguments}")
     found = places(source)
