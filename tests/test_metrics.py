@@ -48,6 +48,12 @@ def test_comparison_takes_the_worst_probe_and_its_own_scale():
     assert result.complete
 
 
+def test_largest_difference_is_that_of_one_time():
+    """Not of one component over the times, and of no more than there is."""
+    off = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [0.3, 3.4], [3, 4.4]])
+    assert compare(off, THEIRS, ["bar.end"]).largest == pytest.approx(0.5 / 5.0)
+
+
 def test_a_reference_at_rest_and_one_without_cost():
     rest = moved([0.0, 1.0, 2.0], STILL, STILL, cpu_s=0.0)
     result = compare(OURS, rest, ["bar.end"])
@@ -74,6 +80,8 @@ def test_only_common_times_are_compared(many):
     assert result.common == (n + 1) // 2
     assert result.error < 1e-12
     assert compare(two, one, ["bar.end"]).common == result.common
+    short = moved(theirs[: n // 2], path[: n // 2] * 0.0, path[: n // 2], status=Status("diverged", "early"))
+    assert compare(two, short, ["bar.end"]).common == n // 2
 
 
 def test_a_run_cut_short_is_compared_up_to_its_end():
@@ -84,10 +92,12 @@ def test_a_run_cut_short_is_compared_up_to_its_end():
     assert not result.complete
     first = compare(moved([0.0], STILL[:1], STILL[:1], status=cut.status), THEIRS, ["bar.end"])
     assert (first.common, first.error) == (1, 0.0)
-    nothing = compare(moved([], STILL[:0], STILL[:0], status=cut.status), THEIRS, ["bar.end"])
-    assert nothing.common == 0
-    assert math.isnan(nothing.error)
-    assert math.isnan(nothing.largest)
+    empty = moved([], STILL[:0], STILL[:0], status=cut.status)
+    for pair in ((empty, THEIRS), (THEIRS, empty)):
+        nothing = compare(*pair, ["bar.end", "bar.start"])
+        assert nothing.common == 0
+        assert len(nothing.by_probe) == 2
+        assert all(math.isnan(x) for x in (nothing.error, nothing.largest, *nothing.by_probe.values()))
 
 
 def test_whole_runs_need_two_common_times():
