@@ -113,6 +113,11 @@ class BodyMesh:
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)
 
+    @cached_property
+    def _speed(self) -> float:
+        """Size of the initial velocity, m/s: the unit must not decide how well its slope is found."""
+        return float(np.abs([self.body.velocity_at(s) for s in np.linspace(0.0, 1.0, 9).tolist()]).max()) or 1.0
+
     def _velocity_slope(self, fraction: float) -> Array:
         side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
         step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
@@ -128,7 +133,7 @@ class BodyMesh:
             args=(np.arange(2),),
             initial_step=step,
             step_direction=side,
-            tolerances={"atol": 1e-12, "rtol": 1e-12},
+            tolerances={"atol": 1e-12 * self._speed, "rtol": 1e-12},
         )
         return np.asarray(result.df)
 

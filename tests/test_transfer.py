@@ -18,7 +18,7 @@ from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import DiscretisationError, SolverError
 from anctmm.riccati import block_factors, factorize, links, mass_factors, solve, split_factors
-from anctmm.scene import Beam, Scene, Weld
+from anctmm.scene import Beam, Scene, Torque, Weld
 from anctmm.transfer import (
     accelerations_plain,
     accelerations_riccati,
@@ -282,6 +282,35 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
     exact = direct(chain, weight * mass_of(chain) + stiffness_of(chain, q), f)
     assert pivots == 0
     assert error(chain, solve(factors, f), exact) < 1e-11
+
+
+def torque_stiffness(chain, q):
+    """Derivative of −M (−g_y, g_x)/|g|² by g for each torque, by a complex step."""
+    matrix = np.zeros((q.size, q.size))
+    for torque in chain.scene.loads:
+        body, side = chain.scene.body_end(torque.end)
+        row, node = chain.bodies.turning_row(body.name), chain.bodies.node(body.name, side)
+        at = np.array([row, row + 1]) * chain.bodies.nodes + node
+        for i, step in enumerate(1e-30j * np.eye(2)):
+            x, y = q[row : row + 2, node] + step
+            matrix[at, at[i]] -= (torque.value * np.array([-y, x]) / (x * x + y * y)).imag / 1e-30
+    return csc_array(matrix)
+
+
+@pytest.mark.parametrize("kinds", list(itertools.product(KINDS, KINDS)), ids="-".join)
+def test_recursion_solves_newtons_matrix_with_torques(kinds):
+    """Torques on both sides of a pin and at both ends, on any mixture of elements."""
+    loads = [Torque(end, 40.0 * 2**i) for i, end in enumerate(("b0.start", "b0.end", "b1.start", "b1.end"))]
+    scene = row_scene("pin", [("pin", 0.5)], "free", loads=loads)
+    chain = chain_of(scene, mesh=3, element=dict(zip(("b0", "b1"), kinds, strict=True)))
+    bodies, q, weight = chain.bodies, deformed(chain, 0.02), 1e7
+    actuation, factors = Actuation(scene, bodies), block_factors(bodies.nodes, bodies.rows)
+    values = actuation.load_table(np.zeros(1))[0]
+    factorize(q, bodies.tables(), links(chain), weight, 1.0, actuation.loads(), values, factors)
+    f = np.random.default_rng(1).standard_normal(q.shape) * scales(chain)
+    matrix = weight * mass_of(chain) + stiffness_of(chain, q) + torque_stiffness(chain, q)
+    exact = direct(chain, matrix, f)
+    assert error(chain, np.where(chain.prescribed, 0.0, solve(factors, f)), exact) < 1e-11
 
 
 def test_factorization_counts_the_negative_pivots():
