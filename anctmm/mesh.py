@@ -116,7 +116,9 @@ class BodyMesh:
     @cached_property
     def _speed(self) -> float:
         """Size of the initial velocity, m/s: the unit must not decide how well its slope is found."""
-        return float(np.abs([self.body.velocity_at(s) for s in np.linspace(0.0, 1.0, 9).tolist()]).max()) or 1.0
+        return (
+            float(np.abs([self.body.velocity_at(s) for s in np.linspace(0.0, 1.0, 9).tolist()]).max()) or 1.0
+        )
 
     def _velocity_slope(self, fraction: float) -> Array:
         side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0

@@ -17,6 +17,7 @@ from reference import exudyn_cable
 from studies.bench_clock import Effort, Samples, in_turn
 from studies.bench_peers import EXUDYN, OURS, mesh_of
 from studies.bench_setting import stable_step
+from studies.front import front
 from studies.runner import Mesh, mesh_label
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 from studies.tables import Table
@@ -234,15 +235,6 @@ def promising(points: Iterable[Point]) -> set[tuple[Mesh, float, str]]:
 
 def _worth(setting: Setting, worth: set[tuple[Mesh, float, str]]) -> bool:
     return setting.integrator == EXPLICIT or (setting.mesh, setting.dt, setting.quadrature) in worth
-
-
-def front(points: Iterable[Point]) -> list[Point]:
-    """Points that no other beats in both error and cost, from the largest error to the smallest."""
-    kept: list[Point] = []
-    for p in sorted((p for p in points if np.isfinite(p.error)), key=lambda p: (p.cpu_s, p.error)):
-        if not kept or p.error < kept[-1].error:
-            kept.append(p)
-    return kept
 
 
 def needed(line: Sequence[Point]) -> list[Point]:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
+    from studies.recommend import Measured
     from studies.runner import Case, Mesh, Runner
     from studies.study import Options
 
@@ -140,6 +141,61 @@ def report(
     for result in results:
         write(result, out)
     print(f"Written to {write_page(results, out, quick)}")
+
+
+@app.command()
+def recommend(
+    scene: Annotated[str, typer.Argument(help="four-bar or cantilever-fall, or the beginning of it.")],
+    error: Annotated[str | None, typer.Option(help="Error wished, relative: 1e-3.", metavar="NUMBER")] = None,
+    budget: Annotated[
+        str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
+    ] = None,
+    element: Annotated[str | None, typer.Option(help="Only this kind: cable, shear, reissner.")] = None,
+    table: Annotated[
+        Path | None,
+        typer.Option(
+            help="Directory of a measured trade; else reports/trade, results/trade, or measure now."
+        ),
+    ] = None,
+    rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
+) -> None:
+    """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
+    from rich.console import Console
+
+    from studies import recommend as advice
+    from studies.recommend_print import show, show_rerun, show_script
+
+    name = advice.scene_name(scene)
+    wish, limit = _positive("--error", error), _duration("--budget", budget)
+    if wish is None and limit is None:
+        raise BadOption("--error and --budget are both missing; at least one of them is needed")
+    measured = _measured_trade(table)
+    choice = advice.choose(measured.points, name, wish, limit, element)
+    console = Console()
+    show(choice, measured.origin, advice.models_apart(measured, name, wish), console)
+    show_script(advice.script(choice.line), console)
+    if rerun:
+        again = advice.rerun(choice.line, measured.histories, wish, choice.reached)
+        show_rerun(again, choice, wish, console)
+        if not again.met:
+            raise typer.Exit(1)
+
+
+def _measured_trade(table: Path | None) -> "Measured":
+    """A kept trade, from a directory, or one measured now and kept."""
+    from studies import recommend as advice
+    from studies.study import Options, find, write
+
+    if table is not None:
+        return advice.read(table)
+    for folder in (Path("reports/trade"), Path("results/trade")):
+        if (folder / "points.csv").exists():
+            return advice.read(folder)
+    print("No measured trade in reports/trade or results/trade: measuring (some minutes) …", file=sys.stderr)
+    with sweeping(quick=False) as runner:
+        result = find("trade")(Options(), runner)
+    write(result, Path("results"))
+    return advice.of_result(result)
 
 
 @app.command()
@@ -294,9 +350,19 @@ def _lacks(solver: str) -> str:
 
 def _progress(console: "Console") -> "Progress":
     """A bar that goes away when it is done."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
+        TimeRemainingColumn(),
+    )  # fmt: skip
     return Progress(*columns, console=console, transient=True)
 
 
@@ -329,6 +395,28 @@ def _step(item: str) -> float:
     if not 0.0 < dt < float("inf"):
         raise ValueError
     return dt
+
+
+def _positive(option: str, text: str | None) -> float | None:
+    if text is None:
+        return None
+    try:
+        return _step(text)
+    except ValueError:
+        raise BadOption(f"{option} has {text!r}; allowed are positive numbers such as 1e-3") from None
+
+
+def _duration(option: str, text: str | None) -> float | None:
+    """Seconds of 0.5s, 20ms, 3us or 0.5."""
+    if text is None:
+        return None
+    for unit, factor in (("us", 1e-6), ("ms", 1e-3), ("s", 1.0), ("", 1.0)):
+        if text.endswith(unit):
+            try:
+                return factor * _step(text.removesuffix(unit))
+            except ValueError:
+                break
+    raise BadOption(f"{option} has {text!r}; allowed are positive times such as 0.5s, 20ms or 0.5")
 
 
 def _solver(item: str) -> str:

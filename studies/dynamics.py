@@ -44,6 +44,8 @@ class Scheme:
     meshes : tuple of tuple of int
     steps : callable
         Mesh → time steps, s: an explicit scheme's must shrink with the elements.
+    options : tuple of (str, value)
+        Further options of the discretisation. With a `tolerance` the error drives the step, and `steps` is not used.
     """
 
     element: str
@@ -52,6 +54,11 @@ class Scheme:
     solvers: tuple[str, ...]
     meshes: tuple[Mesh, ...]
     steps: Callable[[Mesh], tuple[float, ...]]
+    options: tuple[tuple[str, Any], ...] = ()
+
+    def steps_on(self, mesh: Mesh, wanted: tuple[float, ...] | None) -> tuple[float, ...]:
+        """Steps on a mesh, s: those the user wants, or its own; one NaN where a tolerance drives them."""
+        return (float("nan"),) if "tolerance" in dict(self.options) else wanted or self.steps(mesh)
 
 
 @dataclass(frozen=True)
@@ -148,9 +155,9 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
         solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
         for mesh in options.meshes or scheme.meshes:
             cases += product(
-                base.scene, solvers, [mesh], options.steps or scheme.steps(mesh), element=scheme.element,
+                base.scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
                 quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.t_end,
-                output_dt=base.output_dt,
+                output_dt=base.output_dt, options=scheme.options,
             )  # fmt: skip
     return cases
 

@@ -17,7 +17,13 @@ HEADS = (
 
 def glance(result: Result, console: Console) -> None:
     """Print the runs of each scene, why some failed, and the findings."""
-    frame = result.table("accuracy").frame
+    if any(t.name == "accuracy" for t in result.tables):
+        _accuracy(result.table("accuracy").frame, console)
+    for finding in result.findings:
+        console.print(f"• {finding}", highlight=False)
+
+
+def _accuracy(frame: pd.DataFrame, console: Console) -> None:
     for scene, runs in frame.groupby("scene", sort=False):
         console.print(_runs(str(scene), runs))
         for reference, known in runs.drop_duplicates("reference")[
@@ -28,8 +34,6 @@ def glance(result: Result, console: Console) -> None:
     for status, runs in failed(frame).groupby("status", sort=False):
         solvers = ", ".join(dict.fromkeys(runs["solver"]))
         console.print(f"{len(runs)} of {solvers}: {status}", style="yellow", highlight=False, markup=False)
-    for finding in result.findings:
-        console.print(f"• {finding}", highlight=False)
 
 
 def _runs(scene: str, runs: pd.DataFrame) -> RichTable:

@@ -1,17 +1,21 @@
 """Pictures as reproducible SVG: what the studies draw, and how it looks."""
 
 import io
+import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+from urllib.parse import quote, unquote
 
 import matplotlib as mpl
 import numpy as np
 import pandas as pd
 from cycler import cycler
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -38,6 +42,8 @@ SOLVER_COLOURS = {
     "exudyn-reissner": PALETTE[5],
     "pyelastica": PALETTE[6],
 }
+#: Begins the id of a group whose markers have texts.
+TIPS = "tips:"
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.2, 2)))
 STYLE: Any = {
@@ -103,7 +109,27 @@ def picture(
         stream = io.StringIO()
         figure.savefig(stream, format="svg", metadata={"Date": None})
     # matplotlib leaves blanks at line ends, which every version control tool complains about
-    return Picture(name, caption, re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE))
+    svg = re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE)
+    return Picture(name, caption, _titled(svg))
+
+
+def tell(artist: Artist, tips: Iterable[str]) -> None:
+    """Give the markers of an artist texts that a reader sees on pointing at them."""
+    artist.set_gid(TIPS + quote(json.dumps(list(tips)), safe=""))
+
+
+def _titled(svg: str) -> str:
+    """The texts of `tell`, as titles of the markers they belong to."""
+    first, *groups = re.split(rf'<g id="{TIPS}(.*?)">', svg)
+    parts = [first]
+    for k, (tips, group) in enumerate(zip(groups[::2], groups[1::2], strict=True)):
+        texts = json.loads(unquote(tips))
+        pieces = re.split(r"(<use [^>]*)/>", group, maxsplit=len(texts))
+        # pieces: before, marker, before the next, marker, …, what follows the last
+        for i, words in enumerate(texts[: len(pieces) // 2]):
+            pieces[2 * i + 1] += f"><title>{escape(words)}</title></use>"
+        parts.append(f'<g id="tips_{k}">' + "".join(pieces))
+    return "".join(parts)
 
 
 def write_picture(shown: Picture, folder: Path) -> None:
@@ -304,12 +330,15 @@ def slope_triangle(axes: Axes, x: Array, y: Array, order: float) -> None:
     axes.autoscale_view()
 
 
-def work_precision(axes: Axes, points: pd.DataFrame, title: str = "") -> None:
-    """Error against CPU time, with the columns of `convergence`; down and left is better."""
+def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: bool = True) -> None:
+    """Error against CPU time, with the columns of `convergence`; down and left is better.
+
+    With a column "tip" the markers have texts. `bounded`: whether the reference's floor is drawn.
+    """
     shown = points[(points["error"] > 0.0) & (points["cpu_s"] > 0.0)]
     for label, found in shown.groupby("label", sort=False):
         style = found.iloc[0]
-        axes.plot(
+        (drawn,) = axes.plot(
             found["cpu_s"],
             found["error"],
             linestyle="none",
@@ -319,11 +348,27 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "") -> None:
             label=str(label),
             alpha=0.9,
         )
+        if "tip" in found:
+            tell(drawn, found["tip"])
     axes.set(xscale="log", yscale="log", xlabel="CPU time (s)", ylabel="relative error", title=title)
     if not shown.empty:
-        floor(axes, shown["reference_error"])
+        if bounded:
+            floor(axes, shown["reference_error"])
         log_ticks(axes.xaxis, *axes.get_xlim())
         log_ticks(axes.yaxis, *axes.get_ylim())
+
+
+def front_line(axes: Axes, cpu_s: Iterable[float], error: Iterable[float]) -> None:
+    """A staircase: the smallest error that each time buys."""
+    axes.step(
+        list(cpu_s),
+        list(error),
+        where="post",
+        color=INK,
+        linewidth=1.1,
+        zorder=3,
+        label="front, both elements",
+    )
 
 
 def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None:

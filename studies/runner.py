@@ -49,7 +49,8 @@ class Case:
     dt, t_end, output_dt : float
         s; of no meaning for statics.
     options : tuple of (str, value)
-        Further options of the discretisation, or of the static solver.
+        Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
+        of `dt`, which is then NaN.
     """
 
     scene: Scene
@@ -76,11 +77,17 @@ class Case:
             )
         return dict(zip(names, self.mesh, strict=True))
 
+    @property
+    def error_controlled(self) -> bool:
+        """Whether a tolerance drives the step."""
+        return "tolerance" in dict(self.options)
+
     def run(self) -> Discretisation:
         """The discretisation of a dynamic case; raises what Discretisation raises."""
+        step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
         return Discretisation(
             mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
-            dt=self.dt, t_end=self.t_end, output_dt=self.output_dt, **dict(self.options),
+            t_end=self.t_end, output_dt=self.output_dt, **step, **dict(self.options),
         )  # fmt: skip
 
     def solve(self, solver: Solver) -> Solution:
@@ -97,7 +104,8 @@ class Case:
 
     def warm_up(self, solver: Solver) -> None:
         """Two steps (or the statics) unmeasured: whatever compiles or loads does it here."""
-        short = replace(self, t_end=2 * self.dt, output_dt=self.dt) if self.integrator != STATIC else self
+        step = self.output_dt if self.error_controlled else self.dt
+        short = replace(self, t_end=2 * step, output_dt=step) if self.integrator != STATIC else self
         short.solve(solver)
 
 

@@ -188,3 +188,13 @@ BASE_SCENES: tuple[Callable[[], BaseScene], ...] = (
     cantilever_end_moment,
     cantilever_fall,
 )
+
+
+def moving_scenes() -> list[BaseScene]:
+    """The two base scenes that errors and costs are traded on."""
+    return [four_bar(), cantilever_fall()]
+
+
+def base_of(name: str) -> BaseScene:
+    """The base scene of a name that `moving_scenes` has."""
+    return next(base for base in moving_scenes() if base.scene.name == name)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 STUDIES = {
     "four-bar": ("studies.four_bar", "the paper's crank mechanism: accuracy and cost over meshes and steps"),
     "cantilever": ("studies.cantilever", "large deflections against exact solutions; a fall under gravity"),
+    "trade": ("studies.trade", "which solver, element, mesh and step an error costs least with"),
 }
 
 
@@ -57,6 +58,8 @@ class Result:
     assumptions : tuple of str
     tables : tuple of Table
     pictures : tuple of Picture
+    answers : tuple of str
+        The findings that the page begins with: one or two sentences.
     """
 
     name: str
@@ -66,6 +69,7 @@ class Result:
     assumptions: tuple[str, ...]
     tables: tuple[Table, ...]
     pictures: "tuple[Picture, ...]" = field(default=())
+    answers: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:
         """The table of a name."""

@@ -1,0 +1,43 @@
+"""Fronts of error and cost: what no other setting beats, what comes near, and what is cheapest under an error."""
+
+from collections.abc import Iterable
+from typing import Protocol, TypeVar
+
+import numpy as np
+import pandas as pd
+
+
+class Measured(Protocol):
+    """Anything with an error and a CPU time, s."""
+
+    @property
+    def error(self) -> float:
+        """Relative."""
+
+    @property
+    def cpu_s(self) -> float:
+        """s."""
+
+
+Point = TypeVar("Point", bound=Measured)
+
+
+def front(points: Iterable[Point]) -> list[Point]:
+    """Points that no other beats in both error and cost, from the largest error to the smallest."""
+    kept: list[Point] = []
+    for p in sorted((p for p in points if np.isfinite(p.error)), key=lambda p: (p.cpu_s, p.error)):
+        if not kept or p.error < kept[-1].error:
+            kept.append(p)
+    return kept
+
+
+def excess(rows: pd.DataFrame) -> pd.Series:
+    """How many times the cost of the cheapest row of no larger error each row has: 1 on the front, else more.
+
+    Parameters
+    ----------
+    rows : DataFrame
+        With columns "error" and "cpu_s"; a row without both has NaN.
+    """
+    sound = rows[np.isfinite(rows["error"]) & (rows["cpu_s"] > 0.0)].sort_values(["error", "cpu_s"])
+    return (sound["cpu_s"] / sound["cpu_s"].cummin()).reindex(rows.index)

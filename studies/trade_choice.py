@@ -1,0 +1,39 @@
+"""Reading the trade's points: which settings surely meet an error, of what kind they are, and their names."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+#: What makes settings of one kind: who solves, with which element, and how the run steps.
+KIND = ["solver", "element", "stepping"]
+STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit"}
+
+
+def stepping(points: pd.DataFrame) -> pd.Series:
+    """How each row steps, in words."""
+    return points["integrator"].replace(STEPPING).mask(points["tolerance"] > 0, "implicit, error-controlled")
+
+
+def kinds_of(points: pd.DataFrame) -> pd.Series:
+    """The kind of each row, in words."""
+    return points["solver"] + ", " + points["element"] + ", " + stepping(points)
+
+
+def reaching(points: pd.DataFrame, wish: float) -> pd.DataFrame:
+    """Rows that surely have no larger error than wished: with their reference's uncertainty added; cheapest first."""
+    sure = points["error"] + points["reference_error"] <= wish
+    return points[sure & (points["cpu_s"] > 0.0)].sort_values("cpu_s", kind="stable")
+
+
+def setting_of(line: Mapping[Any, Any]) -> str:
+    """A setting in words."""
+    rule = "" if line["quadrature"] in ("full", "-") else f" {line['quadrature']}"
+    step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt {line['dt']:.3g} s"
+    kind = STEPPING.get(line["integrator"], line["integrator"])
+    return f"{line['solver']} {kind}, {line['elements']} {line['element']}{rule}, {step}"
+
+
+def milliseconds(cpu_s: float) -> str:
+    """A time in words."""
+    return f"{1e3 * cpu_s:.2g} ms" if cpu_s < 0.0995 else f"{cpu_s:.2g} s"
