@@ -7,9 +7,11 @@ import pytest
 from samples import bar
 
 import anctmm as at
+from anctmm.chain import Chain
 from anctmm.scene import Clamp, Force, Material
 from anctmm.solution import Cost, Energy, HermiteField, Solution, Status
 from anctmm.soundness import from_nowhere, inside_out, out_of_bounds, sound
+from anctmm.stability import highest_frequency
 from reference import exudyn_cable, global_dae
 from studies import cantilever_pictures, mechanism_pictures
 from studies.plots import endings
@@ -215,6 +217,21 @@ def test_history_is_cut_before_the_first_fault():
     at_rest = sound(moving(q), static=True)
     assert "at load factor 0.4" in at_rest.status.message
     assert at_rest.status.step is None
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (1e6 / 3.0, 1e6 / 7.0)])
+@pytest.mark.parametrize("solver", [at.solve, global_dae.solve])
+def test_rounding_of_a_bar_at_rest_is_no_divergence_and_its_growth_is(solver, start):
+    end = (start[0] + 4.0 * np.cos(0.3), start[1] + 4.0 * np.sin(0.3))
+    scene = at.Scene("free", [replace(bar().bodies[0], start=start, end=end)])
+    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(8, "cable")))
+    run = {"mesh": 8, "element": "cable", "integrator": "zhai", "check_stability": False}
+    rest = solver(scene, dt=0.9 * limit, t_end=180 * limit, **run)
+    assert rest.status.ok
+    assert rest.energy.strain.max() > 0.0  # rounding there is
+    grown = solver(scene, dt=1.01 * limit, t_end=202 * limit, **run)
+    assert grown.status == "diverged"
+    assert grown.status.time > 20 * limit
 
 
 # --- statics -----------------------------------------------------------------------------------------------
