@@ -3,7 +3,8 @@
     q_{n+1} = q_n + v_n Δt + (½ + ψ) a_n Δt² − ψ a_{n−1} Δt²
     v_{n+1} = v_n + (1 + φ) a_n Δt − φ a_{n−1} Δt,     a_{−1} = a_0.
 
-Coordinates that are known are known at all three levels, so nothing drifts.
+Coordinates that are known are known at all three levels, so nothing drifts. Damping forces are those of the velocities
+v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
 """
 
 from typing import NamedTuple
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.accelerations import by_blocks, by_scalars
 from anctmm.actuation import Actuation, Hubs, Loads, place_hubs, set_loads, turn_hubs, work_done
-from anctmm.assembly import Tables
+from anctmm.assembly import Tables, resist
 from anctmm.chain import Chain
 from anctmm.compiling import announced, kernel
 from anctmm.recording import (
@@ -44,6 +45,13 @@ class Numbers(NamedTuple):
     dt: float
     psi: float
     phi: float
+
+
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
+
+    of: Array
+    power: Array
 
 
 class State(NamedTuple):
@@ -103,6 +111,7 @@ def integrate(chain: Chain) -> Solution:
         actuation.hubs(),
         actuation.loads(),
         record.arrays(),
+        None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
     )
 
     def one(begin: int, end: int) -> int:
@@ -149,12 +158,14 @@ def advance(
     hubs: Hubs,
     loads: Loads,
     out: Output,
+    damping: Damping | None,
     hub_table: Array,
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    `block` is None unless there is an angled weld: only the branch that a scene needs is compiled.
+    `block` is None unless there is an angled weld, `damping` unless a material has some: only the branches that a scene
+    needs are compiled.
 
     The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
@@ -167,10 +178,19 @@ def advance(
     flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
+        if damping is not None:
+            for k in range(f.shape[0]):
+                for i in range(f.shape[1]):
+                    f[k, i] = state.dead[k, i]
         if driven:
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
             set_loads(q, f, state.dead, loads, load_table[step - begin])
+        if damping is not None:
+            lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
+            if step > 0:
+                out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
+            damping.power[0] = lost
         if block is None:
             by_scalars(
                 blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now

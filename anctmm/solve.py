@@ -5,6 +5,7 @@ from typing import Any
 from anctmm import adaptive, explicit, implicit
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
+from anctmm.errors import StepError
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from anctmm.statics import solve_static
@@ -33,6 +34,11 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
     """
     chain = Chain(scene, discretise(run, options, fixed_step=False))
+    if chain.run.tolerance is not None and chain.bodies.damping is not None:
+        raise StepError(
+            f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "
+            f"the error does not know damping"
+        )
     if chain.run.integrator == "zhai":
         return explicit.integrate(chain)
     return implicit.integrate(chain) if chain.run.tolerance is None else adaptive.integrate(chain)
