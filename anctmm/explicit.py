@@ -13,7 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.accelerations import by_blocks, by_scalars
-from anctmm.actuation import Actuation, Hubs, Loads, place_hubs, set_loads, turn_hubs, work_done
+from anctmm.actuation import (
+    Actuation,
+    Hubs,
+    Loads,
+    hub_reactions,
+    place_hubs,
+    set_loads,
+    turn_hubs,
+    work_done,
+)
 from anctmm.assembly import Tables, resist
 from anctmm.chain import Chain
 from anctmm.compiling import announced, kernel
@@ -27,6 +36,7 @@ from anctmm.recording import (
     worst_element,
 )
 from anctmm.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
+from anctmm.rigid import Rigid, constrain_accelerations, constrain_motion, rigid_system
 from anctmm.solution import Solution, Status
 from anctmm.soundness import STRETCH_LIMIT
 from anctmm.stability import check_step, largest_step
@@ -112,6 +122,7 @@ def integrate(chain: Chain) -> Solution:
         actuation.loads(),
         record.arrays(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
+        rigid_system(chain),
     )
 
     def one(begin: int, end: int) -> int:
@@ -159,13 +170,14 @@ def advance(
     loads: Loads,
     out: Output,
     damping: Damping | None,
+    rigid: Rigid | None,
     hub_table: Array,
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    `block` is None unless there is an angled weld, `damping` unless a material has some: only the branches that a scene
-    needs are compiled.
+    `block` is None unless there is an angled weld, `damping` unless a material has some, `rigid` unless a body is: only
+    the branches that a scene needs are compiled.
 
     The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
@@ -178,13 +190,16 @@ def advance(
     flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
-        if damping is not None:
+        if damping is not None or rigid is not None:
             for k in range(f.shape[0]):
                 for i in range(f.shape[1]):
                     f[k, i] = state.dead[k, i]
         if driven:
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
+        if rigid is not None:
+            constrain_motion(rigid, q, v)
+        if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
         if damping is not None:
             lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
@@ -197,6 +212,9 @@ def advance(
             )
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)
+        if rigid is not None:
+            constrain_accelerations(rigid, q, v, f, now)
+            hub_reactions(q, now, f, tables, hubs)
         check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here
         if check - check != 0.0:
             return step

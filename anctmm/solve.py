@@ -6,6 +6,7 @@ from anctmm import adaptive, explicit, implicit
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.errors import StepError
+from anctmm.rigid import refuse_rigid
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from anctmm.statics import solve_static
@@ -41,4 +42,5 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         )
     if chain.run.integrator == "zhai":
         return explicit.integrate(chain)
+    refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
     return implicit.integrate(chain) if chain.run.tolerance is None else adaptive.integrate(chain)

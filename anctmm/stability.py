@@ -12,11 +12,14 @@ from anctmm.chain import Chain, Joined
 from anctmm.discretisation import Discretisation
 from anctmm.errors import StabilityError
 from anctmm.riccati import mass_factors, solve
+from anctmm.rigid import project, rigid_system
 
 Array = NDArray[np.float64]
 
 #: Step of the central difference of the elastic force; the force is a smooth function of gradients of size 1.
 DIFFERENCE = 1e-6
+#: Coordinates up to which a scene with rigid bodies is linearised as a dense matrix.
+DENSE = 400
 
 
 def zhai_limit(psi: float, phi: float) -> float:
@@ -59,7 +62,7 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
     """
     bodies = bodies or chain.bodies
     q = bodies.reference() if q is None else q
-    inverse = mass_factors(chain)
+    inverse, rigid = mass_factors(chain), rigid_system(chain)
     join = Joined(chain)
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
 
@@ -79,14 +82,17 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
         return join.gather(out)
 
     def divided(f: Array) -> Array:
-        return join.unknowns(solve(inverse, join.load(f)))
+        a = solve(inverse, join.load(f))
+        return join.unknowns(a if rigid is None else project(rigid, q, a))
 
     n = join.size
-    if n == 0:
+    if n == 0 or not any(m.kind != "rigid" for m in bodies.meshes):
         return 0.0
-    if n < 3:
-        K, M = (np.stack([g(e) for e in np.eye(n)]) for g in (stiffness, mass))
-        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(np.linalg.solve(M, K)))))))
+    if n < 3 or (
+        rigid is not None and n <= DENSE
+    ):  # few freedoms beside the coordinates may stop Lanczos early
+        A = np.stack([divided(stiffness(e)) for e in np.eye(n)])
+        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
     operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
     start = np.random.default_rng(0).standard_normal(n)
     try:

@@ -128,6 +128,9 @@ def roundoff(beams: Beams, scene: Scene) -> float:
 
 
 def _check_integrator(scene: Scene, run: Discretisation) -> None:
+    for name, (_, kind) in run.of(scene).items():
+        if kind == "rigid":
+            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
     if run.integrator != "zhai":
         return
     if (run.psi, run.phi) != (0.5, 0.5):
