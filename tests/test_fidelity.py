@@ -22,8 +22,9 @@ def test_every_choice_of_kinds_is_a_row(result):
     assert (frame["status"] == "ok").all()
     assert (frame["cpu_s"] > 0.0).all()
     for _, runs in frame.groupby("scene"):
-        assert runs["error"].iloc[0] == 0.0  # the richest, from itself
-        assert (runs["error"].iloc[1:] > 0.0).all()
+        assert (
+            runs["error"].iloc[0] == runs["reference_error"].iloc[0] > 0.0
+        )  # the richest, from twice its mesh
 
 
 def test_poor_models_of_stiff_bodies_are_near_and_of_soft_ones_far(result):
@@ -41,14 +42,20 @@ def test_cheapest_models_are_rows_that_fulfil_the_wish(result):
     assert list(cheapest["wish"]) == [*WISHES, *WISHES]
     for line in cheapest.to_dict("records"):
         runs = frame[(frame["scene"] == line["scene"]) & (frame["error"] <= line["wish"])]
-        assert line["cpu_s"] == runs["cpu_s"].min()
-        assert line["error"] <= line["wish"]
+        assert (line["status"] == "ok") != runs.empty
+        if line["status"] == "ok":
+            assert line["cpu_s"] == runs["cpu_s"].min()
+            assert line["error"] <= line["wish"]
+    assert (cheapest["status"] == "ok").any()
 
 
 def test_rule_of_thumb_tells_soft_bodies_from_stiff_ones(result):
     rules = result.table("rule").frame.set_index(["scene", "body"])
-    order = rules.loc["four-bar"].sort_values("estimate").index
-    assert list(order) == list(rules.loc["four-bar"].sort_values("error").index)
+    four = rules.loc["four-bar"]
+    assert (four["estimate"] > 0.1).to_dict() == {"crank": False, "coupler": True, "follower": False}
+    assert (four["error"] > 0.1).to_dict() == {"crank": False, "coupler": True, "follower": False}
+    assert rules.loc["cantilever-fall", "beam"]["estimate"] > 1.0
+    assert "misleads" not in set(rules["verdict"])
     # ω₁ = 1.875² √(EI/ρA)/L² of the cantilever, by hand: 1.875²/4 · √(1e9 · 0.005²/12/2000)
     beam = cantilever_fall().scene.bodies[0]
     assert lowest_frequency(beam, held=True) == pytest.approx(0.8970, rel=1e-3)
@@ -63,7 +70,9 @@ def test_absent_features_leave_no_trace_in_compiled_code(result):
 
 def test_pages_can_be_written(result, tmp_path):
     folder = write(result, tmp_path)
-    assert {"accuracy.csv", "cheapest.md", "rule.md", "absent.md", "fidelity.svg"} <= {f.name for f in folder.iterdir()}
+    assert {"accuracy.csv", "cheapest.md", "rule.md", "absent.md", "fidelity.svg"} <= {
+        f.name for f in folder.iterdir()
+    }
     assert len(result.findings) == 4
 
 
