@@ -198,7 +198,7 @@ def advance(
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
         if rigid is not None:
-            constrain_motion(rigid, q, v)
+            constrain_motion(rigid, step == 0, q, v)
         if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
         if damping is not None:

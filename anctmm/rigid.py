@@ -6,14 +6,16 @@ freedom:
     (r_O − r_I)/l − t_I = 0,    t_O − t_I = 0,    |t_I|² = 1.
 
 To the recursion it is an element like any other, so that joints, hubs and welds stay as they are, and the mass is
-factored once. With vectors of the plane as complex numbers, x + iy, the first two are a constant real matrix J, and a
-sweep under loads Jᵀz answers Y z, Y = M⁻¹Jᵀ found once; under a load λ t_c on t_c of body c, y_c t_c λ. So z and λ of
+factored once; with three coordinates of its own, a bar's position and angle, the mass would turn with it and all
+factors would have to be found anew at each step. With vectors of the plane as complex numbers, x + iy, the first two
+constraints are a constant real matrix J, and a sweep under loads Jᵀz answers Y z, Y = M⁻¹Jᵀ found once. A load λ t_c on
+t_c of body c is answered by y_c t_c λ, less the part that J forbids. So z and λ of
 
     J a = 0,    Re(t̄_b a_b) = −|ṫ_b|²
 
 follow from small systems: z from the constant S = J Y, λ from A_bc = Re(t̄_b C_bc t_c), where C are the answers y_c
-at t_b less what J forbids. They cost as many operations as rigid bodies times nodes: meant for a few of them.
-Positions and velocities are projected in the same way after each step, so that nothing drifts.
+at t_b. They cost as many operations as rigid bodies times nodes: meant for a few of them. Positions and velocities
+are projected in the same way after each step, so that nothing drifts.
 
 Constraints may be void, as on a clamped body, or depend on each other, as of two welded ones: S is inverted in the
 generalized sense, and pivots of A that vanish are passed over.
@@ -35,8 +37,12 @@ Ints = NDArray[np.int64]
 
 #: Parts of the unconstrained answer below which a constraint is void or follows from others.
 VOID = 1e-9
-#: Newton's corrections of |t|² = 1 after a step: from an error of h³ the second reaches rounding.
+#: Newton's corrections of |t|² = 1 after a step, at most: from an error of h³ the second reaches rounding.
 CORRECTIONS = 2
+#: Correction of |t|² = 1 below which its square, the error left, is rounding.
+ENOUGH = 1e-8
+#: Error of shape below which it is rounding: only drives and the start bring more, since J q, like q, is summed up.
+OFF = 1e-14
 
 
 class Rigid(NamedTuple):
@@ -51,17 +57,19 @@ class Rigid(NamedTuple):
     shape : ndarray of complex, shape (2m, vectors, nodes)
         Y: answers to unit loads on both shape constraints of each body.
     turn : ndarray of complex, shape (m, vectors, nodes)
-        y: answers to a unit load on t_I of each.
+        y: answers to a unit load on t_I of each, less what J forbids.
     inverse : ndarray of complex, shape (2m, 2m)
         S⁺.
     coupling : ndarray of complex, shape (2m, m)
-        J y.
+        z that takes what J forbids of them.
     direct : ndarray of complex, shape (m, m)
         C.
     size : ndarray, shape (m,)
         Diagonal of the answers y at t_I, before J forbids anything.
     z, residual : ndarray of complex, shape (2m,)
-        Multipliers, and scratch.
+        Multipliers, and J u.
+    load : ndarray of complex, shape (m,)
+        t_c λ_c.
     unknown : ndarray, shape (m,)
         λ.
     matrix : ndarray, shape (m, m)
@@ -78,6 +86,7 @@ class Rigid(NamedTuple):
     size: Array
     z: Complex
     residual: Complex
+    load: Complex
     unknown: Array
     matrix: Array
 
@@ -122,12 +131,11 @@ def rigid_system(chain: Chain) -> Rigid | None:
     for i, l in zip(nodes, length, strict=True):  # noqa: E741
         shape.append(answer([(0, i + 1, 1.0 / l), (0, i, -1.0 / l), (1, i, -1.0)]))
         shape.append(answer([(1, i + 1, 1.0), (1, i, -1.0)]))
-    turn = np.stack([answer([(1, i, 1.0)]) for i in nodes])
+    free = np.stack([answer([(1, i, 1.0)]) for i in nodes])
     S = np.stack([shape_residual(nodes, length, y) for y in shape], axis=1)
     inverse = _generalized_inverse(S)
-    coupling = np.stack([shape_residual(nodes, length, y) for y in turn], axis=1)
-    at = np.stack([y[1, nodes] for y in turn], axis=1)
-    allowed = at - np.stack([y[1, nodes] for y in shape], axis=1) @ inverse @ coupling
+    coupling = -inverse @ np.stack([shape_residual(nodes, length, y) for y in free], axis=1)
+    turn = free + np.tensordot(coupling.T, np.stack(shape), 1)
     return Rigid(
         nodes,
         length,
@@ -135,10 +143,11 @@ def rigid_system(chain: Chain) -> Rigid | None:
         turn,
         inverse,
         coupling,
-        allowed,
-        np.ascontiguousarray(np.diagonal(at).real),
+        np.ascontiguousarray(turn[:, 1, nodes].T),
+        np.ascontiguousarray(free[np.arange(m), 1, nodes].real),
         np.zeros(2 * m, complex),
         np.zeros(2 * m, complex),
+        np.zeros(m, complex),
         np.zeros(m),
         np.zeros((m, m)),
     )
@@ -157,102 +166,103 @@ def _generalized_inverse(S: Complex) -> Complex:
 def project(rigid: Rigid, q: Array, a: Array) -> Array:
     """The part of accelerations a, (rows, nodes), that the constraints of q linearised allow; readable, for any a."""
     u, t = a[::2] + 1j * a[1::2], (q[::2] + 1j * q[1::2])[1, rigid.nodes]
-    residual = shape_residual(rigid.nodes, rigid.length, u)
+    u = u - np.tensordot(rigid.inverse @ shape_residual(rigid.nodes, rigid.length, u), rigid.shape, 1)
     direct = (np.conj(t)[:, None] * rigid.direct * t[None, :]).real
-    free = u[1, rigid.nodes] - rigid.shape[:, 1, rigid.nodes].T @ (rigid.inverse @ residual)
-    unknown = np.linalg.lstsq(direct, -(np.conj(t) * free).real, rcond=VOID)[0]
-    z = -rigid.inverse @ (residual + rigid.coupling @ (t * unknown))
-    u = u + np.tensordot(z, rigid.shape, 1) + np.tensordot(t * unknown, rigid.turn, 1)
+    unknown = np.linalg.lstsq(direct, -(np.conj(t) * u[1, rigid.nodes]).real, rcond=VOID)[0]
+    u = u + np.tensordot(t * unknown, rigid.turn, 1)
     return np.stack([u.real, u.imag], axis=1).reshape(a.shape)
 
 
-@inlined
-def constrain_accelerations(rigid, q, v, f, a):  # type: ignore[no-untyped-def]
+@kernel
+def constrain_accelerations(rigid: Rigid, q: Array, v: Array, f: Array, a: Array) -> None:
     """Make accelerations those of rigid bodies; the forces that do it are added to f."""
+    m = len(rigid.nodes)
     _residual(rigid, a)
-    for b in range(len(rigid.nodes)):
+    _keep_shape(rigid, a)
+    for b in range(m):
         i = rigid.nodes[b]
         rigid.unknown[b] = -(v[2, i] ** 2 + v[3, i] ** 2) - (q[2, i] * a[2, i] + q[3, i] * a[3, i])
-    _correct(rigid, q, a)
-    for b in range(len(rigid.nodes)):
+    _turn(rigid, q, a)
+    for b in range(m):
         i, one, two = rigid.nodes[b], rigid.z[2 * b], rigid.z[2 * b + 1]
+        for c in range(m):
+            one += rigid.coupling[2 * b, c] * rigid.load[c]
+            two += rigid.coupling[2 * b + 1, c] * rigid.load[c]
         x, y = one.real / rigid.length[b], one.imag / rigid.length[b]
         f[0, i] -= x
         f[1, i] -= y
         f[0, i + 1] += x
         f[1, i + 1] += y
-        f[2, i] += rigid.unknown[b] * q[2, i] - one.real - two.real
-        f[3, i] += rigid.unknown[b] * q[3, i] - one.imag - two.imag
+        f[2, i] += rigid.load[b].real - one.real - two.real
+        f[3, i] += rigid.load[b].imag - one.imag - two.imag
         f[2, i + 1] += two.real
         f[3, i + 1] += two.imag
 
 
-@inlined
-def constrain_motion(rigid, q, v):  # type: ignore[no-untyped-def]
-    """Take from positions and velocities what truncation and rounding have added to the bodies' shapes."""
+@kernel
+def constrain_motion(rigid: Rigid, start: bool, q: Array, v: Array) -> None:
+    """Take from positions and velocities what truncation, rounding, drives and the start add to the bodies' shapes."""
+    if _residual(rigid, q) > OFF or start:
+        _keep_shape(rigid, q)
+        _residual(rigid, v)
+        _keep_shape(rigid, v)
     for _ in range(CORRECTIONS):
-        _residual(rigid, q)
+        largest = 0.0
         for b in range(len(rigid.nodes)):
             i = rigid.nodes[b]
             rigid.unknown[b] = 0.5 * (1.0 - q[2, i] ** 2 - q[3, i] ** 2)
-        _correct(rigid, q, q)
-    _residual(rigid, v)
+            largest = max(largest, abs(rigid.unknown[b]))
+        _turn(rigid, q, q)
+        if largest < ENOUGH:
+            break
     for b in range(len(rigid.nodes)):
         i = rigid.nodes[b]
         rigid.unknown[b] = -(q[2, i] * v[2, i] + q[3, i] * v[3, i])
-    _correct(rigid, q, v)
+    _turn(rigid, q, v)
 
 
 @inlined
 def _residual(rigid, u):  # type: ignore[no-untyped-def]
-    """J u of components u, (rows, nodes)."""
+    """J u of components u, (rows, nodes), put in `residual`; its largest part."""
+    largest = 0.0
     for b in range(len(rigid.nodes)):
         i, r = rigid.nodes[b], 1.0 / rigid.length[b]
         rigid.residual[2 * b] = complex(
             (u[0, i + 1] - u[0, i]) * r - u[2, i], (u[1, i + 1] - u[1, i]) * r - u[3, i]
         )
         rigid.residual[2 * b + 1] = complex(u[2, i + 1] - u[2, i], u[3, i + 1] - u[3, i])
-
-
-@kernel
-def _correct(rigid: Rigid, q: Array, u: Array) -> None:
-    """Change u so that J u vanishes and Re(t̄_b u_b) changes by what is wanted, given in `unknown`; there is λ then."""
-    m = len(rigid.nodes)
-    z, wanted, A = rigid.z, rigid.unknown, rigid.matrix
-    _multiply(rigid.inverse, rigid.residual, z)  # what the shape constraints alone take
-    for b in range(m):
-        i = rigid.nodes[b]
-        for j in range(2 * m):
-            change = rigid.shape[j, 1, i] * z[j]
-            wanted[b] += q[2, i] * change.real + q[3, i] * change.imag
-        for c in range(m):
-            k = rigid.nodes[c]
-            answer = rigid.direct[b, c] * complex(q[2, k], q[3, k])
-            A[b, c] = q[2, i] * answer.real + q[3, i] * answer.imag
-    _solve(A, rigid.size, wanted)
-    for c in range(m):
-        k = rigid.nodes[c]
-        load = complex(wanted[c] * q[2, k], wanted[c] * q[3, k])
-        for j in range(2 * m):
-            rigid.residual[j] += rigid.coupling[j, c] * load
-    _multiply(rigid.inverse, rigid.residual, z)
-    for c in range(m):  # t_c may be part of u: the loads are taken before u changes
-        k = rigid.nodes[c]
-        rigid.residual[c] = complex(wanted[c] * q[2, k], wanted[c] * q[3, k])
-    for j in range(2 * m):
-        z[j] = -z[j]
-        _add(rigid.shape, j, z[j], u)
-    for c in range(m):
-        _add(rigid.turn, c, rigid.residual[c], u)
+        for j in range(2 * b, 2 * b + 2):
+            largest = max(largest, abs(rigid.residual[j].real), abs(rigid.residual[j].imag))
+    return largest
 
 
 @inlined
-def _multiply(A, x, y):  # type: ignore[no-untyped-def]
-    """y ← A x."""
-    for j in range(len(x)):
-        y[j] = 0.0
-        for k in range(len(x)):
-            y[j] += A[j, k] * x[k]
+def _keep_shape(rigid, u):  # type: ignore[no-untyped-def]
+    """Change u so that J u, given in `residual`, vanishes; z is what does it."""
+    for j in range(len(rigid.z)):
+        rigid.z[j] = 0.0
+        for k in range(len(rigid.z)):
+            rigid.z[j] -= rigid.inverse[j, k] * rigid.residual[k]
+    for j in range(len(rigid.z)):
+        _add(rigid.shape, j, rigid.z[j], u)
+
+
+@inlined
+def _turn(rigid, q, u):  # type: ignore[no-untyped-def]
+    """Change u, but not J u, so that Re(t̄_b u_b) changes by what is wanted, given in `unknown`; it is λ then."""
+    m = len(rigid.nodes)
+    for b in range(m):
+        i = rigid.nodes[b]
+        for c in range(m):
+            k = rigid.nodes[c]
+            answer = rigid.direct[b, c] * complex(q[2, k], q[3, k])
+            rigid.matrix[b, c] = q[2, i] * answer.real + q[3, i] * answer.imag
+    _solve(rigid.matrix, rigid.size, rigid.unknown)
+    for c in range(m):  # t_c may be part of u: the loads are taken before u changes
+        k = rigid.nodes[c]
+        rigid.load[c] = complex(rigid.unknown[c] * q[2, k], rigid.unknown[c] * q[3, k])
+    for c in range(m):
+        _add(rigid.turn, c, rigid.load[c], u)
 
 
 @inlined

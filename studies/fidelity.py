@@ -33,7 +33,7 @@ MARGIN = 0.9
 #: Damping of the run that shows what it costs, s.
 TAU = 1e-5
 #: Features and the function that only they need.
-FEATURES = (("damping", "resist"), ("rigid bodies", "_correct"), ("shear elements", "shear_kernel"))
+FEATURES = (("damping", "resist"), ("rigid bodies", "constrain_motion"), ("shear elements", "shear_kernel"))
 #: What the types of an explicit kernel say of features: damping, rigid bodies, shear elements alone or with cables.
 TYPES_OF_FEATURES = ("Damping", "Rigid", "UniTuple(int64 x 2)", "UniTuple(int64 x 3)")
 #: Verdict of a rule where the measured distance is not told from 0.
@@ -76,7 +76,10 @@ class Setting:
 
 
 def settings(quick: bool) -> tuple[Setting, ...]:
-    """The base scenes; --quick shortens them and leaves out the shear element, whose steps are small."""
+    """The base scenes, on meshes of like error: 2e-4 for the four-bar's links, 4e-5 for the cantilever.
+
+    --quick shortens them and leaves out the shear element, whose steps are small.
+    """
     bar, fall = four_bar(), cantilever_fall()
     turning = 1.875 * 2.0 * pi / 2.0  # the largest rate of the quintic that turns the crank once in 2 s
     falling = sqrt(1.5 * 9.81 / 2.0)  # of a rigid bar that falls: √(3g/2L)
@@ -86,8 +89,8 @@ def settings(quick: bool) -> tuple[Setting, ...]:
             Setting(bar, {"cable": (1, 2, 1), "rigid": (1, 1, 1)}, turning, (True, False, False)),
             Setting(fall, {"cable": (4,), "rigid": (1,)}, falling, (True,)),
         )
-    links: dict[str, Mesh] = {"shear": (16, 64, 16), "cable": (4, 16, 4), "rigid": (1, 1, 1)}
-    beams: dict[str, Mesh] = {"shear": (256,), "cable": (16,), "rigid": (1,)}
+    links: dict[str, Mesh] = {"shear": (16, 64, 16), "cable": (2, 8, 2), "rigid": (1, 1, 1)}
+    beams: dict[str, Mesh] = {"shear": (256,), "cable": (64,), "rigid": (1,)}
     return (
         Setting(bar, links, turning, (True, False, False)),
         Setting(fall, beams, falling, (True,)),
@@ -201,24 +204,27 @@ def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines).reindex(columns=columns)
 
 
-def lowest_frequency(body: Beam, held: bool) -> float:
-    """First bending frequency of a body pinned at both ends, or clamped at one, rad/s."""
+def lowest_frequency(body: Beam, held: bool, carried: float = 0.0) -> float:
+    """First bending frequency of a body pinned at both ends, or clamped at one with a mass (kg) at the other, rad/s."""
     s, m = body.section, body.material
-    root = 1.8751041 if held else pi
-    return root**2 / body.length**2 * sqrt(m.E * s.second_moment / (m.density * s.area))
+    mass, stiffness = m.density * s.area * body.length, m.E * s.second_moment / body.length**3
+    if held:  # the stiffness at its end, and as much of its own mass as makes this exact without another
+        return sqrt(3.0 * stiffness / (3.0 / 1.8751041**4 * mass + carried))
+    return pi**2 * sqrt(stiffness / mass)
 
 
 def _rules(setting: Setting, studied: Studied) -> pd.DataFrame:
     """Estimates of what is lost where one body alone is made poorer, beside the distances measured."""
     lines = []
-    richest = setting.kinds[0]
-    for i, (body, held) in enumerate(zip(setting.base.scene.bodies, setting.held, strict=True)):
+    richest, bodies = setting.kinds[0], setting.base.scene.bodies
+    masses = [b.material.density * b.section.area * b.length for b in bodies]
+    for i, (body, held) in enumerate(zip(bodies, setting.held, strict=True)):
         height = sqrt(12.0 * body.section.second_moment / body.section.area)
-        ratio = setting.rate / lowest_frequency(body, held)
-        estimates = {
-            "rigid": ratio**2,
-            "cable": pi**2 * (1.0 + 2.0 * (1.0 + body.material.poisson)) * (height / body.length) ** 2 / 12.0,
-        }
+        carried = sum(masses) - masses[i]
+        ratio = setting.rate / lowest_frequency(body, held, carried)
+        bending = min(1.0, ratio**2)
+        thickness = (1.0 + 2.0 * (1.0 + body.material.poisson)) * (height / body.length) ** 2
+        estimates = {"rigid": bending, "cable": bending * pi**2 / 12.0 * thickness}
         for kind in setting.kinds[1:]:
             kinds = "/".join(kind if j == i else richest for j in range(len(setting.base.scene.bodies)))
             found = studied.frame[studied.frame["element"] == kinds].iloc[0]
@@ -235,8 +241,6 @@ def _verdict(estimate: float, error: float, uncertainty: float) -> str:
     """Whether a rule's estimate is of the size of what was measured, as far as that is known."""
     if error <= 2.0 * uncertainty:
         return UNKNOWN if estimate <= 3.0 * uncertainty else "pessimistic"
-    if estimate >= 1.0 and error >= 0.1:
-        return "agrees: not to be done"
     off = abs(log10(estimate / error))
     return "agrees within 3" if off <= log10(3.0) else "agrees within 10" if off <= 1.0 else "misleads"
 
@@ -307,10 +311,11 @@ def _cheapest_notes() -> tuple[str, ...]:
 def _rule_notes() -> tuple[str, ...]:
     return (
         "One body alone is made poorer, the others stay as rich as can be; error is what that changes, measured.",
-        "estimate, rigid: (Ω/ω₁)², Ω the largest rate of the motion and ω₁ the body's first bending frequency "
-        "(pinned at both ends, or clamped at one): the elastic deflection against the path.",
-        "estimate, cable: π²/12 (1 + 2(1 + ν)) (h/L)²: rotary inertia and shear of the first mode of a beam pinned at "
-        "its ends (Timoshenko), h = √(12 I/A).",
+        "frequency_ratio: Ω/ω₁, Ω the largest rate of the motion and ω₁ the body's first bending frequency: pinned at "
+        "both ends, or clamped at one and carrying the mass of all other bodies at the other.",
+        "estimate, rigid: (Ω/ω₁)², at most 1: the elastic deflection against the path, so the part of bending in it.",
+        "estimate, cable: of that part, what rotary inertia and shear take in a first mode between pins (Timoshenko), "
+        "π²/12 (1 + 2(1 + ν)) (h/L)², h = √(12 I/A), L/h the slenderness.",
         "verdict: within which factor they agree, or that one cannot tell.",
     )
 

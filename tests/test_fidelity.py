@@ -1,6 +1,6 @@
 """The study of fidelity, quick: its table is whole, its answers are rows of it, absent features leave no trace."""
 
-from math import inf
+from math import inf, sqrt
 
 import pytest
 
@@ -31,7 +31,7 @@ def test_poor_models_of_stiff_bodies_are_near_and_of_soft_ones_far(result):
     frame = result.table("accuracy").frame.set_index(["scene", "element"])
     error, step = frame["error"], frame["stable_dt"]
     stiff, soft = ("four-bar", "rigid/cable/rigid"), ("four-bar", "rigid/rigid/rigid")
-    assert error[stiff] < 2e-3 < 0.02 < error[soft]
+    assert error[stiff] < 5e-3 < 0.02 < error[soft]
     assert error["cantilever-fall", "rigid"] > 0.02
     assert step[stiff] > 4.0 * step["four-bar", "cable/cable/cable"]
     assert step[soft] == inf
@@ -54,11 +54,13 @@ def test_rule_of_thumb_tells_soft_bodies_from_stiff_ones(result):
     four = rules.loc["four-bar"]
     assert (four["estimate"] > 0.1).to_dict() == {"crank": False, "coupler": True, "follower": False}
     assert (four["error"] > 0.1).to_dict() == {"crank": False, "coupler": True, "follower": False}
-    assert rules.loc["cantilever-fall", "beam"]["estimate"] > 1.0
+    assert rules.loc["cantilever-fall", "beam"]["estimate"] == 1.0
     assert "misleads" not in set(rules["verdict"])
     # ω₁ = 1.875² √(EI/ρA)/L² of the cantilever, by hand: 1.875²/4 · √(1e9 · 0.005²/12/2000)
     beam = cantilever_fall().scene.bodies[0]
     assert lowest_frequency(beam, held=True) == pytest.approx(0.8970, rel=1e-3)
+    # with ten times its mass of 0.2 kg at its end: √(3EI/L³/(2 + 0.243 · 0.2)), EI = 0.104167 N m²
+    assert lowest_frequency(beam, True, 2.0) == pytest.approx(sqrt(3 * 0.104167 / 8 / 2.04854), rel=1e-4)
 
 
 def test_absent_features_leave_no_trace_in_compiled_code(result):
