@@ -368,7 +368,8 @@ def _picture(frame: pd.DataFrame) -> Picture:
             for point in best.to_dict("records"):
                 axes.annotate(
                     "".join(kind[0] for kind in point["element"].split("/")).upper(),
-                    (point["cpu_s"], point["error"]), xytext=(4, 4), textcoords="offset points", fontsize=7.5,
+                    (point["cpu_s"], point["error"]), xytext=(-4, -3), textcoords="offset points", fontsize=7.5,
+                    ha="right", va="top",
                 )  # fmt: skip
             axes.set(
                 xscale="log",
