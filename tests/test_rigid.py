@@ -52,6 +52,29 @@ def lagrange(t_end, n):
     return np.stack([l1 * np.cos(y[0]) + l2 * np.cos(y[1]), l1 * np.sin(y[0]) + l2 * np.sin(y[1])], axis=1)
 
 
+def row(n):
+    """A metre of n equal bars, pinned to the ground and to each other."""
+    bars = [beam(f"bar{i}", (i / n, 0.0), ((i + 1) / n, 0.0)) for i in range(n)]
+    pins = [Pin(f"bar{i}.end", f"bar{i + 1}.start") for i in range(n - 1)]
+    return Scene("row", bars, [Pin("bar0.start"), *pins], gravity=(0.0, -G))
+
+
+def lagrange_row(n, t):
+    """Tip of `row` by its equations of motion, C_ij cos(θ_i − θ_j) θ″_j + C_ij sin(θ_i − θ_j) θ′_j² = −g_i cos θ_i."""
+    l, m, behind = 1.0 / n, 0.4 / n, n - 1 - np.maximum.outer(range(n), range(n))  # noqa: E741
+    C = m * l * l * (behind + 0.5) - np.eye(n) * m * l * l / 6.0
+    g = m * l * G * (np.diagonal(behind) + 0.5)
+
+    def rate(_, y):
+        d = np.subtract.outer(y[:n], y[:n])
+        return [*y[n:], *np.linalg.solve(C * np.cos(d), -(C * np.sin(d)) @ y[n:] ** 2 - g * np.cos(y[:n]))]
+
+    y = solve_ivp(rate, (0.0, t[-1]), np.zeros(2 * n), method="DOP853", rtol=1e-12, atol=1e-12, t_eval=t).y[
+        :n
+    ]
+    return np.stack([l * np.cos(y).sum(axis=0), l * np.sin(y).sum(axis=0)], axis=1)
+
+
 def rigidly(scene, dt, t_end=0.5, **options):
     """Explicit run with 10 outputs, all bodies rigid unless told otherwise."""
     common = {"mesh": 1, "element": "rigid", **options}
@@ -74,6 +97,24 @@ def test_double_pendulum_moves_by_its_own_equations(turned):
         assert np.abs(ours.position(body, 0.5) - ours.position(body, 0.0) - span / 2).max() < 1e-13
     assert np.abs(ours.position("one", 1.0) - ours.position("two", 1.0 - tip[1])).max() < 1e-13
     assert np.abs(ours.energy.balance).max() < 1e-7 * ours.energy.kinetic.max()
+
+
+def test_twenty_bodies_move_by_their_own_equations_and_stay_joined():
+    errors = []
+    for dt in (1e-4, 2e-5):
+        ours = rigidly(row(20), dt, 0.25)
+        errors.append(np.abs(ours.position("bar19", 1.0) - lagrange_row(20, ours.t)).max())
+    assert errors[0] < 1e-7
+    assert errors[0] / errors[1] == pytest.approx(25.0, rel=0.05)
+
+
+def test_nothing_drifts_over_a_hundred_thousand_steps():
+    ours = rigidly(row(5), 1e-4, 10.0)
+    for i in range(5):
+        span = ours.position(f"bar{i}", 1.0) - ours.position(f"bar{i}", 0.0)
+        assert np.abs(5.0 * np.hypot(*span.T) - 1.0).max() < 1e-13
+    assert np.abs(ours.position("bar0", 0.0)).max() == 0.0
+    assert np.abs(ours.energy.balance).max() < 1e-2 * ours.energy.kinetic.max()
 
 
 def test_rigid_crank_and_follower_are_the_limit_of_stiff_ones():
