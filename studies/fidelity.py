@@ -365,11 +365,13 @@ def _picture(frame: pd.DataFrame) -> Picture:
                 shown["cpu_s"], shown["error"], "o", color=PALETTE[0], markerfacecolor="none", markersize=5
             )
             axes.plot(best["cpu_s"], best["error"], "o-", color=PALETTE[1], markersize=5, linewidth=1.0)
+            axes.margins(x=0.12)
             for point in best.to_dict("records"):
+                low = point["error"] < 3.0 * runs["reference_error"].max()  # there the floor has its own text
                 axes.annotate(
                     "".join(kind[0] for kind in point["element"].split("/")).upper(),
-                    (point["cpu_s"], point["error"]), xytext=(-4, -3), textcoords="offset points", fontsize=7.5,
-                    ha="right", va="top",
+                    (point["cpu_s"], point["error"]), xytext=(4, 4) if low else (-4, -3), textcoords="offset points",
+                    fontsize=7.5, ha="left" if low else "right", va="bottom" if low else "top",
                 )  # fmt: skip
             axes.set(
                 xscale="log",
