@@ -200,7 +200,7 @@ def advance(
                 newton.counts[2] = 1
             if newton.counts[2] != 0:
                 factored = h
-            solved = solve_step(state, c, tables, links, factors, hubs, loads, values, newton)
+            solved = solve_step(state, c, tables, links, factors, hubs, loads, values, newton, None)
             allowed = SHARE * control.tolerance * h / control.t_end
             error = np.inf
             if solved:

@@ -4,8 +4,8 @@ It knows bodies and elements, not how they are joined: the transfer-matrix solve
 so that comparing their times compares methods.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -20,6 +20,7 @@ from anctmm.element_choice import (
     SHEAR,
     SHEARS,
     components,
+    element_damping,
     element_energy,
     element_forces,
     element_tangents,
@@ -102,6 +103,17 @@ class Bodies:
         for line, row in zip(table, rows, strict=True):
             line[: len(row)] = row
         return table
+
+    @cached_property
+    def damping(self) -> Array | None:
+        """Kelvin-Voigt damping of each body, s; None where no body has any: then nothing of it is compiled."""
+        table = np.array([m.element.damping for m in self.meshes])
+        return table if table.any() else None
+
+    def stiffened(self, factors: Iterable[float]) -> "Bodies":
+        """The bodies with so many times their stiffness each."""
+        pairs = zip(self.meshes, factors, strict=True)
+        return Bodies([replace(mesh, element=mesh.element.stiffened(f)) for mesh, f in pairs])
 
     @cached_property
     def masses(self) -> Array:
@@ -280,6 +292,48 @@ def elastic_forces(
         window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
         body = body_after(end, body, first)
         _gather(start, end, buffer, f)
+
+
+@kernel
+def resist(
+    blend: tuple[int, ...],
+    q: Array,
+    v: Array,
+    first: Ints,
+    kinds: Ints,
+    constants: Array,
+    damping: Array,
+    buffer: Array,
+    f: Array,
+) -> float:
+    """Subtract the damping forces of all bodies from f.
+
+    Parameters
+    ----------
+    blend, first, kinds, constants, damping
+        Of `Bodies`.
+    q, v, f : ndarray, shape (rows, nodes)
+    buffer : ndarray, shape (12 * BLOCK + 6,)
+        Scratch.
+
+    Returns
+    -------
+    float
+        Power that is lost, W.
+    """
+    power = 0.0
+    for b in range(len(kinds)):
+        last = first[b + 1] - 1
+        for node in range(first[b], last if damping[b] > 0.0 else first[b], BLOCK):
+            count = min(BLOCK, last - node)
+            element_damping(blend, kinds[b], q, v, node, count, constants[b], damping[b], buffer)
+            for k in range(components(blend, kinds[b])):
+                for j in range(count):
+                    one, two = buffer[k * BLOCK + j], buffer[(6 + k) * BLOCK + j]
+                    power += one * v[k, node + j] + two * v[k, node + j + 1]
+                    f[k, node + j] -= one
+                    f[k, node + j + 1] -= two
+    return power
 
 
 @kernel

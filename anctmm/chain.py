@@ -40,7 +40,7 @@ class Chain:
     MeshError
         If the discretisation does not fit the scene's bodies.
     DiscretisationError
-        If a weld joins elements of different kinds.
+        If a weld joins a shear element to another kind.
     """
 
     scene: Scene
@@ -51,10 +51,10 @@ class Chain:
         for joint in self.scene.joints:
             if isinstance(joint, Weld):
                 names = [self.scene.body_end(end)[0].name for end in joint.ends]
-                if len({kinds[n][1] for n in names}) > 1:
+                if len({kinds[n][1] == "shear" for n in names}) > 1:
                     raise DiscretisationError(
                         f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
-                        f"a weld needs one kind on both sides (a pin does not)"
+                        f"a weld needs one kind on both sides, or 'cable' and 'rigid' (a pin does not)"
                     )
 
     @cached_property

@@ -11,7 +11,7 @@ from anctmm.errors import DiscretisationError, MeshError, StepError
 from anctmm.scene import Beam, Scene
 from anctmm.validation import number, one_of, positive, within
 
-ELEMENTS = ("cable", "shear")
+ELEMENTS = ("cable", "shear", "rigid")
 QUADRATURES = ("full", "reduced", "lobatto")
 INTEGRATORS = ("zhai", "generalized-alpha")
 
@@ -32,7 +32,7 @@ class Discretisation:
     mesh : int or mapping of body name to int
         Elements of each body.
     element : str or mapping of body name to str
-        "cable" (gradient-deficient, Euler-Bernoulli) or "shear" (the paper's).
+        "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
     integrator : str
@@ -131,7 +131,7 @@ class Discretisation:
         Raises
         ------
         MeshError
-            If a mapping misses a body of the scene or names one it does not have.
+            If a mapping misses a body of the scene or names one it does not have, or a rigid body has several elements.
         """
         names = [b.name for b in scene.bodies]
         for what in ("mesh", "element"):
@@ -141,7 +141,11 @@ class Discretisation:
                     f"{what} is {dict(value)!r}; every body of scene {scene.name!r} and no other is needed: "
                     f"{', '.join(map(repr, names))}"
                 )
-        return {n: (int(_pick(self.mesh, n)), _pick(self.element, n)) for n in names}
+        cut = {n: (int(_pick(self.mesh, n)), _pick(self.element, n)) for n in names}
+        for name, (elements, kind) in cut.items():
+            if kind == "rigid" and elements != 1:
+                raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
+        return cut
 
 
 class FrozenMapping(dict[str, Any]):

@@ -46,6 +46,14 @@ def element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-u
     return cable_kernel.energy(q, node, count, constants)
 
 
+def element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    """Damping forces of a row of elements of one kind, as `shear_kernel.damping_forces` gives them."""
+    if kind == SHEAR:
+        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
+    else:
+        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+
 def _choose(
     blend: Any, cables: Callable[..., Any], shears: Callable[..., Any], both: Callable[..., Any]
 ) -> Any:
@@ -89,3 +97,14 @@ def _element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-
         return shear_kernel.energy(q, node, count, constants)
 
     return _choose(blend, cables, shears, element_energy)
+
+
+@overload(element_damping, **CHOSEN)
+def _element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    def cables(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+    def shears(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+    return _choose(blend, cables, shears, element_damping)

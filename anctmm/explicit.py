@@ -3,7 +3,8 @@
     q_{n+1} = q_n + v_n Δt + (½ + ψ) a_n Δt² − ψ a_{n−1} Δt²
     v_{n+1} = v_n + (1 + φ) a_n Δt − φ a_{n−1} Δt,     a_{−1} = a_0.
 
-Coordinates that are known are known at all three levels, so nothing drifts.
+Coordinates that are known are known at all three levels, so nothing drifts. Damping forces are those of the velocities
+v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
 """
 
 from typing import NamedTuple
@@ -12,8 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.accelerations import by_blocks, by_scalars
-from anctmm.actuation import Actuation, Hubs, Loads, place_hubs, set_loads, turn_hubs, work_done
-from anctmm.assembly import Tables
+from anctmm.actuation import (
+    Actuation,
+    Hubs,
+    Loads,
+    hub_reactions,
+    place_hubs,
+    set_loads,
+    turn_hubs,
+    work_done,
+)
+from anctmm.assembly import Tables, resist
 from anctmm.chain import Chain
 from anctmm.compiling import announced, kernel
 from anctmm.recording import (
@@ -26,6 +36,7 @@ from anctmm.recording import (
     worst_element,
 )
 from anctmm.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
+from anctmm.rigid import Rigid, constrain_accelerations, constrain_motion, rigid_system
 from anctmm.solution import Solution, Status
 from anctmm.soundness import STRETCH_LIMIT
 from anctmm.stability import check_step, largest_step
@@ -44,6 +55,13 @@ class Numbers(NamedTuple):
     dt: float
     psi: float
     phi: float
+
+
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
+
+    of: Array
+    power: Array
 
 
 class State(NamedTuple):
@@ -103,6 +121,8 @@ def integrate(chain: Chain) -> Solution:
         actuation.hubs(),
         actuation.loads(),
         record.arrays(),
+        None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
+        rigid_system(chain),
     )
 
     def one(begin: int, end: int) -> int:
@@ -149,12 +169,15 @@ def advance(
     hubs: Hubs,
     loads: Loads,
     out: Output,
+    damping: Damping | None,
+    rigid: Rigid | None,
     hub_table: Array,
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    `block` is None unless there is an angled weld: only the branch that a scene needs is compiled.
+    `block` is None unless there is an angled weld, `damping` unless a material has some, `rigid` unless a body is: only
+    the branches that a scene needs are compiled.
 
     The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
     """
@@ -167,16 +190,31 @@ def advance(
     flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
+        if damping is not None or rigid is not None:
+            for k in range(f.shape[0]):
+                for i in range(f.shape[1]):
+                    f[k, i] = state.dead[k, i]
         if driven:
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
+        if rigid is not None:
+            constrain_motion(rigid, step == 0, q, v)
+        if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
+        if damping is not None:
+            lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
+            if step > 0:
+                out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
+            damping.power[0] = lost
         if block is None:
             by_scalars(
                 blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now
             )
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)
+        if rigid is not None:
+            constrain_accelerations(rigid, q, v, f, now)
+            hub_reactions(q, now, f, tables, hubs)
         check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here
         if check - check != 0.0:
             return step

@@ -6,8 +6,12 @@ Chung & Hulbert (1993) in the form of Arnold & Brüls (2007): M w_{n+1} = F(q_{n
     q_{n+1} = q_n + h v_n + h² ((½ − β) a_n + β a_{n+1}),    v_{n+1} = v_n + h ((1 − γ) a_n + γ a_{n+1}).
 
 A Newton correction solves (c_w M + K_T) Δq = F − M w with c_w = (1 − αm)/(βh²(1 − αf)): block tridiagonal, so the same
-recursion as for the mass. Known coordinates are known as positions; their velocities and accelerations follow from the
-formulas above, as they do in an index-3 solution of the equations with multipliers.
+recursion as for the mass. Damping forces are those of q_{n+1} and v_{n+1}; to the matrix they add τγ/(βh) times the
+elastic tangent of their body, which leaves out what stress and velocity add to their exact derivative: Newton needs a
+correction or two more, and its limit is the same.
+
+Known coordinates are known as positions; their velocities and accelerations follow from the formulas above, as they do
+in an index-3 solution of the equations with multipliers.
 """
 
 from dataclasses import dataclass
@@ -32,6 +36,7 @@ from anctmm.assembly import (
     body_after,
     elastic_forces,
     mass_product,
+    resist,
     window_forces,
     window_inertia,
 )
@@ -147,6 +152,20 @@ class State(NamedTuple):
     flat: tuple[Array, ...]
 
 
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, velocities at the end of the step, (rows, nodes), and the power lost.
+
+    power: at the last evaluation and at the end of the step before, (2,), W. stiff: tables whose stiffness is that of
+    the iteration matrix. flat: the velocities again, as a vector.
+    """
+
+    of: Array
+    v: Array
+    power: Array
+    stiff: Tables
+    flat: Array
+
+
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
@@ -183,6 +202,7 @@ def integrate(chain: Chain) -> Solution:
         actuation.loads(),
         newton,
         record.arrays(),
+        new_damping(chain),
     )
 
     def one(begin: int, end: int) -> int:
@@ -191,9 +211,9 @@ def integrate(chain: Chain) -> Solution:
 
     with announced():
         one(0, 0)
-        start(*fixed[3:10], actuation)
+        start(*fixed[3:10], actuation, fixed[-1])
     record.start()
-    start(*fixed[3:10], actuation)
+    start(*fixed[3:10], actuation, fixed[-1])
     failed = run_batches(chain, one)
     done = run.steps if failed < 0 else failed
     status = Status() if failed < 0 else _stalled(chain, failed, state, newton)
@@ -207,6 +227,16 @@ def new_state(chain: Chain) -> State:
     a, w, q_before, w_before = np.zeros((4, *q.shape))
     flat = tuple(x.ravel() for x in (q, v, a, w, q_before, w_before))
     return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]), flat)
+
+
+def new_damping(chain: Chain) -> Damping | None:
+    """Damping of a scene that has some, for steps of the discretisation's length."""
+    bodies, c = chain.bodies, GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    if bodies.damping is None:
+        return None
+    stiffer = [1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping]
+    v = bodies.initial_velocity()
+    return Damping(bodies.damping, v, np.zeros(2), bodies.stiffened(stiffer).tables(), v.ravel())
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -226,11 +256,12 @@ def start(
     loads: Loads,
     newton: Newton,
     actuation: Actuation,
+    damping: Damping | None = None,
 ) -> None:
     """True accelerations at t = 0, M w = F, from which a starts too; the hubs' are those of their drives."""
     now = np.zeros(1)
     drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
-    _balance(state, tables, links, factors, hubs, loads, drives, values)
+    _balance(state, tables, links, factors, hubs, loads, drives, values, damping)
     newton.counts[:] = 0, 1, 1
 
 
@@ -244,11 +275,17 @@ def _balance(
     loads: Loads,
     drives: Array,
     values: Array,
+    damping: Damping | None,
 ) -> None:
     """w and a from the forces at t = 0; one call, since handing over so many arrays takes longer than the work."""
     turn_hubs(hubs, drives)
     place_hubs(state.q, state.v, hubs)
     set_loads(state.q, state.f, state.dead, loads, values)
+    if damping is not None:
+        _, flat_v, _, _, _, _ = state.flat
+        copy(flat_v, damping.flat)
+        _resist(state.q, state.f, state.dead, tables, loads, values, damping)
+        damping.power[1] = damping.power[0]
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
     by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
     _, _, flat_a, flat_w, _, _ = state.flat
@@ -340,6 +377,7 @@ def advance(
     loads: Loads,
     newton: Newton,
     out: Output,
+    damping: Damping | None,
     hub_table: Array,
     load_table: Array,
 ) -> int:
@@ -370,10 +408,22 @@ def advance(
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - begin])
         if not solve_step(
-            state, coefficients, tables, links, factors, hubs, loads, load_table[step + 1 - begin], newton
+            state,
+            coefficients,
+            tables,
+            links,
+            factors,
+            hubs,
+            loads,
+            load_table[step + 1 - begin],
+            newton,
+            damping,
         ):
             return step + 1
         unfinished = True
+        if damping is not None:
+            out.work[0] -= 0.5 * coefficients.h * (damping.power[0] + damping.power[1])
+            damping.power[1] = damping.power[0]
     if unfinished:
         finish(flat_v, flat_a, flat_w, flat_before, coefficients)
     return -1
@@ -432,7 +482,7 @@ def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton):  # type: ignore[no-untyped-def]
+def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
     """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton."""
     q, w = state.q, state.w
     flat_q, flat_v, flat_a, flat_w, was, had = state.flat
@@ -443,24 +493,31 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
             _drag(q, w, hubs.nodes, hubs.motion, coefficients)
             solved = _newton(
-                full == 1, state, coefficients, tables, links, factors, loads, load_values, newton
+                full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
             )
     return solved
 
 
 @inlined
-def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton):  # type: ignore[no-untyped-def]
+def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
-    q, _, _, w, _, _, f, dead, arrived, _ = state
+    q, _, _, w, _, _, f, dead, arrived, flat = state
+    _, flat_v, flat_a, flat_w, _, had = flat
     _, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
     for iteration in range(ITERATIONS):
         set_loads(q, f, dead, loads, load_values)
         if full or counts[2] != 0:
-            factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
+            if damping is None:
+                factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
+            else:
+                factorize(q, damping.stiff, links, coefficients.to_w, 1.0, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
+        if damping is not None:
+            _velocities(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
+            _resist(q, f, dead, tables, loads, load_values, damping)
         _forward(q, w, f, tables, factors, arrived)
         size = _backward(q, w, coefficients.to_w, newton.scale, factors, arrived)
         history[iteration] = size
@@ -480,6 +537,27 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
         last = size
     counts[2] = 1
     return False
+
+
+@inlined
+def _velocities(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def]
+    """Velocities that `finish` would give."""
+    r = 1.0 / (1.0 - c.alpha_m)
+    now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+    for i in range(len(v)):
+        new = now * w[i] + then * w_before[i] - old * a[i]
+        out[i] = v[i] + c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
+
+
+@inlined
+def _resist(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no-untyped-def]
+    """External forces at the velocities of `damping`, which resist them."""
+    first, blend, kinds, constants, _, buffer = tables
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            f[k, i] = dead[k, i]
+    set_loads(q, f, dead, loads, load_values)
+    damping.power[0] = resist(blend, q, damping.v, first, kinds, constants, damping.of, buffer, f)
 
 
 @inlined

@@ -15,6 +15,7 @@ from scipy.differentiate import derivative
 
 from anctmm.discretisation import Discretisation
 from anctmm.elements.cable import CableElement
+from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shear import ShearElement
 from anctmm.scene import Beam, Force, Scene, Torque
 
@@ -30,9 +31,10 @@ class BodyMesh:
     ----------
     body : Beam
     kind : str
-        "cable" or "shear".
+        "cable", "shear" or "rigid".
     elements : int
     element : ShearElement or CableElement
+        (A RigidElement is one of the latter.)
         Every one of them.
     gravity : (float, float)
         m/s².
@@ -157,9 +159,11 @@ def body_meshes(
 
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
     body = scene.body(name)
-    element: Element = (
-        ShearElement.of(body, elements) if kind == "shear" else CableElement.of(body, elements, quadrature)
-    )
+    element: Element
+    if kind == "shear":
+        element = ShearElement.of(body, elements)
+    else:
+        element = (RigidElement if kind == "rigid" else CableElement).of(body, elements, quadrature)
     return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
 
 

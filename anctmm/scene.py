@@ -19,7 +19,7 @@ from anctmm.errors import (
 )
 from anctmm.sections import Section
 from anctmm.topology import Link, chains_of
-from anctmm.validation import number, positive, vector, within
+from anctmm.validation import not_negative, number, positive, vector, within
 
 Point = tuple[float, float]
 Probe = str | tuple[str, float]
@@ -44,16 +44,26 @@ class Material:
         kg/m³.
     poisson : float
         Poisson's ratio, in [0, ½). Only the shear element sees it; note its Poisson locking.
+    damping : float
+        Kelvin-Voigt damping τ, s: the stress is that of the strains plus τ times their rates. A mode of angular
+        frequency ω then has the damping ratio τω/2.
     """
 
     E: float
     density: float
     poisson: float = 0.0
+    damping: float = 0.0
 
     def __post_init__(self) -> None:
         positive("material E (Pa)", self.E)
         positive("material density (kg/m³)", self.density)
         within("material poisson", self.poisson, 0.0, 0.5, "[)")
+        not_negative("material damping (s)", self.damping)
+
+    def __repr__(self) -> str:
+        # what is absent is not written: texts and keys of undamped scenes stay as they are
+        damping = f", damping={self.damping!r}" if self.damping else ""
+        return f"Material(E={self.E!r}, density={self.density!r}, poisson={self.poisson!r}{damping})"
 
     @property
     def lame(self) -> tuple[float, float]:

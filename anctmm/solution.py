@@ -83,7 +83,8 @@ class Energy:
     """Energies at the output times, J, each (n,); NaN where a solver does not give one.
 
     kinetic + strain + potential − work is constant in the exact motion. `potential` is that of gravity and of
-    constant forces, zero at t = 0; `work` is what drives, torques and forces that vary in time have done.
+    constant forces, zero at t = 0; `work` is what drives, torques and forces that vary in time have done, less what
+    damping took.
     """
 
     kinetic: Array

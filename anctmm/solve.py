@@ -5,6 +5,8 @@ from typing import Any
 from anctmm import adaptive, explicit, implicit
 from anctmm.chain import Chain
 from anctmm.discretisation import Discretisation, discretise
+from anctmm.errors import StepError
+from anctmm.rigid import refuse_rigid
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from anctmm.statics import solve_static
@@ -33,6 +35,12 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
     """
     chain = Chain(scene, discretise(run, options, fixed_step=False))
+    if chain.run.tolerance is not None and chain.bodies.damping is not None:
+        raise StepError(
+            f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "
+            f"the error does not know damping"
+        )
     if chain.run.integrator == "zhai":
         return explicit.integrate(chain)
+    refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
     return implicit.integrate(chain) if chain.run.tolerance is None else adaptive.integrate(chain)

@@ -1,22 +1,25 @@
 """Stability limit of the explicit integrator, from the highest frequency of the linearised scene."""
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
 
-from anctmm.assembly import elastic_forces, mass_product
+from anctmm.assembly import Bodies, elastic_forces, mass_product
 from anctmm.chain import Chain, Joined
 from anctmm.discretisation import Discretisation
 from anctmm.errors import StabilityError
 from anctmm.riccati import mass_factors, solve
+from anctmm.rigid import project, rigid_system
 
 Array = NDArray[np.float64]
 
 #: Step of the central difference of the elastic force; the force is a smooth function of gradients of size 1.
 DIFFERENCE = 1e-6
+#: Coordinates up to which a scene with rigid bodies is linearised as a dense matrix.
+DENSE = 400
 
 
 def zhai_limit(psi: float, phi: float) -> float:
@@ -24,7 +27,21 @@ def zhai_limit(psi: float, phi: float) -> float:
     return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
 
 
-def highest_frequency(chain: Chain, q: Array | None = None) -> float:
+def step_limit(psi: float, phi: float, frequency: float, rate: float = 0.0) -> float:
+    """Largest stable step of a mode q̈ + c q̇ + ω² q = 0, s: the h with ½ψ ω²h² + (½ + φ) c h = 1, where q turns sign.
+
+    Parameters
+    ----------
+    psi, phi : float
+        Equal and at least ½.
+    frequency, rate : float
+        ω, rad/s, and c, 1/s; c = τω² with Kelvin-Voigt damping.
+    """
+    a, b = 0.5 * psi * frequency**2, (0.5 + phi) * rate
+    return 2.0 / (b + sqrt(b * b + 4.0 * a)) if a > 0.0 or b > 0.0 else inf
+
+
+def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | None = None) -> float:
     """Largest angular frequency ω_max of a scene linearised about a configuration, rad/s.
 
     Lanczos on M⁻¹K_T; the product with M⁻¹ is the Riccati sweep, that with K_T a difference of elastic forces, so
@@ -35,15 +52,17 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
     chain : Chain
     q : ndarray, shape (rows, nodes), optional
         The undeformed scene without it.
+    bodies : Bodies, optional
+        Others than the chain's, of the same nodes, to take the elastic forces from.
 
     Returns
     -------
     float
         0 where nothing can move.
     """
-    bodies = chain.bodies
+    bodies = bodies or chain.bodies
     q = bodies.reference() if q is None else q
-    inverse = mass_factors(chain)
+    inverse, rigid = mass_factors(chain), rigid_system(chain)
     join = Joined(chain)
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
 
@@ -63,14 +82,17 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
         return join.gather(out)
 
     def divided(f: Array) -> Array:
-        return join.unknowns(solve(inverse, join.load(f)))
+        a = solve(inverse, join.load(f))
+        return join.unknowns(a if rigid is None else project(rigid, q, a))
 
     n = join.size
-    if n == 0:
+    if n == 0 or not any(m.kind != "rigid" for m in bodies.meshes):
         return 0.0
-    if n < 3:
-        K, M = (np.stack([g(e) for e in np.eye(n)]) for g in (stiffness, mass))
-        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(np.linalg.solve(M, K)))))))
+    if n < 3 or (
+        rigid is not None and n <= DENSE
+    ):  # few freedoms beside the coordinates may stop Lanczos early
+        A = np.stack([divided(stiffness(e)) for e in np.eye(n)])
+        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
     operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
     start = np.random.default_rng(0).standard_normal(n)
     try:
@@ -91,18 +113,27 @@ def highest_frequency(chain: Chain, q: Array | None = None) -> float:
 
 def largest_step(chain: Chain, q: Array) -> float:
     """Largest stable Zhai step of a scene linearised about a configuration, s; infinite if that cannot be told."""
+    if zhai_limit(chain.run.psi, chain.run.phi) == 0.0:
+        return inf
     try:
-        frequency = highest_frequency(chain, q)
+        return step_limit(chain.run.psi, chain.run.phi, highest_frequency(chain, q), highest_rate(chain))
     except (ArpackError, np.linalg.LinAlgError):
-        return float("inf")
-    limit = zhai_limit(chain.run.psi, chain.run.phi)
-    return limit / frequency if limit > 0.0 and frequency > 0.0 else float("inf")
+        return inf
 
 
-def element_bound(chain: Chain) -> float:
-    """Largest frequency of any single free element, an upper bound of ω_max (Irons & Treharne 1971), rad/s."""
+def highest_rate(chain: Chain) -> float:
+    """Largest rate c of decay by damping in q̈ + c q̇ + … of the undeformed scene, 1/s; 0 without damping."""
+    damping = chain.bodies.damping
+    return 0.0 if damping is None else highest_frequency(chain, bodies=chain.bodies.stiffened(damping)) ** 2
+
+
+def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
+    """Largest frequency of any single free element, an upper bound of ω_max (Irons & Treharne 1971), rad/s.
+
+    With other `bodies` of the same nodes, theirs.
+    """
     bound = 0.0
-    for mesh in chain.bodies.meshes:
+    for mesh in (bodies or chain.bodies).meshes:
         q = mesh.reference[:2].reshape(-1, 2)
         K = mesh.element.tangent(q).reshape(q.size, q.size)
         values = eigh(K, np.kron(mesh.element.mass, np.eye(2)), eigvals_only=True)
@@ -119,17 +150,21 @@ def check_step(chain: Chain) -> None:
         Naming the step and the largest one allowed.
     """
     run: Discretisation = chain.run
-    limit = zhai_limit(run.psi, run.phi)
-    if limit == 0.0:
+    if zhai_limit(run.psi, run.phi) == 0.0:
         raise StabilityError(
             f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed, every other pair tried "
             f"is unstable at any step (check_stability=False runs it all the same)"
         )
-    if run.dt * element_bound(chain) <= limit:
+    damping = chain.bodies.damping
+    bound = 0.0 if damping is None else element_bound(chain, chain.bodies.stiffened(damping)) ** 2
+    if run.dt <= step_limit(run.psi, run.phi, element_bound(chain), bound):
         return
-    frequency = highest_frequency(chain)
-    if run.dt * frequency > limit:
+    frequency, rate = highest_frequency(chain), highest_rate(chain)
+    limit = step_limit(run.psi, run.phi, frequency, rate)
+    if run.dt > limit:
+        also = f", its highest rate of damping {rate:.6g} 1/s" if damping is not None else ""
         raise StabilityError(
-            f"dt is {run.dt!r} s; at most {limit / frequency:.6g} s is stable: the highest frequency of scene "
-            f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
+            f"dt is {run.dt!r} s; at most {limit:.6g} s is stable: the highest frequency of scene "
+            f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s{also} "
+            f"(check_stability=False runs it all the same)"
         )

@@ -15,6 +15,7 @@ from anctmm.discretisation import Discretisation, discretise
 from anctmm.errors import DiscretisationError
 from anctmm.recording import Record, worst_element
 from anctmm.riccati import block_factors, factorize, links, solve
+from anctmm.rigid import refuse_rigid
 from anctmm.scene import Scene
 from anctmm.solution import Solution, Status
 from anctmm.stability import DIFFERENCE
@@ -68,6 +69,7 @@ def solve_static(
     if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
         raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
     chain = Chain(scene, discretise(run, options))
+    refuse_rigid(chain, "statics")
     search = _Search(chain)
     with announced():
         search.newton(0.0)

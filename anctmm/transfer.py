@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.errors import SolverError
+from anctmm.rigid import refuse_rigid
 
 Complex = NDArray[Any]
 Real = NDArray[np.float64]
@@ -115,6 +116,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         raise SolverError(
             f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here"
         )
+    refuse_rigid(chain, "the readable form")
     k = bodies.rows // 2
     outer = _complex(f)
     passages = []

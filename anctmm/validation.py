@@ -31,6 +31,14 @@ def positive(name: str, value: object, error: type[AnctmmError] = PropertyError)
     return result
 
 
+def not_negative(name: str, value: object, error: type[AnctmmError] = PropertyError) -> float:
+    """Return `value` as a float of at least zero, or raise `error`."""
+    result = number(name, value, error)
+    if result < 0.0:
+        raise error(f"{name} is {value!r}; a number of at least 0 is needed")
+    return result
+
+
 def within(
     name: str, value: object, low: float, high: float, bounds: str, error: type[AnctmmError] = PropertyError
 ) -> float:

@@ -126,6 +126,8 @@ class Cables:
                     massPerLength=body.material.density * body.section.area,
                     axialStiffness=body.material.E * body.section.area,
                     bendingStiffness=body.material.E * body.section.second_moment,
+                    axialDamping=body.material.damping * body.material.E * body.section.area,
+                    bendingDamping=body.material.damping * body.material.E * body.section.second_moment,
                     useReducedOrderIntegration=QUADRATURE[self.run.quadrature],
                 )
             )

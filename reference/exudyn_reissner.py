@@ -169,6 +169,9 @@ class ReissnerBeams:
                     axialStiffness=EA,
                     shearStiffness=GA,
                     bendingStiffness=EI,
+                    axialDamping=body.material.damping * EA,
+                    shearDamping=body.material.damping * GA,
+                    bendingDamping=body.material.damping * EI,
                 )
             )
         return nodes

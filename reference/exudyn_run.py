@@ -128,6 +128,9 @@ def roundoff(beams: Beams, scene: Scene) -> float:
 
 
 def _check_integrator(scene: Scene, run: Discretisation) -> None:
+    for name, (_, kind) in run.of(scene).items():
+        if kind == "rigid":
+            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
     if run.integrator != "zhai":
         return
     if (run.psi, run.phi) != (0.5, 0.5):
@@ -275,7 +278,7 @@ def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy
     """Energies of the kept history.
 
     The work of drives and of what varies in time is summed by the trapezoidal rule over the output times, so
-    it is as exact as these are dense.
+    it is as exact as these are dense. What damping takes is not known: there `work` is NaN.
     """
     n, scene = len(history.t), model.scene
     kinetic, strain, potential, work = (np.zeros(n) for _ in range(4))
@@ -299,9 +302,11 @@ def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy
             work += _work(moment, model.beams.angle(node)[:, None])
     for (name, side, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
         work += _work(-multiplier[:, None], history.coordinates[name][:, -1 if side else 0, index, None])
+    nan = np.full(n, np.nan)
     if model.static:
-        nan = np.full(n, np.nan)
         return Energy(kinetic, strain, nan, nan)
+    if any(body.material.damping for body in scene.bodies):
+        work = nan
     return Energy(kinetic, strain, potential, work)
 
 

@@ -18,6 +18,7 @@ STUDIES = {
     "four-bar": ("studies.four_bar", "the paper's crank mechanism: accuracy and cost over meshes and steps"),
     "cantilever": ("studies.cantilever", "large deflections against exact solutions; a fall under gravity"),
     "trade": ("studies.trade", "which solver, element, mesh and step an error costs least with"),
+    "fidelity": ("studies.fidelity", "which body may be a cable or rigid, and what that saves"),
 }
 
 

@@ -4,7 +4,7 @@ Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (method.md, sect
 ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|². No rotary inertia.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -39,6 +39,8 @@ class CableElement:
         kg/m.
     quadrature : str
         "full", "reduced" or "lobatto".
+    damping : float
+        Kelvin-Voigt damping, s.
     """
 
     l: float  # noqa: E741
@@ -46,6 +48,7 @@ class CableElement:
     EI: float
     mass_per_length: float
     quadrature: str = "full"
+    damping: float = 0.0
 
     vectors_per_node = 2
 
@@ -54,8 +57,17 @@ class CableElement:
         """Each of a body's equal elements."""
         s, m = body.section, body.material
         return cls(
-            body.length / elements, m.E * s.area, m.E * s.second_moment, m.density * s.area, quadrature
+            body.length / elements,
+            m.E * s.area,
+            m.E * s.second_moment,
+            m.density * s.area,
+            quadrature,
+            m.damping,
         )
+
+    def stiffened(self, factor: float) -> "CableElement":
+        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
+        return replace(self, EA=factor * self.EA, EI=factor * self.EI)
 
     @cached_property
     def axial_rule(self) -> tuple[Array, Array]:
@@ -91,6 +103,34 @@ class CableElement:
         curvature, by_b, by_c, _ = self._curvature(B @ q, C @ q)
         moment = (self.EI * v * curvature)[:, None]
         return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+
+    def dissipation(self, q: Array, v: Array) -> float:
+        """Rayleigh's dissipation function ½ τ ∫ (EA ε̇² + EI κ̇²) at velocities v, (4, 2), W; complex-step safe."""
+        axial, bending = self._strain_rates(q, v)
+        _, w = self.axial_rule
+        _, _, u = self.bending_rule
+        return 0.5 * self.damping * (self.EA * (w @ axial**2) + self.EI * (u @ bending**2))  # type: ignore[return-value]
+
+    def damping_force(self, q: Array, v: Array) -> Array:
+        """Force that resists the velocities v, the gradient of the dissipation by them, (4, 2)."""
+        axial, bending = self._strain_rates(q, v)
+        B, w = self.axial_rule
+        b = B @ q
+        t = b / np.sqrt((b * b).sum(axis=1))[:, None]
+        force = B.T @ ((self.damping * self.EA * w * axial)[:, None] * t)
+        B, C, u = self.bending_rule
+        _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
+        moment = (self.damping * self.EI * u * bending)[:, None]
+        return force + B.T @ (moment * by_b) + C.T @ (moment * by_c)
+
+    def _strain_rates(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """ε̇ and κ̇ at the points of their rules, 1/s and 1/(m s)."""
+        B, _ = self.axial_rule
+        b = B @ q
+        axial = (b * (B @ v)).sum(axis=1) / np.sqrt((b * b).sum(axis=1))
+        B, C, _ = self.bending_rule
+        _, by_b, by_c, _ = self._curvature(B @ q, C @ q)
+        return axial, (by_b * (B @ v)).sum(axis=1) + (by_c * (C @ v)).sum(axis=1)
 
     def tangent(self, q: Array) -> Array:
         """Hessian of the energy, (4, 2, 4, 2)."""

@@ -123,6 +123,70 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
 
 
 @kernel
+def damping_forces(
+    q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
+) -> None:
+    """Kelvin-Voigt forces of a block of elements at velocities v, (≥ 4, nodes); the rest as in `forces`.
+
+    damping: τ, s.
+    """
+    l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
+    axial, bending = int(constants[3]), int(constants[4])
+    r = 1.0 / l
+    for k in range(4):
+        for j in range(count):
+            out[k * BLOCK + j] = 0.0
+            out[(6 + k) * BLOCK + j] = 0.0
+    for p in range(axial):
+        at = HEAD + p * AXIAL
+        A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
+        for j in range(count):
+            bx, by = _slope(q, first + j, A, B, C, r)
+            gx, gy = _slope(v, first + j, A, B, C, r)
+            n = EA * w * (bx * gx + by * gy) / (bx * bx + by * by)
+            px, py = n * bx, n * by
+            out[0 * BLOCK + j] += A * px
+            out[1 * BLOCK + j] += A * py
+            out[2 * BLOCK + j] += l * B * px
+            out[3 * BLOCK + j] += l * B * py
+            out[8 * BLOCK + j] += l * C * px
+            out[9 * BLOCK + j] += l * C * py
+    for p in range(bending):
+        at = HEAD + axial * AXIAL + p * BENDING
+        A, B, C = constants[at], constants[at + 1], constants[at + 2]
+        a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
+        for j in range(count):
+            bx, by = _slope(q, first + j, A, B, C, r)
+            cx, cy = _slope(q, first + j, a * r, b * r, c * r, r)
+            gx, gy = _slope(v, first + j, A, B, C, r)
+            hx, hy = _slope(v, first + j, a * r, b * r, c * r, r)
+            s = 1.0 / (bx * bx + by * by)
+            curvature = (bx * cy - by * cx) * s
+            ux, uy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
+            tx, ty = -by * s, bx * s
+            m = EI * w * (ux * gx + uy * gy + tx * hx + ty * hy)
+            px, py, tx, ty = m * ux, m * uy, m * tx * r, m * ty * r
+            out[0 * BLOCK + j] += A * px + a * tx
+            out[1 * BLOCK + j] += A * py + a * ty
+            out[2 * BLOCK + j] += l * (B * px + b * tx)
+            out[3 * BLOCK + j] += l * (B * py + b * ty)
+            out[8 * BLOCK + j] += l * (C * px + c * tx)
+            out[9 * BLOCK + j] += l * (C * py + c * ty)
+    for k in range(2):
+        for j in range(count):
+            out[(6 + k) * BLOCK + j] = -out[k * BLOCK + j]
+
+
+@inlined
+def _slope(q, i, A, B, C, r):  # type: ignore[no-untyped-def]
+    """B r'_I + C r'_O − A (r_O − r_I)/l of the element behind node i."""
+    return (
+        B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * r,
+        B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * r,
+    )
+
+
+@kernel
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741

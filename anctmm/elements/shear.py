@@ -5,7 +5,7 @@ director d (linear), r(x, y) = c + y d. All Green strains are the dot products o
 X = [c', d', d], and the energy per length is a quadratic form of them: method.md, section 1.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -43,6 +43,8 @@ class ShearElement:
         Lamé's parameter and shear modulus, Pa.
     density : float
         kg/m³.
+    damping : float
+        Kelvin-Voigt damping, s.
     """
 
     l: float  # noqa: E741
@@ -52,6 +54,7 @@ class ShearElement:
     lam: float
     G: float
     density: float
+    damping: float = 0.0
 
     vectors_per_node = 3
 
@@ -59,7 +62,13 @@ class ShearElement:
     def of(cls, body: Beam, elements: int) -> "ShearElement":
         """Each of a body's equal elements."""
         s, m = body.section, body.material
-        return cls(body.length / elements, s.area, s.second_moment, s.fourth_moment, *m.lame, m.density)
+        return cls(
+            body.length / elements, s.area, s.second_moment, s.fourth_moment, *m.lame, m.density, m.damping
+        )
+
+    def stiffened(self, factor: float) -> "ShearElement":
+        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
+        return replace(self, lam=factor * self.lam, G=factor * self.G)
 
     @cached_property
     def stiffness(self) -> Array:
@@ -92,6 +101,23 @@ class ShearElement:
         X, s, B, w = self._state(q)
         N = np.einsum("pk,kab->pab", s @ self.stiffness, STRAIN_FORMS)
         return np.einsum("p,pai,pab,pbc->ic", w, B, N, X)
+
+    def dissipation(self, q: Array, v: Array) -> float:
+        """Rayleigh's dissipation function ½ τ ∫ ṡ·D ṡ at velocities v, (6, 2), W; complex-step safe."""
+        _, rates, w = self._rates(q, v)
+        return 0.5 * self.damping * np.einsum("p,pk,kl,pl->", w, rates, self.stiffness, rates)  # type: ignore[no-any-return]
+
+    def damping_force(self, q: Array, v: Array) -> Array:
+        """Force that resists the velocities v, the gradient of the dissipation by them, (6, 2)."""
+        X, rates, w = self._rates(q, v)
+        N = np.einsum("pk,kab->pab", self.damping * rates @ self.stiffness, STRAIN_FORMS)
+        return np.einsum("p,pai,pab,pbc->ic", w, self.operators[0], N, X)
+
+    def _rates(self, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """X, the strains' rates ṡ_k = X·Q_k Ẋ, (points, 6), and the weights."""
+        B, w = self.operators
+        X = B @ q
+        return X, np.einsum("pac,kab,pbc->pk", X, STRAIN_FORMS, B @ v), w
 
     def tangent(self, q: Array) -> Array:
         """Hessian of the energy, (6, 2, 6, 2)."""

@@ -141,6 +141,63 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
 
 
 @kernel
+def damping_forces(
+    q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
+) -> None:
+    """Kelvin-Voigt forces of a block of elements at velocities v, (6, nodes); the rest as in `forces`.
+
+    damping: τ, s.
+    """
+    l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
+    lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
+    r = 1.0 / l
+    for k in range(12):
+        for j in range(count):
+            out[k * BLOCK + j] = 0.0
+    for p in range(POINTS):
+        x, y, A, B, C, weight = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4], TABLE[p, 5]
+        w = damping * weight
+        for j in range(count):
+            (cx, cy), (dx, dy), (ex, ey) = _vectors(q, first + j, x, y, A, B, C, r)
+            (fx, fy), (gx, gy), (hx, hy) = _vectors(v, first + j, x, y, A, B, C, r)  # their rates
+            stretch, twist, thickness = cx * fx + cy * fy, ex * hx + ey * hy, dx * gx + dy * gy
+            N0 = w * (LA * stretch + LI * twist + lA * thickness)
+            N1 = w * LI * (fx * ex + fy * ey + cx * hx + cy * hy)
+            N2 = w * (LI * stretch + LJ * twist + lI * thickness)
+            Ny = w * (LA * thickness + lA * stretch + lI * twist)
+            Q0 = w * GA * (fx * dx + fy * dy + cx * gx + cy * gy)
+            Q1 = w * GI * (hx * dx + hy * dy + ex * gx + ey * gy)
+            px, py = N0 * cx + N1 * ex + Q0 * dx, N0 * cy + N1 * ey + Q0 * dy
+            tx, ty = Ny * dx + Q0 * cx + Q1 * ex, Ny * dy + Q0 * cy + Q1 * ey
+            sx, sy = N1 * cx + N2 * ex + Q1 * dx, N1 * cy + N2 * ey + Q1 * dy
+            out[0 * BLOCK + j] += A * px
+            out[1 * BLOCK + j] += A * py
+            out[2 * BLOCK + j] += l * B * px
+            out[3 * BLOCK + j] += l * B * py
+            out[4 * BLOCK + j] += l * y * tx - sx
+            out[5 * BLOCK + j] += l * y * ty - sy
+            out[6 * BLOCK + j] -= A * px
+            out[7 * BLOCK + j] -= A * py
+            out[8 * BLOCK + j] += l * C * px
+            out[9 * BLOCK + j] += l * C * py
+            out[10 * BLOCK + j] += l * x * tx + sx
+            out[11 * BLOCK + j] += l * x * ty + sy
+
+
+@inlined
+def _vectors(q, i, x, y, A, B, C, r):  # type: ignore[no-untyped-def]
+    """c', d and d' at a point of the element behind node i, from its row of TABLE."""
+    return (
+        (
+            B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * r,
+            B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * r,
+        ),
+        (y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]),
+        ((q[4, i + 1] - q[4, i]) * r, (q[5, i + 1] - q[5, i]) * r),
+    )
+
+
+@kernel
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741

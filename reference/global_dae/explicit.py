@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import elastic_forces
+from anctmm.assembly import elastic_forces, resist
 from anctmm.compiling import inlined, kernel
 from reference.global_dae.assemble import fill_dense, solve_dense
 from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
@@ -103,6 +103,8 @@ def march(
     s: State,
     kept: Array,
     energies: Array,
+    damping: Array | None,
+    power: Array,
 ) -> tuple[int, int]:
     """Steps span[0] … span[1] − 1: acceleration, output where wanted, and advance unless it is the last, span[2].
 
@@ -112,6 +114,10 @@ def march(
         Loads and drives at the times of steps span[0] … span[1], the first row that of span[0].
     wanted : ndarray
         Steps to keep, ascending, from the first one not yet kept; −1 at its end.
+    damping : ndarray or None
+        Of `Bodies`.
+    power : ndarray, shape (1,)
+        Lost by damping at the step before, W.
 
     Returns
     -------
@@ -147,6 +153,10 @@ def march(
         elastic_forces(blend, q, first, kinds, constants, buffer, force)
         for i in range(size):
             right[i] = dead[i] - right[i]
+        if damping is not None:
+            lost = resist(blend, q, m.v, first, kinds, constants, damping, buffer, force)
+            m.work[0] -= 0.5 * scheme.h * (power[0] + lost) if n > 0 else 0.0
+            power[0] = lost
         add_loads(loads, values, at, flat_q, right)
         scale_driven(rows, acceleration, right, size)
         if not solve(factors, constant, right, left, scratch, dense):
@@ -195,7 +205,7 @@ class Zhai(Marcher):
             self.factors = factorise(matrix, model.places(2))
         else:
             self.factors = factorise(full, model.places(1))
-        self.state = self._start()
+        self.state, self.power = self._start(), np.zeros(1)
 
     def _start(self) -> State:
         model, unknowns = self.model, self.model.dofs + 2 * len(self.model.joints)
@@ -218,6 +228,7 @@ class Zhai(Marcher):
         step, outputs = march(
             self.scheme, model.parts, self.rows, model.loads, self.factors, self.constant,
             values, angles, span, wanted, self.state, kept, energies,
+            model.bodies.damping, self.power,
         )  # fmt: skip
         self.factorizations = step if self.dense else 1
         if step == last:

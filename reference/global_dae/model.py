@@ -14,6 +14,7 @@ from scipy import sparse
 
 from anctmm.assembly import Bodies
 from anctmm.discretisation import Discretisation
+from anctmm.errors import DiscretisationError
 from anctmm.mesh import build
 from anctmm.scene import Scene
 from reference.global_dae.constraints import Row, Rows, compiled_rows, constraint_rows
@@ -57,7 +58,12 @@ class Model:
 
     @classmethod
     def of(cls, scene: Scene, run: Discretisation) -> "Model":
-        """Build it; raises the errors of `anctmm.mesh.build` and `constraint_rows`."""
+        """Build it; raises the errors of `anctmm.mesh.build` and `constraint_rows`, and refuses rigid bodies."""
+        for name, (_, kind) in run.of(scene).items():
+            if kind == "rigid":
+                raise DiscretisationError(
+                    f"element is 'rigid' for body {name!r}; the global solver needs 'cable' or 'shear'"
+                )
         bodies = Bodies(list(build(scene, run).values()))
         return cls(scene, run, bodies, constraint_rows(scene, bodies))
 

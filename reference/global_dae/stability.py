@@ -1,6 +1,6 @@
 """Stability limit of the explicit integrator, from sparse K and M on the null space of the constraints."""
 
-from math import sqrt
+from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from scipy import sparse
 from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
+from anctmm.assembly import Bodies
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.errors import StabilityError
 from reference.global_dae.assemble import assemble, matrix_of, system_of
@@ -20,13 +21,14 @@ Array = NDArray[np.float64]
 DENSE = 400
 
 
-def stiffness(model: Model) -> Matrix:
-    """K_T of the undeformed scene without torques, (dofs, dofs)."""
+def stiffness(model: Model, bodies: Bodies | None = None) -> Matrix:
+    """K_T of the undeformed scene without torques, (dofs, dofs); with other bodies of the same nodes, theirs."""
+    constants = (bodies or model.bodies).constants
     system = system_of(model, 1.0)
     rows, data = 2 * model.bodies.rows, np.zeros(len(system.row) + 1)
     q, none = model.bodies.reference(), 0.0 * load_table(model.scene, np.zeros(1))[0]
     scratch = np.zeros(TANGENT_BUFFER), np.zeros((rows, rows))
-    assemble(system, 0.0, model.parts, model.loads, none, q, *scratch, data)
+    assemble(system, 0.0, model.parts._replace(constants=constants), model.loads, none, q, *scratch, data)
     return Matrix(matrix_of(system, data)[: model.dofs, : model.dofs])
 
 
@@ -51,10 +53,13 @@ def null_space(model: Model) -> Matrix:
     return Matrix(sparse.kron(Z.real, np.eye(2)) + sparse.kron(Z.imag, turn))
 
 
-def highest_frequency(model: Model) -> float:
-    """Largest angular frequency of the undeformed scene with its joints, rad/s; 0 if nothing is free."""
+def highest_frequency(model: Model, bodies: Bodies | None = None) -> float:
+    """Largest angular frequency of the undeformed scene with its joints, rad/s; 0 if nothing is free.
+
+    With other bodies of the same nodes, their stiffness is taken.
+    """
     Z = null_space(model)
-    K, M = Matrix(Z.T @ stiffness(model) @ Z), Matrix(Z.T @ model.mass @ Z)
+    K, M = Matrix(Z.T @ stiffness(model, bodies) @ Z), Matrix(Z.T @ model.mass @ Z)
     n = K.shape[0]
     if n == 0:
         return 0.0
@@ -88,8 +93,14 @@ def check_step(model: Model) -> None:
             f"(check_stability=False runs it all the same)"
         )
     frequency = highest_frequency(model)
-    if run.dt * frequency > allowed * (1.0 + 1e-9):
+    largest = allowed / frequency if frequency > 0.0 else inf
+    if model.bodies.damping is not None:
+        # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping
+        viscous = model.bodies.stiffened(model.bodies.damping)
+        rate = (0.5 + run.phi) * highest_frequency(model, viscous) ** 2
+        largest = 2.0 / (rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2))
+    if run.dt > largest * (1.0 + 1e-9):
         raise StabilityError(
-            f"dt is {run.dt!r} s; at most {allowed / frequency:.6g} s is stable, for the highest frequency of scene "
+            f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "
             f"{model.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
         )
