@@ -1,5 +1,6 @@
 """One self-contained page of all studies."""
 
+import json
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,13 +10,20 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from studies import provenance
 from studies.files import atomic_write
+from studies.film import Film
 from studies.plots import GRID, INK, PAPER, Picture
 from studies.study import Result
-from studies.tables import Table, cells
+from studies.tables import MOST_ROWS, Table, cells
+
+#: What a reader asks first stands first; the other studies follow in their order.
+FIRST = ("trade", "agreement")
+#: Tables with no more rows are open.
+SHORT = 12
 
 
 def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
-    """`<out>/index.html` with everything inside: pictures, tables, assumptions, machine and versions."""
+    """`<out>/index.html` with everything inside: answers, scenes in motion, pictures, tables, how they were got."""
+    ordered = sorted(results, key=lambda r: FIRST.index(r.name) if r.name in FIRST else len(FIRST))
     environment = Environment(
         loader=PackageLoader("studies", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
@@ -25,10 +33,13 @@ def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
         "columns": columns,
         "cells": lambda t: cells(t.frame),
         "label": label,
+        "bodies": bodies,
     }
+    environment.tests["short"] = lambda frame: len(frame) <= SHORT
     page = environment.get_template("page.html.jinja").render(
-        results=results, machine=provenance.machine(), versions=provenance.versions(), quick=quick
-    )
+        results=ordered, answers=[a for r in ordered for a in r.answers], films=[f for r in results for f in r.films],
+        machine=provenance.machine(), versions=provenance.versions(), quick=quick, most_rows=MOST_ROWS,
+    )  # fmt: skip
     path = out / "index.html"
     atomic_write(path, page)
     return path
@@ -42,6 +53,7 @@ def inline(shown: Picture) -> str:
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{shown.name}-\1"', svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{shown.name}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{shown.name}-\1)", svg)
+    svg = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), svg)
     for colour, variable in ((INK, "ink"), (GRID, "grid"), (PAPER, "paper")):
         svg = svg.replace(colour, f"var(--{variable})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{_attribute(shown.caption)}" ', 1)
@@ -50,6 +62,11 @@ def inline(shown: Picture) -> str:
 def columns(table: Table) -> list[tuple[str, bool]]:
     """Names of the columns, and whether each holds numbers."""
     return [(str(n), pd.api.types.is_numeric_dtype(t)) for n, t in table.frame.dtypes.items()]
+
+
+def bodies(film: Film) -> int:
+    """Number of all bodies of all layers of a film."""
+    return sum(map(len, json.loads(film.data)["layers"]))
 
 
 def label(name: str) -> str:

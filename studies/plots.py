@@ -31,6 +31,8 @@ NOTHING_CUT: Mapping[str, str] = MappingProxyType({})
 
 #: Ink, grid and paper: the page replaces these three by its theme's.
 INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
+#: Ink on dark and on pale cells: the same in both themes of the page, as the cells are.
+ON_DARK, ON_PALE = "#fffffd", "#101012"
 #: Okabe & Ito's palette, told apart by colour-blind readers; without the yellow, too pale on paper.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d5a", "#7f7f87")
 #: One colour a solver in every picture; others take what is left.
@@ -239,10 +241,11 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
         Slope of the triangle: positive if errors fall with x falling, negative if with x rising.
     """
     shown = lines[lines["error"] > 0.0].sort_values(x)
+    told = "tip" in shown
     groups = list(shown.groupby("label", sort=False))
     for i, (label, line) in enumerate(groups):
         style = line.iloc[0]
-        axes.plot(
+        (drawn,) = axes.plot(
             line[x],
             line["error"],
             label=str(label),
@@ -254,6 +257,8 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
             linewidth=max(2.6 - 0.4 * i, 0.9),
             markerfacecolor="none" if i % 2 else style["colour"],
         )
+        if told:
+            tell(drawn, line["tip"])
     axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel="relative error", title=title)
     if not groups:
         return
@@ -336,6 +341,7 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: b
     With a column "tip" the markers have texts. `bounded`: whether the reference's floor is drawn.
     """
     shown = points[(points["error"] > 0.0) & (points["cpu_s"] > 0.0)]
+    size = 3.6 if len(shown) > 300 else 5.0
     for label, found in shown.groupby("label", sort=False):
         style = found.iloc[0]
         (drawn,) = axes.plot(
@@ -343,6 +349,7 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: b
             found["error"],
             linestyle="none",
             marker=style["marker"],
+            markersize=size,
             color=style["colour"],
             markerfacecolor="none" if style["hollow"] else style["colour"],
             label=str(label),

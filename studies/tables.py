@@ -23,6 +23,8 @@ CPU_TIME = (
 )  # fmt: skip
 #: A row's time is compared with this solver's at the same setting.
 BASE_SOLVER = "anctmm"
+#: Longer tables are for programs: in their CSV file only.
+MOST_ROWS = 500
 SETTING = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
 
 
@@ -107,9 +109,10 @@ def markdown(table: Table) -> str:
 
 
 def write_table(table: Table, folder: Path) -> None:
-    """`<name>.csv` and `<name>.md`."""
+    """`<name>.csv`, and `<name>.md` if a person may want to read that many rows."""
     atomic_write(folder / f"{table.name}.csv", table.frame.to_csv(index=False, float_format="%.9g"))
-    atomic_write(folder / f"{table.name}.md", markdown(table))
+    if len(table.frame) <= MOST_ROWS:
+        atomic_write(folder / f"{table.name}.md", markdown(table))
 
 
 def write_machine(folder: Path) -> None:

@@ -61,7 +61,7 @@ def run(options: Options, runner: Runner) -> Result:
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
-        answers=tuple(answers(best.frame, rivals.frame, points, known.frame)),
+        answers=tuple(answers(best.frame, rivals.frame, known.frame)),
     )  # fmt: skip
 
 

@@ -108,7 +108,7 @@ def test_tables_and_sentences_come_from_the_points(result, points):
     assert (best[best["wished_error"] == 1e-5]["status"] != "ok").all()
     distance = result.table("references").frame.set_index(["scene", "element"])["from_cable"]
     assert distance["four-bar", "shear"] == pytest.approx(0.0138, abs=1e-3)
-    assert len(result.answers) == 2
+    assert len(result.answers) == 3
     assert "Exudyn" in result.answers[1]
 
 
