@@ -83,7 +83,8 @@ class Plan:
 
     A solver that uses an element of its own is measured against that element's reference, where there is one, or else
     against that of the element asked for.
-    `budget_s`: no further sample is taken of a run once its samples have taken that long; without it the runner decides.
+    `budget_s`: no further sample is taken of a run once its samples have taken that long; the
+    runner's own limit without it.
     """
 
     schemes: tuple[Scheme, ...]

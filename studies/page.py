@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup, escape
 
 from studies import provenance
 from studies.files import atomic_write
@@ -17,8 +18,21 @@ from studies.tables import MOST_ROWS, Table, cells
 
 #: What a reader asks first stands first; the other studies follow in their order.
 FIRST = ("trade", "agreement")
-#: Tables with no more rows are open.
-SHORT = 12
+#: Study and table that stand right below the answers.
+ADVICE = ("trade", "advice")
+#: Columns whose name wants a unit or a symbol.
+LABELS = {
+    "cpu_s": "CPU time (s)",
+    "cpu_ms": "CPU time (ms)",
+    "wall_s": "wall time (s)",
+    "us_per_step": "µs per step",
+    "dofs": "DOFs",
+    "dt": "Δt (s)",
+    "t": "t (s)",
+    "t_end": "t end (s)",
+}
+#: Tables with no more rows and columns are open.
+SHORT, NARROW = 12, 10
 
 
 def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
@@ -33,11 +47,14 @@ def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
         "columns": columns,
         "cells": lambda t: cells(t.frame),
         "label": label,
+        "prose": prose,
         "bodies": bodies,
     }
-    environment.tests["short"] = lambda frame: len(frame) <= SHORT
+    environment.tests["short"] = lambda frame: frame.shape[0] <= SHORT and frame.shape[1] <= NARROW
     page = environment.get_template("page.html.jinja").render(
-        results=ordered, answers=[a for r in ordered for a in r.answers], films=[f for r in results for f in r.films],
+        results=ordered, answers=[a for r in ordered for a in r.answers],
+        advice=next((t for r in ordered for t in r.tables if (r.name, t.name) == ADVICE), None),
+        films=[f for r in results for f in r.films],
         machine=provenance.machine(), versions=provenance.versions(), quick=quick, most_rows=MOST_ROWS,
     )  # fmt: skip
     path = out / "index.html"
@@ -71,7 +88,12 @@ def bodies(film: Film) -> int:
 
 def label(name: str) -> str:
     """A column's name for people."""
-    return name.replace("_", " ")
+    return LABELS.get(name, name.replace("_", " "))
+
+
+def prose(text: str) -> Markup:
+    """A text with what stands between backquotes as code."""
+    return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(text))))
 
 
 def _attribute(text: str) -> str:

@@ -19,6 +19,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
@@ -295,7 +296,14 @@ def floor(axes: Axes, uncertainties: pd.Series, side: str = "right") -> None:
         words = f"reference known to {level:.0e}"
         axes.text(place, 0.015, words, transform=axes.transAxes, fontsize=7.5, color=INK, ha=side)
         return
-    axes.axhspan(min(low, level / 2.0), level, color="#7f7f87", alpha=0.15, linewidth=0)
+    # down to the axis wherever that ends in the end: a plain artist does not move it, half the level's room does
+    grey = Rectangle(
+        (0.0, 1e-30), 1.0, level, transform=axes.get_yaxis_transform(), color="#7f7f87", alpha=0.15
+    )
+    grey.set_linewidth(0.0)
+    axes.add_artist(grey)
+    axes.update_datalim([(0.0, level / 2.0)], updatex=False)
+    axes.autoscale_view(scalex=False)
     axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
     axes.annotate(
         "reference's own uncertainty",

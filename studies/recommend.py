@@ -179,7 +179,7 @@ def _luck(able: pd.DataFrame, error: float) -> tuple[str, ...]:
     if safe.empty:
         return (f"{said}; no measured setting meets {error:g} without",)
     first = safe.iloc[0]
-    return (f"{said}; without, {setting_of(first)} takes {milliseconds(first['cpu_s'])}",)
+    return (f"{said}; without, {setting_of(first.to_dict())} takes {milliseconds(first['cpu_s'])}",)
 
 
 def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[str, ...]:

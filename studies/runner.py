@@ -165,6 +165,8 @@ class Runner:
         Told after each case: (case, number done, number of all).
     note : callable
         Told what the user should know, such as a finished run that is not readable.
+    heading : str
+        What the runs are for: stands before them where progress is shown.
     """
 
     cache: Path | None
@@ -173,6 +175,7 @@ class Runner:
     resolve: Callable[[str], Solver] = registry.solver
     on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
+    heading: str = ""
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
 

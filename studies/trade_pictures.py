@@ -89,7 +89,7 @@ def _tip(line: Mapping[Any, Any], rule: str) -> str:
 
 
 def _grid_rows(sound: pd.DataFrame) -> pd.DataFrame:
-    """Our implicit runs of fixed step with Newton's smallest tolerance; of each element the quadrature most on the front."""
+    """Our implicit runs of fixed step and strictest Newton; of each element the quadrature most on the front."""
     ours = sound[
         (sound["solver"] == "anctmm") & (sound["integrator"] == "generalized-alpha") & (sound["dt"] > 0)
     ]
