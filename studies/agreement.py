@@ -191,6 +191,6 @@ def drawing(square: pd.DataFrame) -> Picture:
 
     caption = (
         "Largest relative difference of the histories of each pair of solvers over both base scenes, at the same "
-        "element, mesh and step. Dark: alike; bright: apart. Rods of Reissner's kind are another model, on another mesh."
+        "element, mesh and step. Dark: alike; bright: apart. Rods of Reissner's kind are another model."
     )
     return picture("agreement", caption, draw, (6.4, 1.3 + 0.5 * len(names)))

@@ -62,14 +62,15 @@ def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
     return path
 
 
-def inline(shown: Picture) -> str:
+def inline(shown: Picture, study: str) -> str:
     """The picture's SVG for the inside of a page: themed, with ids of its own and no fixed size."""
+    own = f"{study}-{shown.name}"
     svg = shown.svg[shown.svg.index("<svg") :]
     svg = re.sub(r'<svg ([^>]*?)height="[^"]*"([^>]*?)width="[^"]*"', r"<svg \1\2", svg, count=1)
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
-    svg = re.sub(r'\bid="([^"]+)"', rf'id="{shown.name}-\1"', svg)
-    svg = re.sub(r'href="#([^"]+)"', rf'href="#{shown.name}-\1"', svg)
-    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{shown.name}-\1)", svg)
+    svg = re.sub(r'\bid="([^"]+)"', rf'id="{own}-\1"', svg)
+    svg = re.sub(r'href="#([^"]+)"', rf'href="#{own}-\1"', svg)
+    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{own}-\1)", svg)
     svg = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), svg)
     for colour, variable in ((INK, "ink"), (GRID, "grid"), (PAPER, "paper")):
         svg = svg.replace(colour, f"var(--{variable})")

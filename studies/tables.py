@@ -91,6 +91,11 @@ def text(value: Any) -> str:
     return str(value)
 
 
+def times(ratio: float) -> str:
+    """A ratio in a sentence: two digits, and no power of ten."""
+    return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
+
+
 def cells(frame: pd.DataFrame) -> list[list[str]]:
     """All cells of a frame as text."""
     return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]

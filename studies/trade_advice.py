@@ -6,7 +6,7 @@ from typing import Any
 import pandas as pd
 
 from studies.bench_clock import records
-from studies.tables import Table
+from studies.tables import Table, times
 from studies.trade_choice import stepping
 
 #: What another way to step is called beside the one chosen.
@@ -65,7 +65,7 @@ def _why(line: Mapping[Any, Any], kind: str, rivals: pd.DataFrame) -> str:
         & (rivals["status"] == "ok")
     ]  # fmt: skip
     part = PARTS.get(line["error_from"], "").format(mesh=line["mesh_error"], step=line["step_error"])
-    costs = ", ".join(f"{name} {ratio:.2g}×" for name, ratio in _costs(line, kind, others))
+    costs = ", ".join(f"{name} {times(ratio)}×" for name, ratio in _costs(line, kind, others))
     return "; ".join(filter(None, (part, costs or "no other kind measured reaches this error")))
 
 

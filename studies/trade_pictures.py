@@ -145,7 +145,7 @@ def _map(axes: Axes, rows: pd.DataFrame, norm: LogNorm) -> None:
         words = f"{line['error']:.0e}".replace("e-0", "e−")
         sign = SIGNS.get(line["error_from"], "")
         axes.text(x, y - 0.16, f"{words} {sign}", ha="center", va="center", fontsize=7.5, color=ink)
-        axes.text(x, y + 0.22, _ms(line["cpu_s"]), ha="center", va="center", fontsize=6.5, color=ink)
+        axes.text(x, y + 0.22, _ms(line["cpu_s"]), ha="center", va="center", fontsize=7, color=ink)
     axes.set_xticks(np.arange(len(steps)) + 0.5, [f"{1e3 * s:g}" for s in steps])
     axes.set_yticks(np.arange(len(meshes)) + 0.5, meshes)
     axes.set(xlabel="time step (ms)", ylabel="elements")

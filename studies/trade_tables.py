@@ -11,7 +11,7 @@ from studies.bench_clock import records
 from studies.dynamics import REISSNER
 from studies.runner import Reference
 from studies.scenes import BaseScene
-from studies.tables import Table, failed
+from studies.tables import Table, failed, times
 from studies.trade_choice import KIND, milliseconds, reaching, setting_of, stepping
 from studies.trade_plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
 
@@ -194,7 +194,7 @@ def _against(rivals: pd.DataFrame, wish: float) -> str:
 
 
 def _range(values: pd.Series) -> str:
-    low, high = f"{values.min():.2g}", f"{values.max():.2g}"
+    low, high = times(values.min()), times(values.max())
     return low if low == high else f"{low} to {high}"
 
 
