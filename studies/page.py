@@ -20,6 +20,8 @@ from studies.tables import MOST_ROWS, Table, cells
 FIRST = ("trade", "agreement")
 #: Study and table that stand right below the answers.
 ADVICE = ("trade", "advice")
+#: What `anctmm bench` may have left beside the page.
+BENCH = "bench/requirements.md"
 #: Columns whose name wants a unit or a symbol.
 LABELS = {
     "cpu_s": "CPU time (s)",
@@ -56,6 +58,7 @@ def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
         advice=next((t for r in ordered for t in r.tables if (r.name, t.name) == ADVICE), None),
         films=[f for r in results for f in r.films],
         machine=provenance.machine(), versions=provenance.versions(), quick=quick, most_rows=MOST_ROWS,
+        bench=(out / BENCH).is_file() and BENCH,
     )  # fmt: skip
     path = out / "index.html"
     atomic_write(path, page)

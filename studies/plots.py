@@ -277,7 +277,7 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
     """Ticks of a logarithmic axis that are few, and at least two."""
-    narrow = high / low < 60.0
+    narrow = np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1  # fewer than two powers of ten
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=9))
     axis.set_minor_formatter(NullFormatter())
     if narrow:
