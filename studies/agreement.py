@@ -31,6 +31,8 @@ MESHES: dict[bool, dict[str, dict[int, Mesh]]] = {
 }
 #: Step by whether the run is quick, s.
 STEP = {False: 2e-3, True: 5e-3}
+#: Status of what a solver does not offer.
+UNSUPPORTED = "unsupported"
 #: Of a solver that has explicit steps only, s.
 EXPLICIT_STEP = 5e-6
 #: Differences up to here are what Newton's tolerances and rounding leave.
@@ -59,7 +61,7 @@ def run(options: Options, runner: Runner) -> Result:
     said = findings(pairs)
     notes = (
         "Largest distance of the probes' histories over all times, relative to the largest displacement; the largest "
-        "over both base scenes and the elements that both solvers have. Empty: a run of one of them did not end well.",
+        "over the base scenes and elements that both solvers have. Empty: none, or a run that did not end well.",
         "The same element, mesh and step in both; shear elements on a finer mesh than cables.",
         "Rods of Reissner's kind (exudyn-reissner, pyelastica) have elements of their own, on shear elements' mesh: "
         "their figure is the difference of two models, or of two discretisations, on these meshes.",
@@ -129,11 +131,15 @@ def _pairs(runs: Runs, solvers: list[str]) -> Iterable[dict[str, Any]]:
 
 
 def matrix(pairs: pd.DataFrame, solvers: list[str]) -> pd.DataFrame:
-    """The largest difference of each pair, symmetric; NaN on the diagonal and where it is not known."""
+    """The largest difference of each pair, symmetric; NaN on the diagonal and where a run did not end well.
+
+    What a solver cannot represent, and says so, is left out.
+    """
     square = pd.DataFrame(np.nan, index=pd.Index(solvers, name="solver"), columns=solvers)
     if pairs.empty:
         return square
-    for (a, b), lines in pairs.groupby(["solver", "other"], sort=False):
+    asked = pairs[~pairs["status"].str.contains(f" {UNSUPPORTED}")]
+    for (a, b), lines in asked.groupby(["solver", "other"], sort=False):
         square.loc[a, b] = square.loc[b, a] = lines["difference"].max(skipna=False)
     return square
 
@@ -191,7 +197,7 @@ def drawing(square: pd.DataFrame) -> Picture:
             spine.set_visible(False)
 
     caption = (
-        "Largest relative difference of the histories of each pair of solvers over both base scenes, at the same "
-        "element, mesh and step. Dark: alike; bright: apart. Rods of Reissner's kind are another model."
+        "Largest relative difference of the histories of each pair of solvers over the base scenes that both can run, "
+        "at the same element, mesh and step. Dark: alike; bright: apart. Rods of Reissner's kind are another model."
     )
     return picture("agreement", caption, draw, (6.4, 1.3 + 0.5 * len(names)))

@@ -153,6 +153,8 @@ def test_a_pair_of_which_one_run_failed_is_not_known():
     })  # fmt: skip
     assert np.isnan(matrix(pairs, ["a", "b"]).loc["a", "b"])
     assert "agree on both scenes to 1.0e-09" in findings(pairs)[0]
+    other = pairs.assign(status=["ok", "b unsupported: no such element"])
+    assert matrix(other, ["a", "b"]).loc["a", "b"] == 1e-9
 
 
 def test_advice_gives_setting_cost_and_reason():
