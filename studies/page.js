@@ -49,7 +49,9 @@ function film(figure) {
   }
   function tick(now) {
     if (!playing) return;
-    const t = Number(slider.value) + Math.max(0, now - before) / 1000 * Number(speed.value);
+    // a frame that comes late, of a busy machine or a hidden page, must not jump to the end
+    const passed = Math.min(Math.max(0, now - before), 100) / 1000;
+    const t = Number(slider.value) + passed * Number(speed.value);
     before = now;
     slider.value = Math.min(t, tEnd);
     draw();

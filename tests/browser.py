@@ -150,14 +150,6 @@ class Tab:
             raise RuntimeError(str(answer["exceptionDetails"]))
         return answer["result"].get("value")
 
-    def until(self, condition: str) -> None:
-        """Wait until an expression is true."""
-        deadline = time.monotonic() + LIMIT
-        while not self.run(f"return Boolean({condition});"):
-            if time.monotonic() > deadline:
-                raise TimeoutError(f"not within {LIMIT:g} s: {condition}")
-            time.sleep(0.05)
-
     def mouse(self, kind: str, x: float, y: float) -> None:
         """Press, move or release the left button at a place."""
         self.call(
