@@ -5,6 +5,7 @@ import pandas as pd
 from anctmm.solution import Solution
 from studies import cantilever_pictures, error_pictures, tables
 from studies.dynamics import Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.film import Film, film
 from studies.force_cost import force_cost
 from studies.plots import Picture
 from studies.runner import Mesh, Runner, mesh_label
@@ -154,7 +155,21 @@ def run(options: Options, runner: Runner) -> Result:
             samples(rest.outcomes + fallen.outcomes),
         ),
         pictures=tuple(pictures(bases, rest, fallen, timed)),
+        films=films(fallen),
     )  # fmt: skip
+
+
+def films(fallen: Sweep) -> tuple[Film, ...]:
+    """The fall, and behind it that of the coarsest mesh."""
+    caption = "A soft beam, clamped on the left, released straight and at rest. Behind: the coarsest mesh of the sweep."
+    reference = fallen.references.get("cable") or next(iter(fallen.references.values()), None)
+    coarse = {o.case.mesh for o in fallen.outcomes if o.case.element == "shear" and o.solution.status.ok}
+    layers = {f"reference: {reference.name}": reference.solution} if reference else {}
+    if coarse:
+        mesh = min(coarse)
+        layers[f"{mesh_label(mesh)} shear"] = fallen.solution(element="shear", mesh=mesh)
+    found = film("The falling cantilever", caption, {k: s for k, s in layers.items() if s is not None})
+    return (found,) if found else ()
 
 
 def findings(

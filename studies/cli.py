@@ -136,10 +136,10 @@ def report(
     check_writable(out)
     results = []
     with sweeping(quick) as runner:
-        for name in STUDIES:
+        for done, name in enumerate(STUDIES, 1):
+            runner.heading = f"{name} ({done} of {len(STUDIES)}), "
             results.append(find(name)(Options(quick=quick), runner))
-    for result in results:
-        write(result, out)
+            write(results[-1], out)  # an hour later something may fail; this is whole
     print(f"Written to {write_page(results, out, quick)}")
 
 
@@ -314,7 +314,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
         task = progress.add_task("starting", total=None)
 
         def on_done(case: "Case", done: int, total: int) -> None:
-            what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
+            what = f"{runner.heading}{case.scene.name} · {case.solver} {case.element} {case.integrator}"
             progress.update(task, description=what, completed=done, total=total)
 
         def note(text: str) -> None:

@@ -83,10 +83,13 @@ class Plan:
 
     A solver that uses an element of its own is measured against that element's reference, where there is one, or else
     against that of the element asked for.
+    `budget_s`: no further sample is taken of a run once its samples have taken that long; the
+    runner's own limit without it.
     """
 
     schemes: tuple[Scheme, ...]
     references: Mapping[str, Fine]
+    budget_s: float | None = None
 
 
 @dataclass(frozen=True)
@@ -132,7 +135,7 @@ def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Swee
     cases = cases_of(base, plan, options)
     elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
     references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
-    return Sweep(base, tuple(runner.sweep(cases)), references)
+    return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
 
 
 def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:

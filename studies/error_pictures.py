@@ -1,5 +1,9 @@
 """Pictures of errors: over meshes, over steps, and against CPU time."""
 
+from collections.abc import Mapping
+from math import isnan
+from typing import Any
+
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -34,12 +38,21 @@ def styled(rows: pd.DataFrame) -> pd.DataFrame:
         {"a": rows["solver"], "b": rows["integrator"].map(lambda i: SHORT.get(i, i)), "c": rule}
     )
     return rows.assign(
+        tip=[_tip(line) for line in rows.to_dict("records")],
         label=[", ".join(p for p in line if p) for line in parts.itertuples(index=False)],
         colour=[RULE_COLOURS.get(r) or solver_colour(s) for s, r in zip(rows["solver"], rule, strict=True)],
         marker=[solver_marker(s) for s in rows["solver"]],
         dash=[DASHES[2] if i == "zhai" else "-" for i in rows["integrator"]],
         hollow=[i == "zhai" for i in rows["integrator"]],
     )
+
+
+def _tip(line: Mapping[Any, Any]) -> str:
+    step = "" if isnan(line["dt"]) else f", Δt {line['dt']:.3g} s"
+    kind = SHORT.get(line["integrator"], line["integrator"])
+    words = " ".join(w for w in (line["solver"], kind, f"{line['elements']} {line['element']}") if w)
+    cost = f", {1e3 * line['cpu_s']:.3g} ms" if line["cpu_s"] > 0 else ""
+    return f"{words}{step}: error {line['error']:.2g}{cost}"
 
 
 def over_mesh(rows: pd.DataFrame, name: str = "convergence_mesh", caption: str = "") -> Picture:

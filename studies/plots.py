@@ -19,6 +19,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
@@ -31,6 +32,8 @@ NOTHING_CUT: Mapping[str, str] = MappingProxyType({})
 
 #: Ink, grid and paper: the page replaces these three by its theme's.
 INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
+#: Ink on dark and on pale cells: the same in both themes of the page, as the cells are.
+ON_DARK, ON_PALE = "#fffffd", "#101012"
 #: Okabe & Ito's palette, told apart by colour-blind readers; without the yellow, too pale on paper.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d5a", "#7f7f87")
 #: One colour a solver in every picture; others take what is left.
@@ -239,10 +242,11 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
         Slope of the triangle: positive if errors fall with x falling, negative if with x rising.
     """
     shown = lines[lines["error"] > 0.0].sort_values(x)
+    told = "tip" in shown
     groups = list(shown.groupby("label", sort=False))
     for i, (label, line) in enumerate(groups):
         style = line.iloc[0]
-        axes.plot(
+        (drawn,) = axes.plot(
             line[x],
             line["error"],
             label=str(label),
@@ -254,6 +258,8 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
             linewidth=max(2.6 - 0.4 * i, 0.9),
             markerfacecolor="none" if i % 2 else style["colour"],
         )
+        if told:
+            tell(drawn, line["tip"])
     axes.set(xscale="log", yscale="log", xlabel=x_label, ylabel="relative error", title=title)
     if not groups:
         return
@@ -271,7 +277,7 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
 
 def log_ticks(axis: Axis, low: float, high: float) -> None:
     """Ticks of a logarithmic axis that are few, and at least two."""
-    narrow = high / low < 60.0
+    narrow = np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1  # fewer than two powers of ten
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=9))
     axis.set_minor_formatter(NullFormatter())
     if narrow:
@@ -290,7 +296,14 @@ def floor(axes: Axes, uncertainties: pd.Series, side: str = "right") -> None:
         words = f"reference known to {level:.0e}"
         axes.text(place, 0.015, words, transform=axes.transAxes, fontsize=7.5, color=INK, ha=side)
         return
-    axes.axhspan(min(low, level / 2.0), level, color="#7f7f87", alpha=0.15, linewidth=0)
+    # down to the axis wherever that ends in the end: a plain artist does not move it, half the level's room does
+    grey = Rectangle(
+        (0.0, 1e-30), 1.0, level, transform=axes.get_yaxis_transform(), color="#7f7f87", alpha=0.15
+    )
+    grey.set_linewidth(0.0)
+    axes.add_artist(grey)
+    axes.update_datalim([(0.0, level / 2.0)], updatex=False)
+    axes.autoscale_view(scalex=False)
     axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
     axes.annotate(
         "reference's own uncertainty",
@@ -336,6 +349,7 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: b
     With a column "tip" the markers have texts. `bounded`: whether the reference's floor is drawn.
     """
     shown = points[(points["error"] > 0.0) & (points["cpu_s"] > 0.0)]
+    size = 3.6 if len(shown) > 300 else 5.0
     for label, found in shown.groupby("label", sort=False):
         style = found.iloc[0]
         (drawn,) = axes.plot(
@@ -343,6 +357,7 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: b
             found["error"],
             linestyle="none",
             marker=style["marker"],
+            markersize=size,
             color=style["colour"],
             markerfacecolor="none" if style["hollow"] else style["colour"],
             label=str(label),

@@ -12,7 +12,12 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
     """Print the setting, its cost and error, a warning if there is one, and the runners-up."""
     line = choice.line
     for remark in choice.remarks:
-        console.print(f"Not reached: {remark}.", style="yellow", highlight=False, soft_wrap=True)
+        console.print(
+            f"{'Note' if choice.reached else 'Not reached'}: {remark}.",
+            style="yellow",
+            highlight=False,
+            soft_wrap=True,
+        )
     head = "Recommended" if choice.reached else "Nearest"
     console.print(f"[bold]{head}: {setting_of(line)}[/bold]", highlight=False, soft_wrap=True)
     console.print(

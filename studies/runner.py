@@ -165,6 +165,8 @@ class Runner:
         Told after each case: (case, number done, number of all).
     note : callable
         Told what the user should know, such as a finished run that is not readable.
+    heading : str
+        What the runs are for: stands before them where progress is shown.
     """
 
     cache: Path | None
@@ -173,14 +175,21 @@ class Runner:
     resolve: Callable[[str], Solver] = registry.solver
     on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
+    heading: str = ""
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self._store = Store(self.cache, self.note)
 
-    def sweep(self, cases: Iterable[Case]) -> list[Outcome]:
+    def sweep(self, cases: Iterable[Case], budget_s: float | None = None) -> list[Outcome]:
         """Run cases; those that differ in the solver only take their samples in turn.
+
+        Parameters
+        ----------
+        cases : iterable of Case
+        budget_s : float, optional
+            In place of the runner's own.
 
         Returns
         -------
@@ -191,7 +200,7 @@ class Runner:
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
-            for outcome in self._contest(group):
+            for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s):
                 outcomes.append(outcome)
                 self.on_done(outcome.case, len(outcomes), len(ordered))
         place = {case: i for i, case in enumerate(ordered)}
@@ -217,12 +226,12 @@ class Runner:
             code = f"{type(error).__name__}: {error}"
         return f"{case_key(case)}|{code}"
 
-    def _contest(self, group: Sequence[Case]) -> Iterator[Outcome]:
+    def _contest(self, group: Sequence[Case], budget_s: float) -> Iterator[Outcome]:
         first = {case: self._sample(case, 0) for case in group}
         costs = {case: [s.cost] if s.status.ok else [] for case, s in first.items()}
         for k in range(1, self.repeats):
             for case in group:
-                if costs[case] and sum(c.wall_s for c in costs[case]) < self.budget_s:
+                if costs[case] and sum(c.wall_s for c in costs[case]) < budget_s:
                     costs[case].append(self._sample(case, k).cost)
         for case in group:
             yield Outcome(case, first[case], tuple(costs[case]))

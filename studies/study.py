@@ -10,6 +10,7 @@ from anctmm.errors import AnctmmError
 from studies.tables import Table, write_machine, write_table
 
 if TYPE_CHECKING:
+    from studies.film import Film
     from studies.plots import Picture
     from studies.runner import Mesh, Runner
 
@@ -17,6 +18,10 @@ if TYPE_CHECKING:
 STUDIES = {
     "four-bar": ("studies.four_bar", "the paper's crank mechanism: accuracy and cost over meshes and steps"),
     "cantilever": ("studies.cantilever", "large deflections against exact solutions; a fall under gravity"),
+    "agreement": (
+        "studies.agreement",
+        "every pair of solvers on both scenes: do they compute the same motion",
+    ),
     "trade": ("studies.trade", "which solver, element, mesh and step an error costs least with"),
     "fidelity": ("studies.fidelity", "which body may be a cable or rigid, and what that saves"),
 }
@@ -59,6 +64,8 @@ class Result:
     assumptions : tuple of str
     tables : tuple of Table
     pictures : tuple of Picture
+    films : tuple of Film
+        Motions to be played on the page.
     answers : tuple of str
         The findings that the page begins with: one or two sentences.
     """
@@ -70,6 +77,7 @@ class Result:
     assumptions: tuple[str, ...]
     tables: tuple[Table, ...]
     pictures: "tuple[Picture, ...]" = field(default=())
+    films: "tuple[Film, ...]" = ()
     answers: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:

@@ -23,6 +23,8 @@ CPU_TIME = (
 )  # fmt: skip
 #: A row's time is compared with this solver's at the same setting.
 BASE_SOLVER = "anctmm"
+#: Longer tables are for programs: in their CSV file only.
+MOST_ROWS = 500
 SETTING = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
 
 
@@ -89,6 +91,11 @@ def text(value: Any) -> str:
     return str(value)
 
 
+def times(ratio: float) -> str:
+    """A ratio in a sentence: two digits, and no power of ten."""
+    return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
+
+
 def cells(frame: pd.DataFrame) -> list[list[str]]:
     """All cells of a frame as text."""
     return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]
@@ -107,9 +114,10 @@ def markdown(table: Table) -> str:
 
 
 def write_table(table: Table, folder: Path) -> None:
-    """`<name>.csv` and `<name>.md`."""
+    """`<name>.csv`, and `<name>.md` if a person may want to read that many rows."""
     atomic_write(folder / f"{table.name}.csv", table.frame.to_csv(index=False, float_format="%.9g"))
-    atomic_write(folder / f"{table.name}.md", markdown(table))
+    if len(table.frame) <= MOST_ROWS:
+        atomic_write(folder / f"{table.name}.md", markdown(table))
 
 
 def write_machine(folder: Path) -> None:

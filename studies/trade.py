@@ -15,6 +15,7 @@ from studies.runner import Case, Outcome, Runner, row, sample_rows
 from studies.scenes import BaseScene
 from studies.study import Options, Result
 from studies.tables import Table
+from studies.trade_advice import advice
 from studies.trade_plan import FINE_STEP, Ladder, ladders
 from studies.trade_split import same_mesh, split
 from studies.trade_tables import (
@@ -56,12 +57,13 @@ def run(options: Options, runner: Runner) -> Result:
         findings=tuple(findings(points, best, rivals, known)),
         assumptions=tuple(dict.fromkeys(a for t in traded for a in t.base.assumptions)),
         tables=(
-            best, rivals, Table("front", "The front: no other setting is both better and cheaper", on_front(points)),
-            known, Table("points", "All settings", points, notes()), histories(traded),
+            advice(best.frame, rivals.frame), best, rivals,
+            Table("front", "The front: no other setting is both better and cheaper", on_front(points)), known,
+            Table("points", "All settings", points, notes()), histories(traded),
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
-        answers=tuple(answers(best.frame, rivals.frame, points, known.frame)),
+        answers=tuple(answers(best.frame, rivals.frame, known.frame)),
     )  # fmt: skip
 
 

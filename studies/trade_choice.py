@@ -28,10 +28,10 @@ def reaching(points: pd.DataFrame, wish: float) -> pd.DataFrame:
 
 def setting_of(line: Mapping[Any, Any]) -> str:
     """A setting in words."""
-    rule = "" if line["quadrature"] in ("full", "-") else f" {line['quadrature']}"
-    step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt {line['dt']:.3g} s"
+    rule = "" if line["quadrature"] in ("full", "-") else f" (quadrature {line['quadrature']})"
+    step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt = {1e3 * line['dt']:.3g} ms"
     kind = STEPPING.get(line["integrator"], line["integrator"])
-    return f"{line['solver']} {kind}, {line['elements']} {line['element']}{rule}, {step}"
+    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}, {step}"
 
 
 def milliseconds(cpu_s: float) -> str:

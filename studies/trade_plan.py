@@ -20,6 +20,8 @@ TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
 #: An explicit run is tried where elements times steps do not exceed this: some 0.3 s of ANC-TMM, 1 s of a peer.
 MOST_EXPLICIT, MOST_EXPLICIT_PEER = 4e6, 1e6
 IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
+#: No further sample of a run is taken in the sweep after that long, s: what is near the front runs again anyway.
+SAMPLED = 0.1
 #: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
 FINE_STEP = {False: 6.25e-5, True: 2.5e-4}
 
@@ -47,7 +49,7 @@ class Ladder:
 
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
-        return Plan(self._few() if quick else self._all(), self.references)
+        return Plan(self._few() if quick else self._all(), self.references, SAMPLED)
 
     def _all(self) -> tuple[Scheme, ...]:
         schemes: list[Scheme] = []

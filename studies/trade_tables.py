@@ -11,7 +11,7 @@ from studies.bench_clock import records
 from studies.dynamics import REISSNER
 from studies.runner import Reference
 from studies.scenes import BaseScene
-from studies.tables import Table, failed
+from studies.tables import Table, failed, times
 from studies.trade_choice import KIND, milliseconds, reaching, setting_of, stepping
 from studies.trade_plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
 
@@ -20,6 +20,8 @@ WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
 WISH = 1e-3
 #: Settings within this factor of the front are timed again, in turn.
 NEAR = 1.6
+#: What was found with a recommended setting.
+FOUND = ("error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "repeats")
 #: What tells a setting from another.
 SETTING = (
     "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
@@ -45,7 +47,7 @@ def notes() -> tuple[str, ...]:
         "step_error: against ANC–TMM with a step of "
         f"{FINE_STEP[False]:g} s on the same mesh (quick: {FINE_STEP[True]:g} s), known to step_reference_error; "
         "mesh_error: of that run against the reference; error_from: the one more than twice the other. The two may "
-        "cancel in part.",
+        "cancel in part; a loose Newton tolerance counts as the step's.",
         "dt, or tolerance where the error drives the step. Explicit runs at 0.8 of the stability limit and at half of "
         f"that, where elements × steps are at most {MOST_EXPLICIT:g} ({MOST_EXPLICIT_PEER:g} for peers).",
         "newton_tolerance: bound of the last correction, 1e-3 or 1e-7; Exudyn bounds residuals by its own default, "
@@ -65,10 +67,15 @@ def recommended(points: pd.DataFrame) -> Table:
             able = reaching(mine, wish)
             line = (able if len(able) else mine.sort_values("error")).iloc[0].to_dict()
             status = "ok" if len(able) else "not reached: this is the smallest error measured"
-            rows.append({"scene": scene, "wished_error": wish, **{k: line[k] for k in SETTING}} | {
-                k: line[k] for k in ("error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_s",
-                                     "cpu_spread", "repeats")
-            } | {"status": status})  # fmt: skip
+            about = {
+                "scene": scene,
+                "wished_error": wish,
+                "cpu_s": line["cpu_s"],
+                "setting": setting_of(line),
+            }
+            rows.append(
+                about | {k: line[k] for k in FOUND} | {"status": status} | {k: line[k] for k in SETTING}
+            )
     said = (
         "The cheapest measured setting whose error and its reference's uncertainty together are below the wish. "
         "`anctmm recommend` prints the script that runs it.",
@@ -157,7 +164,7 @@ def histories(traded: Sequence[Traded]) -> Table:
 # --- what was found ------------------------------------------------------------------------------------------
 
 
-def answers(best: pd.DataFrame, rivals: pd.DataFrame, points: pd.DataFrame, known: pd.DataFrame) -> list[str]:
+def answers(best: pd.DataFrame, rivals: pd.DataFrame, known: pd.DataFrame) -> list[str]:
     """What to take, and why."""
     lines = records(best[(best["wished_error"] == WISH) & (best["status"] == "ok")])
     said = []
@@ -166,8 +173,7 @@ def answers(best: pd.DataFrame, rivals: pd.DataFrame, points: pd.DataFrame, know
             f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
         )
         said.append(f"For an error of {WISH:g} take {takes}.")
-    why = [text for text in (_against(rivals, WISH), _sources(points), _models(known)) if text]
-    return said + ([" ".join(why)] if why else [])
+    return said + [text for text in (_against(rivals, WISH), _models(known)) if text]
 
 
 def _against(rivals: pd.DataFrame, wish: float) -> str:
@@ -188,7 +194,7 @@ def _against(rivals: pd.DataFrame, wish: float) -> str:
 
 
 def _range(values: pd.Series) -> str:
-    low, high = f"{values.min():.2g}", f"{values.max():.2g}"
+    low, high = times(values.min()), times(values.max())
     return low if low == high else f"{low} to {high}"
 
 
@@ -207,7 +213,10 @@ def _models(known: pd.DataFrame) -> str:
     if apart.empty:
         return ""
     parts = ", ".join(f"{r['from_cable']:.2g} apart on the {r['scene']}" for r in records(apart))
-    return f"Cable and shear elements are two models, {parts}: an error is that of computing the chosen one."
+    return (
+        f"Cable and shear elements are two models, {parts}: the element is chosen for the model, and an error is that "
+        "of computing it."
+    )
 
 
 def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> list[str]:
@@ -219,7 +228,7 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
         else f"{r['scene']}, error {r['wished_error']:g}: {r['status']} ({r['error']:.2g})."
         for r in records(best.frame)
     ]
-    said += answers(best.frame, rivals.frame, points, known.frame)[1:]
+    said += [*answers(best.frame, rivals.frame, known.frame)[1:], *filter(None, [_sources(points)])]
     if failures := len(failed(points)):
         said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")
     return said

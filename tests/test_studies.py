@@ -17,7 +17,6 @@ from anctmm.solution import Cost, Energy, HermiteField, Solution, Status, nothin
 from studies import error_pictures, tables
 from studies.cli import BadOption, read_options
 from studies.dynamics import Fine, Plan, Scheme, cases_of, sweep
-from studies.page import write_page
 from studies.plots import Picture, picture, write_picture
 from studies.runner import Case, Reference, Runner, product, refined_reference, reproducible, row
 from studies.scenes import BASE_SCENES, BaseScene, cantilever_fall, four_bar
@@ -391,19 +390,6 @@ def result(**changes) -> Result:
     )
     given = Result("toy", "A toy", "Does it?", ("It does.",), ("That it does.",), (table,), (shown,))
     return replace(given, **changes)
-
-
-def test_page_is_self_contained(tmp_path):
-    page = write_page([result(), result(name="other")], tmp_path, quick=True).read_text()
-    assert "&lt;b&gt;" in page
-    assert "It does." in page
-    assert "That it does." in page
-    assert "Quick run" in page
-    assert page.count("<svg ") == 2
-    assert "prefers-color-scheme: dark" in page
-    assert not re.findall(r'(?:src|href)="(?!#|data:)', page)
-    assert "#1b1b1d" not in page.split("</style>", 1)[1]
-    assert "matplotlib.org" not in page
 
 
 def test_a_result_is_written_with_its_machine(tmp_path):

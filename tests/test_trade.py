@@ -1,23 +1,27 @@
 """The trade of error for time, quick: its numbers, its split of errors, and recommendations that are run again."""
 
 import re
+from contextlib import redirect_stdout
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from typer.testing import CliRunner
 
 import anctmm as at
 from anctmm.discretisation import Discretisation
 from studies import recommend
+from studies.cli import app
 from studies.front import excess
 from studies.plots import picture, tell
 from studies.runner import Runner
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
 from studies.snippet import SnippetError, code, snippet
 from studies.study import Options, Result, StudyError, find, write
-from studies.trade_choice import reaching
+from studies.trade_choice import milliseconds, reaching, setting_of
 from studies.trade_split import weigh
 
 WISHES = [(scene, wish) for scene in ("four-bar", "cantilever-fall") for wish in (1e-2, 1e-3, 1e-4)]
@@ -108,7 +112,7 @@ def test_tables_and_sentences_come_from_the_points(result, points):
     assert (best[best["wished_error"] == 1e-5]["status"] != "ok").all()
     distance = result.table("references").frame.set_index(["scene", "element"])["from_cable"]
     assert distance["four-bar", "shear"] == pytest.approx(0.0138, abs=1e-3)
-    assert len(result.answers) == 2
+    assert len(result.answers) == 3
     assert "Exudyn" in result.answers[1]
 
 
@@ -167,6 +171,28 @@ def _check(measured: recommend.Measured, scene: str, wish: float) -> None:
     assert (ratios >= 1.0).all()
 
 
+def test_the_command_prints_setting_cost_runners_up_and_a_script_that_runs(result, tmp_path):
+    folder = write(result, tmp_path)
+    asked = ["recommend", "four-bar", "--error", "1e-3", "--budget", "0.5s", "--table", str(folder)]
+    answer = CliRunner().invoke(app, asked)
+    assert answer.exit_code == 0
+    chosen = recommend.choose(result.table("points").frame, "four-bar", 1e-3, 0.5)
+    said = answer.stdout
+    for part in (
+        f"Recommended: {setting_of(chosen.line)}",
+        f"expected {milliseconds(chosen.line['cpu_s'])} of CPU time; error {chosen.line['error']:.2g}",
+        "Runners-up, the cheapest of each kind",
+        "meets the wish 0.001",
+    ):
+        assert part in said
+    script = said[said.index("import anctmm") : said.index("Rerun of this script")]
+    with redirect_stdout(StringIO()) as printed:
+        exec(compile(script, "<printed>", "exec"), {})
+    assert re.match(r"ok: [\d.]+ ms\ncoupler 1 \[", printed.getvalue())
+    unmet = CliRunner().invoke(app, [*asked, "--error", "1e-9", "--no-rerun"])
+    assert "Not reached: the measured range does not reach 1e-09" in unmet.stdout
+
+
 def test_a_peer_is_run_by_its_script_too(measured):
     lines = measured.points[(measured.points["solver"] == "exudyn-cable")]
     line = lines[lines["scene"] == "four-bar"].iloc[0].to_dict()
@@ -184,7 +210,9 @@ def test_an_explicit_step_is_written_with_all_its_digits(measured):
 FRAME = pd.DataFrame({
     "scene": "s", "solver": "anctmm", "element": "cable", "integrator": "generalized-alpha", "quadrature": "full",
     "elements": ["1", "2", "3", "4"], "dt": 0.1, "tolerance": np.nan, "newton_tolerance": 1e-3,
-    "error": [1e-1, 1e-2, 1e-3, np.nan], "reference_error": 1e-4, "cpu_s": [1.0, 2.0, 5.0, np.nan],
+    "error": [1e-1, 1e-2, 1e-3, np.nan], "reference_error": 1e-4,
+    "mesh_error": [9e-2, 9e-3, 9e-4, np.nan], "step_error": [2e-2, 2e-3, 2e-4, np.nan],
+    "cpu_s": [1.0, 2.0, 5.0, np.nan],
     "status": ["ok", "ok", "ok", "failed"], "family": "cable",
 })  # fmt: skip
 
@@ -194,7 +222,13 @@ FRAME = pd.DataFrame({
     [
         (0.2, None, "1", True, ""),
         (1e-2, None, "3", True, ""),  # 2 misses it by the reference's uncertainty
-        (1.02e-2, None, "2", True, ""),
+        (
+            1.02e-2,
+            None,
+            "2",
+            True,
+            "cancel in part, which another motion may not repay; without, anctmm, implicit, 3 c",
+        ),
         (None, 3.0, "2", True, ""),
         (None, 100.0, "3", True, ""),
         (2e-2, 3.0, "2", True, ""),
