@@ -165,6 +165,8 @@ class Runner:
         Told after each case: (case, number done, number of all).
     note : callable
         Told what the user should know, such as a finished run that is not readable.
+    on_job : callable
+        Told after each job: (label, number done, number of all).
     """
 
     cache: Path | None
@@ -173,6 +175,7 @@ class Runner:
     resolve: Callable[[str], Solver] = registry.solver
     on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
+    on_job: Callable[[str, int, int], None] = lambda label, done, total: None
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
 
@@ -204,6 +207,22 @@ class Runner:
     def remember(self, key: str, compute: Callable[[], Any]) -> Any:
         """Result of any computation, cached under a key, the source and the versions."""
         return self._store.remember(_stamped(key), compute)
+
+    def jobs(self, jobs: Sequence[tuple[str, Callable[[], Any]]], code: str) -> list[Any]:
+        """Results of computations that are no runs of one case each, every one kept when it is done.
+
+        Parameters
+        ----------
+        jobs : sequence of (str, callable)
+            Label, which tells a job from every other of the same code, and what computes it.
+        code : str
+            Text that tells the code of the jobs from every other.
+        """
+        results = []
+        for done, (label, compute) in enumerate(jobs, 1):
+            results.append(self.remember(f"{label}|{code}", compute))
+            self.on_job(label, done, len(jobs))
+        return results
 
     def attempt(self, case: Case) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""

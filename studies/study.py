@@ -18,6 +18,10 @@ STUDIES = {
     "four-bar": ("studies.four_bar", "the paper's crank mechanism: accuracy and cost over meshes and steps"),
     "cantilever": ("studies.cantilever", "large deflections against exact solutions; a fall under gravity"),
     "trade": ("studies.trade", "which solver, element, mesh and step an error costs least with"),
+    "extremes": (
+        "studies.extremes",
+        "what holds at the extremes of length, step, parameters, time and deformation",
+    ),
 }
 
 
