@@ -137,8 +137,8 @@ def _learned(frame: pd.DataFrame) -> list[str]:
     furthest = worst(far[far["integrator"] == "zhai"], "measured")
     decimal = worst(tens, "measured")
     return [
-        f"Place: {furthest['place']:.0e} m from the origin an explicit run differs by {furthest['measured']:.0e} of its "
-        f"way after {furthest['steps']} steps, where the rounding of its coordinates predicts {furthest['predicted']:.0e}.",
+        f"Place: {furthest['place']:.0e} m from the origin an explicit run differs by {furthest['measured']:.0e} of "
+        f"its way after {furthest['steps']} steps, where rounding its coordinates predicts {furthest['predicted']:.0e}.",
         f"Units: changed by powers of two they change no bit in {int(twos['same_bits'].sum())} of {len(twos)} "
         f"histories; from 1e-6 to 1e3 m and from 1e3 to 1e12 Pa results scale to {decimal['measured']:.0e} at worst "
         f"({decimal['integrator']}, {decimal['element']}).",
@@ -152,7 +152,7 @@ def _picture(frame: pd.DataFrame) -> Picture:
         axes = figure.subplots()
         kinds = far.drop_duplicates(["element", "integrator"])
         for i, kind in enumerate(kinds.to_dict("records")):
-            element, integrator = kind["element"], kind["integrator"]
+            element, integrator = str(kind["element"]), str(kind["integrator"])
             mine = far[(far["element"] == element) & (far["integrator"] == integrator)]
             axes.plot(
                 mine["place"], mine["measured"], "os^D"[i], color=PALETTE[i], markerfacecolor="none",
