@@ -2,17 +2,27 @@
 
 from collections.abc import Callable
 
+from studies.extremes_deformation import deformation
 from studies.extremes_length import length
 from studies.extremes_parameters import parameters
 from studies.extremes_parts import Part
 from studies.extremes_places import places
 from studies.extremes_plane import plane
 from studies.extremes_step import step
+from studies.extremes_time import time
 from studies.runner import Runner
 from studies.study import Options, Result
 
 #: Each answers (quick, runner) with its tables, pictures and sentences.
-PARTS: tuple[Callable[[bool, Runner], Part], ...] = (length, step, plane, parameters, places)
+PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
+    length,
+    step,
+    plane,
+    parameters,
+    places,
+    time,
+    deformation,
+)
 
 
 def run(options: Options, runner: Runner) -> Result:

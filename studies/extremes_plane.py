@@ -27,8 +27,6 @@ QUICK_GRID = (0.4, 0.5, 0.75)
 STEPS = 20_000
 WIDTH = 1e-3
 SETTING = Setting("(ψ, φ)", elements=2)
-#: Limits below this part of 2/ω_max count as none: growth there is too slow for so many steps.
-NONE = 0.2
 
 
 def spectral_radius(psi: float, phi: float, omega: Array) -> Array:

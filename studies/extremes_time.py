@@ -78,7 +78,8 @@ class Swing:
         symplectic = self.integrator == "zhai"
         return [{
             "motion": self.motion, "element": self.element, "integrator": self.integrator,
-            "of_limit": self.fraction if symplectic else np.nan, "spectral_radius": np.nan if symplectic else self.radius,
+            "of_limit": self.fraction if symplectic else np.nan,
+            "spectral_radius": np.nan if symplectic else self.radius,
             "dt": dt, "steps": self.steps, "t_end": self.steps * dt, "first_tenth": first, "measured": last,
             "predicted": first if symplectic else np.nan,
             "theory": "symplectic: as in the first tenth" if symplectic else "none",
@@ -179,7 +180,9 @@ class Turning:
         direction = np.exp(1.0j * theta)
         a = (1.0j * acceleration - rate**2) * direction
         before = np.concatenate([a[:1], a[:-1]])
-        v = 1.0j * rate[0] * direction[0] + h * np.concatenate([[0.0], np.cumsum(1.5 * a - 0.5 * before)[:-1]])
+        v = 1.0j * rate[0] * direction[0] + h * np.concatenate(
+            [[0.0], np.cumsum(1.5 * a - 0.5 * before)[:-1]]
+        )
         way = h * v + h * h * (a - 0.5 * before)
         q = direction[0] + np.concatenate([[0.0], np.cumsum(way)[:-1]])
         return np.asarray(np.abs(q - direction)[:: self.steps // OUTPUTS])
@@ -213,8 +216,12 @@ def _off_drive(found: Solution, drive: Quintic) -> Array:
 
 def time(quick: bool, runner: Runner) -> Part:
     """Drift of energy, joints and drive."""
-    energy = rows_of([Job(s.label, {"motion": s.motion}, partial(Swing.rows, s)) for s in swings(quick)], runner)
-    joints = rows_of([Job(t.label, {"solver": t.solver}, partial(Turning.rows, t)) for t in turnings(quick)], runner)
+    energy = rows_of(
+        [Job(s.label, {"motion": s.motion}, partial(Swing.rows, s)) for s in swings(quick)], runner
+    )
+    joints = rows_of(
+        [Job(t.label, {"solver": t.solver}, partial(Turning.rows, t)) for t in turnings(quick)], runner
+    )
     tables = (
         Table("extremes_energy", "Energy over many steps", _frame(energy), (
             "A cantilever of eight elements swings under 9.81 m/s² (wild) or a thousandth of it (small). first_tenth, "
@@ -223,8 +230,8 @@ def time(quick: bool, runner: Runner) -> Part:
             "where steps are short against the frequencies that occur; a wild swing raises them on the way.",
         )),
         Table("extremes_joints", "Joints and drive over many steps and turns", _frame(joints), (
-            "The four-bar, 2/8/2 elements. gap (m): of the pins' two ends; measured: distance of the crank's direction at "
-            "its hub from the one prescribed; balance: largest energy error, of the largest kinetic energy.",
+            "The four-bar, 2/8/2 elements. gap (m): of the pins' two ends; measured: distance of the crank's "
+            "direction at its hub from the one prescribed; balance: energy error, of the largest kinetic energy.",
             "predicted: 0 where positions are prescribed; where only accelerations are, the integrator's own recursion "
             "applied to the drive's acceleration.",
         )),
@@ -242,13 +249,15 @@ def _energy_learned(frame: pd.DataFrame) -> str:
     small, wild = (explicit[explicit["motion"] == motion] for motion in MOTIONS)
     calm, worst_wild = worst(small, "measured"), worst(wild, "measured")
     best_wild = wild.loc[wild["element"] == worst_wild["element"], "measured"].min()
-    damped = worst(frame[(frame["integrator"] == "generalized-alpha") & (frame["spectral_radius"] < 1.0)], "measured")
+    damped = worst(
+        frame[(frame["integrator"] == "generalized-alpha") & (frame["spectral_radius"] < 1.0)], "measured"
+    )
     return (
         f"Energy: after {calm['steps']:,} explicit steps of a small swing its error is {calm['measured']:.0e} of the "
         f"kinetic energy at worst, {calm['first_tenth']:.0e} in the first tenth: no drift. In a wild swing it grows to "
-        f"{worst_wild['measured']:.0e} with {worst_wild['element']} elements at {worst_wild['of_limit']:g} of the limit and "
-        f"stays at {best_wild:.0e} with the shortest step; generalized-α with ρ∞ = {damped['spectral_radius']:g} takes "
-        f"{100 * damped['measured']:.0f} % of the energy in {damped['t_end']:g} s."
+        f"{worst_wild['measured']:.0e} with {worst_wild['element']} elements at {worst_wild['of_limit']:g} of the "
+        f"limit and stays at {best_wild:.0e} with the shortest step; generalized-α with ρ∞ = "
+        f"{damped['spectral_radius']:g} takes {100 * damped['measured']:.0f} % of the energy in {damped['t_end']:g} s."
     )
 
 
@@ -259,8 +268,8 @@ def _joints_learned(frame: pd.DataFrame) -> str:
     said = "nothing" if ours["gap"].max() == 0.0 else f"{ours['gap'].max():.0e} m"
     driven = "nothing" if ours["measured"].max() == 0.0 else f"{ours['measured'].max():.0e}"
     return (
-        f"Drift: in {longest['turns']} turns of the crank and {ours['steps'].max():,} steps the pins of ANC–TMM open by "
-        f"{said} and its drive is off by {driven}; the global DAE without stabilisation opens its pins by "
+        f"Drift: in {longest['turns']} turns of the crank and {ours['steps'].max():,} steps the pins of ANC–TMM open "
+        f"by {said} and its drive is off by {driven}; the global DAE without stabilisation opens its pins by "
         f"{free['gap']:.0e} m and loses its drive by {free['measured']:.1e} in {free['steps']:,} steps, as its own "
         f"recursion predicts ({free['predicted']:.1e}), and with projection by no more than rounding."
     )
@@ -281,8 +290,8 @@ def _energy_picture(rows: list[Row]) -> Picture:
 
     steps = max((row["steps"] for row in whole), default=0)
     caption = (
-        f"Energy error over {steps:,} steps (largest so far). Explicit steps of a small swing keep their energy; a wild one "
-        "gathers errors, the fewer the shorter the steps; ρ∞ < 1 takes energy by design."
+        f"Energy error over {steps:,} steps (largest so far). Explicit steps of a small swing keep their energy; a "
+        "wild one gathers errors, the fewer the shorter the steps; ρ∞ < 1 takes energy by design."
     )
     return picture("extremes_energy", caption, draw, (7.6, 4.4))
 
@@ -292,12 +301,20 @@ def _energy_line(axes: Any, row: Row) -> None:
     if row["integrator"] == "zhai":
         label = f"{row['element']}, explicit, {row['of_limit']:g} of the limit"
         shade = FRACTIONS.index(row["of_limit"])
-        colour, dash = PALETTE[0 if row["element"] == "cable" else 1], ((0, (1, 1.5)), (0, (3, 1.5)), (0, (6, 1.5)), "-")[shade]
+        colour, dash = (
+            PALETTE[0 if row["element"] == "cable" else 1],
+            ((0, (1, 1.5)), (0, (3, 1.5)), (0, (6, 1.5)), "-")[shade],
+        )
     else:
         label = f"cable, implicit, ρ∞ = {row['spectral_radius']:g}"
         colour, dash = PALETTE[2 if row["spectral_radius"] == 1.0 else 3], "-"
     axes.plot(
-        t / t[-1], np.maximum.accumulate(np.maximum(error, 1e-16)), color=colour, linestyle=dash, label=label, linewidth=1.3
+        t / t[-1],
+        np.maximum.accumulate(np.maximum(error, 1e-16)),
+        color=colour,
+        linestyle=dash,
+        label=label,
+        linewidth=1.3,
     )
 
 
@@ -315,7 +332,7 @@ def _joints_picture(rows: list[Row]) -> Picture:
         axes.legend()
 
     caption = (
-        "Drift of the four-bar's constraints in the global DAE without stabilisation. With projection it is rounding; in "
-        "ANC–TMM there is none to be drawn: both are zero."
+        "Drift of the four-bar's constraints in the global DAE without stabilisation. With projection it is rounding; "
+        "in ANC–TMM there is none to be drawn: both are zero."
     )
     return picture("extremes_joints", caption, draw, (6.4, 3.6))
