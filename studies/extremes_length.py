@@ -281,7 +281,9 @@ def _learned(frame: pd.DataFrame, rates: list[tuple[str, float, float]]) -> str:
     plain = frame[(frame["road"] == PLAIN) & (frame["status"] == "no digit left")]
     ours = frame[frame["road"].isin((PAPER, CONDENSED, SPLIT))]
     sparse = frame[frame["road"] == SPARSE]
-    said = " and ".join(f"{found:.0f} with {element} elements (theory {theory:.2f})" for element, found, theory in rates)
+    said = " and ".join(
+        f"{found:.0f} with {element} elements (theory {theory:.2f})" for element, found, theory in rates
+    )
     return (
         f"Length: the error of the plain product of transfer matrices grows by {said} from element to element and has "
         f"eaten all digits at {plain['elements'].min()} elements, while Riccati in every partition stays below "
