@@ -105,7 +105,7 @@ class Bar:
 
 
 def by_inverted_blocks(chain: Chain) -> float:
-    """Tip's deflection by the recursion as it is usually written, D ← K_OO − K_OI (D + K_II)⁻¹ K_IO from the clamp on."""
+    """Tip's deflection by the recursion as usually written, D ← K_OO − K_OI (D + K_II)⁻¹ K_IO from a clamp on."""
     rows = chain.bodies.rows
     blocks = stiffness_matrices(chain.bodies, chain.bodies.reference())
     D = np.zeros((rows, rows))
@@ -289,8 +289,8 @@ def _picture(frame: pd.DataFrame) -> Picture:
 
     caption = (
         "The tip's deflection at rest against theory. One solve by the recursion keeps as many digits as banded "
-        "Cholesky and as rounding (dotted) allows; Newton's corrections win some back. With inverted blocks shear elements would "
-        "lose them all."
+        "Cholesky and as rounding (dotted) allows; Newton's corrections win some back. With inverted blocks "
+        "shear elements would lose them all."
     )
     return picture("extremes_parameters", caption, draw, (7.6, 5.6))
 

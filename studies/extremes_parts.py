@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from anctmm.errors import AnctmmError
 from studies.plots import Picture
 from studies.runner import Runner
 from studies.tables import Table
@@ -47,18 +46,14 @@ class Job:
     setting: Mapping[str, Any]
     rows: Callable[[], list[Row]]
 
-    def guarded(self) -> list[Row]:
-        """The rows, or one that says why there are none."""
-        try:
-            return self.rows()
-        except (AnctmmError, np.linalg.LinAlgError) as error:
-            reason = " ".join(str(error).split())
-            return [{**self.setting, "status": f"failed: {type(error).__name__}: {reason}"}]
+    def failed(self, error: Exception) -> list[Row]:
+        """The row that says why there are no others."""
+        return [{**self.setting, "status": f"failed: {type(error).__name__}: {' '.join(str(error).split())}"}]
 
 
 def rows_of(jobs: Sequence[Job], runner: Runner) -> list[Row]:
     """Rows of all jobs, each job kept when it is done."""
-    found = runner.jobs([(f"extremes: {job.label}", job.guarded) for job in jobs], code())
+    found = runner.jobs([(f"extremes: {job.label}", job.rows, job.failed) for job in jobs], code())
     return [row for rows in found for row in rows]
 
 

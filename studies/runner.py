@@ -208,19 +208,25 @@ class Runner:
         """Result of any computation, cached under a key, the source and the versions."""
         return self._store.remember(_stamped(key), compute)
 
-    def jobs(self, jobs: Sequence[tuple[str, Callable[[], Any]]], code: str) -> list[Any]:
+    def jobs(
+        self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
+    ) -> list[Any]:
         """Results of computations that are no runs of one case each, every one kept when it is done.
 
         Parameters
         ----------
-        jobs : sequence of (str, callable)
-            Label, which tells a job from every other of the same code, and what computes it.
+        jobs : sequence of (str, callable, callable)
+            Label, which tells a job from every other of the same code; what computes it; and what takes its place,
+            unremembered, if that raises an error of the solvers or of linear algebra.
         code : str
             Text that tells the code of the jobs from every other.
         """
         results = []
-        for done, (label, compute) in enumerate(jobs, 1):
-            results.append(self.remember(f"{label}|{code}", compute))
+        for done, (label, compute, otherwise) in enumerate(jobs, 1):
+            try:
+                results.append(self.remember(f"{label}|{code}", compute))
+            except (AnctmmError, np.linalg.LinAlgError) as error:
+                results.append(otherwise(error))
             self.on_job(label, done, len(jobs))
         return results
 
