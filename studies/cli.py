@@ -314,14 +314,22 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
         task = progress.add_task("starting", total=None)
 
         def on_done(case: "Case", done: int, total: int) -> None:
-            what = f"{runner.heading}{case.scene.name} · {case.solver} {case.element} {case.integrator}"
-            progress.update(task, description=what, completed=done, total=total)
+            what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
+            on_job(what, done, total)
+
+        def on_job(label: str, done: int, total: int) -> None:
+            progress.update(task, description=f"{runner.heading}{label}", completed=done, total=total)
 
         def note(text: str) -> None:
             console.print(f"anctmm: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
 
         runner = Runner(
-            cache, repeats=1 if quick else 3, budget_s=1.0 if quick else 20.0, on_done=on_done, note=note
+            cache,
+            repeats=1 if quick else 3,
+            budget_s=1.0 if quick else 20.0,
+            on_done=on_done,
+            note=note,
+            on_job=on_job,
         )
         try:
             yield runner

@@ -167,6 +167,8 @@ class Runner:
         Told what the user should know, such as a finished run that is not readable.
     heading : str
         What the runs are for: stands before them where progress is shown.
+    on_job : callable
+        Told after each job: (label, number done, number of all).
     """
 
     cache: Path | None
@@ -176,6 +178,7 @@ class Runner:
     on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
     heading: str = ""
+    on_job: Callable[[str, int, int], None] = lambda label, done, total: None
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
 
@@ -213,6 +216,28 @@ class Runner:
     def remember(self, key: str, compute: Callable[[], Any]) -> Any:
         """Result of any computation, cached under a key, the source and the versions."""
         return self._store.remember(_stamped(key), compute)
+
+    def jobs(
+        self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
+    ) -> list[Any]:
+        """Results of computations that are no runs of one case each, every one kept when it is done.
+
+        Parameters
+        ----------
+        jobs : sequence of (str, callable, callable)
+            Label, which tells a job from every other of the same code; what computes it; and what takes its place,
+            unremembered, if that raises an error of the solvers or of linear algebra.
+        code : str
+            Text that tells the code of the jobs from every other.
+        """
+        results = []
+        for done, (label, compute, otherwise) in enumerate(jobs, 1):
+            try:
+                results.append(self.remember(f"{label}|{code}", compute))
+            except (AnctmmError, np.linalg.LinAlgError) as error:
+                results.append(otherwise(error))
+            self.on_job(label, done, len(jobs))
+        return results
 
     def attempt(self, case: Case) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""

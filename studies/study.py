@@ -23,6 +23,10 @@ STUDIES = {
         "every pair of solvers on both scenes: do they compute the same motion",
     ),
     "trade": ("studies.trade", "which solver, element, mesh and step an error costs least with"),
+    "extremes": (
+        "studies.extremes",
+        "what holds at the extremes of length, step, parameters, time and deformation",
+    ),
     "fidelity": ("studies.fidelity", "which body may be a cable or rigid, and what that saves"),
 }
 
