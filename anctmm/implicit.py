@@ -333,11 +333,9 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
     now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
-    factors, force, (elastic, inertia) = (
-        block_factors(bodies.nodes, bodies.rows),
-        dead.copy(),
-        np.zeros((2, *dead.shape)),
-    )
+    force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))
+    factors, damping = block_factors(bodies.nodes, bodies.rows), new_damping(chain)
+    matrix = tables if damping is None else damping.stiff
     turn_hubs(hubs, actuation.hub_table(now)[0])
     a, w = state.a, state.w_before.copy()
     new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
@@ -348,14 +346,29 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     found: list[float] = []
     with np.errstate(all="ignore"):
         while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():
+            np.copyto(force, dead)
             set_loads(q, force, dead, loads, values)
+            if damping is not None:
+                new = ((1.0 - c.alpha_f) * w + c.alpha_f * state.w_before - c.alpha_m * a) / (1.0 - c.alpha_m)
+                v = state.v + c.h * ((1.0 - c.gamma) * a + c.gamma * new)
+                resist(
+                    tables.blend,
+                    q,
+                    v,
+                    tables.first,
+                    tables.kinds,
+                    tables.constants,
+                    damping.of,
+                    tables.buffer,
+                    force,
+                )
             elastic_forces(
                 tables.blend, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
             )
             mass_product(w, tables.first, tables.masses, tables.buffer, inertia)
             residual = force - elastic - inertia
             found.append(float(np.linalg.norm(joined.gather(residual))))
-            factorize(q, tables, links(chain), c.to_w, 1.0, loads, values, factors)
+            factorize(q, matrix, links(chain), c.to_w, 1.0, loads, values, factors)
             x = solve(factors, residual)
             q += x
             w += c.to_w * x

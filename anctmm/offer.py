@@ -15,6 +15,8 @@ FEATURES = {
     "joints": "pins and welds between bodies",
     "drives": "clamps that turn",
     "varying-loads": "loads that vary in time",
+    "damping": "Kelvin-Voigt damping of materials",
+    "rigid": "rigid bodies",
     "energy": "energies of the history; NaN where lacking",
 }
 

@@ -64,6 +64,7 @@ def dynamics(
     times = run.times(run.output_steps)
     loads = {load: _table(load, times) for load in scene.loads if callable(load.value)}
     try:
+        _check_kinds(scene, run)
         _check_integrator(scene, run)
         exu = load_exudyn()
     except Unsupported as why:
@@ -87,6 +88,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     """Equilibrium of a scene by Exudyn, with loads and drives as they are at t = 0."""
     positive("load_steps", load_steps, DiscretisationError)
     try:
+        _check_kinds(scene, run)
         exu = load_exudyn()
     except Unsupported as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
@@ -127,10 +129,13 @@ def roundoff(beams: Beams, scene: Scene) -> float:
     return float(2.0 * np.finfo(float).eps * extent * np.sqrt(squares))
 
 
-def _check_integrator(scene: Scene, run: Discretisation) -> None:
+def _check_kinds(scene: Scene, run: Discretisation) -> None:
     for name, (_, kind) in run.of(scene).items():
         if kind == "rigid":
             raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
+
+
+def _check_integrator(scene: Scene, run: Discretisation) -> None:
     if run.integrator != "zhai":
         return
     if (run.psi, run.phi) != (0.5, 0.5):

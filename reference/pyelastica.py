@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 
 NAME = "pyelastica"
 OFFER = Offer(
-    lacks=frozenset({"generalized-alpha", "joints", "drives", "varying-loads"}),
+    lacks=frozenset({"generalized-alpha", "joints", "drives", "varying-loads", "damping", "rigid"}),
     element="reissner",
     limits={"shear": "reissner"},
 )
@@ -332,7 +332,14 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
     for load in scene.loads:
         if callable(load.value):
             raise Unsupported(f"{load!r} varies in time; a constant load is needed")
-    for name, (count, _) in run.of(scene).items():
+    for body in scene.bodies:
+        if body.material.damping > 0.0:
+            raise Unsupported(
+                f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
+            )
+    for name, (count, kind) in run.of(scene).items():
+        if kind == "rigid":
+            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
         if count < 2:
             raise Unsupported(f"body {name!r} has {count} element; PyElastica needs 2 or more")
     try:

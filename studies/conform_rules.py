@@ -2,6 +2,7 @@
 
 import copy
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cache
 from inspect import signature
 from math import cos, sin, sqrt
@@ -69,11 +70,21 @@ def pulled() -> Scene:
     return free((Force("bar.end", lambda t: (PULL * t, 0.0 * t)),))
 
 
+def damped() -> Scene:
+    """The cantilever of a material that resists the rate of its strain."""
+    scene = cantilever()
+    return replace(
+        scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.bodies)
+    )
+
+
 #: What a solver that lacks a feature must refuse, by feature: a scene, and what is asked of its run.
 REFUSED: Mapping[str, tuple[Any, dict[str, Any]]] = {
     "joints": (jointed, {}),
     "drives": (driven, {}),
     "varying-loads": (pulled, {}),
+    "damping": (damped, {}),
+    "rigid": (cantilever, {"mesh": 1, "element": "rigid"}),
     "zhai": (cantilever, {"integrator": "zhai"}),
     "generalized-alpha": (cantilever, {"integrator": "generalized-alpha"}),
 }

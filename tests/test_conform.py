@@ -35,7 +35,9 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
     assert lacking == {"integrators", "joints", "drives", "varying loads"}
     assert found["joints"].measured == "lacks joints"
-    assert found["limits"].measured == "drives, generalized-alpha, joints, varying-loads refused"
+    assert (
+        found["limits"].measured == "damping, drives, generalized-alpha, joints, rigid, varying-loads refused"
+    )
 
 
 # --- broken solvers: ours, with one thing wrong each ---------------------------------------------------------

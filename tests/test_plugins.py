@@ -125,7 +125,7 @@ def test_the_template_stands_in_the_list_beside_the_broken_ones(ballistic):
     assert done.returncode == 0, done.stderr
     lines = {line.split()[0]: line for line in done.stdout.splitlines() if line.strip()}
     assert "ballistic: ballistic:solve" in lines["ballistic"]
-    assert "drives, energy, generalized-alpha, joints, statics, varying-loads" in lines["ballistic"]
+    assert "damping, drives, energy, generalized-alpha, joints, rigid, statics" in lines["ballistic"]
     assert "broken: solver 'raises' of package raises" in lines["raises"]
     assert "RuntimeError: no licence" in lines["raises"]
     assert "broken: solver 'absent'" in lines["absent"]
@@ -200,7 +200,10 @@ def test_conformance_tells_what_the_template_does_not_do(ballistic):
         "failure",
         "limits",
     }
-    assert "lacks 'drives' (clamps that turn), but answers with status ok" in found["limits"].measured
+    assert (
+        "lacks 'damping' (Kelvin-Voigt damping of materials), but answers with status ok"
+        in found["limits"].measured
+    )
 
 
 def test_conform_exits_with_1_and_with_2_for_who_is_not_there(ballistic):

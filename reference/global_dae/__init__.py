@@ -8,6 +8,7 @@ from typing import Any
 
 from anctmm.discretisation import Discretisation, discretise
 from anctmm.errors import DiscretisationError
+from anctmm.offer import Offer
 from anctmm.scene import Scene
 from anctmm.solution import Solution
 from anctmm.validation import one_of
@@ -20,6 +21,7 @@ from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
+OFFER = Offer(lacks=frozenset({"rigid"}))
 LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
 STABILIZATION = ("projection", "none")
 NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
