@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from studies.extremes_damping import damping
 from studies.extremes_deformation import deformation
 from studies.extremes_length import length
 from studies.extremes_parameters import parameters
@@ -18,6 +19,7 @@ PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
     length,
     step,
     plane,
+    damping,
     parameters,
     places,
     time,

@@ -143,6 +143,14 @@ def test_limit_of_a_pair_is_where_its_spectral_radius_passes_one(psi, phi):
         assert bound == pytest.approx(zhai_limit(psi, phi)) == pytest.approx(sqrt(2.0 / psi))
 
 
+def test_damping_lowers_the_limit_as_theory_says(frame):
+    rows = frame("damping")
+    assert rows["difference"].abs().max() < 0.01
+    np.testing.assert_allclose(rows["spectral_radius"], rows["predicted"], rtol=1e-5)
+    for ratio, bound in ((0.1, 1.64), (1.0, 0.472)):
+        assert only(rows, damping_ratio=ratio)["measured_omega"].to_numpy() == pytest.approx(bound, abs=5e-3)
+
+
 # --- parameters ----------------------------------------------------------------------------------------------
 
 
@@ -241,7 +249,7 @@ def test_an_element_turned_inside_out_is_named_when_it_happens(frame):
 
 
 def test_every_table_tells_what_it_is_measured_against(result, tmp_path):
-    assert len(result.findings) == 13
+    assert len(result.findings) == 14
     for table in result.tables:
         assert {"measured", "reference", "uncertainty", "status"} <= set(table.frame.columns), table.name
     folder = write(result, tmp_path)
