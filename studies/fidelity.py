@@ -115,14 +115,16 @@ def run(options: Options, runner: Runner) -> Result:
         Table("rule", "A rule of thumb beside what was measured", rules, _rule_notes()),
         Table("absent", "What a feature costs when it is absent", absent, _absent_notes()),
     )  # fmt: skip
+    findings = tuple(_findings(cheapest, rules, absent))
     return Result(
         name="fidelity",
         title="Fidelity: model only what a scene requires",
         question="Which body must be modelled how finely, and what is saved where less will do?",
-        findings=tuple(_findings(cheapest, rules, absent)),
+        findings=findings,
         assumptions=(*PHYSICS, *dict.fromkeys(a for s in chosen for a in s.base.assumptions)),
         tables=tables,
         pictures=(_picture(frame),),
+        answers=findings[:1],
     )
 
 

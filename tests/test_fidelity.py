@@ -76,6 +76,7 @@ def test_pages_can_be_written(result, tmp_path):
         f.name for f in folder.iterdir()
     }
     assert len(result.findings) == 4
+    assert result.answers == result.findings[:1]
 
 
 def test_steps_divide_the_output_and_respect_the_limit():
