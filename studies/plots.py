@@ -20,7 +20,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 from numpy.typing import NDArray
 
 from anctmm.solution import Solution
@@ -280,6 +280,10 @@ def log_ticks(axis: Axis, low: float, high: float) -> None:
     narrow = np.floor(np.log10(high)) - np.ceil(np.log10(low)) < 1  # fewer than two powers of ten
     axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if narrow else (1.0,), numticks=9))
     axis.set_minor_formatter(NullFormatter())
+    shown = [s * 10.0**k for k in range(-30, 30) for s in (1.0, 2.0, 5.0) if low <= s * 10.0**k <= high]
+    if len(shown) < 2:  # the locator above would fall back to many ticks whose labels overlap
+        axis.set_major_locator(MaxNLocator(nbins=3))
+        axis.set_minor_locator(NullLocator())
     if narrow:
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
 
