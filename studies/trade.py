@@ -21,7 +21,7 @@ from studies.trade_split import same_mesh, split
 from studies.trade_tables import (
     NEAR,
     Traded,
-    answers,
+    answer,
     by_rival,
     findings,
     histories,
@@ -63,7 +63,7 @@ def run(options: Options, runner: Runner) -> Result:
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
-        answers=tuple(answers(best.frame, rivals.frame, known.frame)),
+        answers=tuple(filter(None, [answer(best.frame, rivals.frame)])),
     )  # fmt: skip
 
 

@@ -164,16 +164,14 @@ def histories(traded: Sequence[Traded]) -> Table:
 # --- what was found ------------------------------------------------------------------------------------------
 
 
-def answers(best: pd.DataFrame, rivals: pd.DataFrame, known: pd.DataFrame) -> list[str]:
-    """What to take, and why."""
+def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
+    """What to take, and what the others cost, in one sentence; empty where nothing reaches the error."""
     lines = records(best[(best["wished_error"] == WISH) & (best["status"] == "ok")])
-    said = []
-    if lines:
-        takes = "; ".join(
-            f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
-        )
-        said.append(f"For an error of {WISH:g} take {takes}.")
-    return said + [text for text in (_against(rivals, WISH), _models(known)) if text]
+    takes = "; ".join(
+        f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
+    )
+    others = _against(rivals, WISH)
+    return f"For an error of {WISH:g} take {takes}{others and f'; {others}'}." if takes else ""
 
 
 def _against(rivals: pd.DataFrame, wish: float) -> str:
@@ -192,7 +190,7 @@ def _against(rivals: pd.DataFrame, wish: float) -> str:
     }
     cheapest = {name: sound[mine].groupby("scene")["ratio"].min() for name, mine in kinds.items()}
     parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
-    return f"At that error the cheapest of other kinds cost more: {', '.join(parts)} times." if parts else ""
+    return f"the cheapest of other kinds cost more: {', '.join(parts)} times" if parts else ""
 
 
 def _range(values: pd.Series) -> str:
@@ -230,7 +228,7 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
         else f"{r['scene']}, error {r['wished_error']:g}: {r['status']} ({r['error']:.2g})."
         for r in records(best.frame)
     ]
-    said += [*answers(best.frame, rivals.frame, known.frame)[1:], *filter(None, [_sources(points)])]
+    said += filter(None, [answer(best.frame, rivals.frame), _models(known.frame), _sources(points)])
     if failures := len(failed(points)):
         said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")
     return said
