@@ -152,8 +152,8 @@ def check_step(chain: Chain) -> None:
     run: Discretisation = chain.run
     if zhai_limit(run.psi, run.phi) == 0.0:
         raise StabilityError(
-            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed, every other pair tried "
-            f"is unstable at any step (check_stability=False runs it all the same)"
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
+            f"at any step or allow no longer one (check_stability=False runs it all the same)"
         )
     damping = chain.bodies.damping
     bound = 0.0 if damping is None else element_bound(chain, chain.bodies.stiffened(damping)) ** 2
