@@ -334,8 +334,7 @@ def _findings(cheapest: pd.DataFrame, rules: pd.DataFrame, absent: pd.DataFrame)
     for scene, lines in cheapest.groupby("scene", sort=False):
         found = lines[lines["status"] == "ok"].drop_duplicates("element", keep="last")
         said = "; ".join(
-            f"down to {r['wish']:g} {r['element']} "
-            f"({r['gain']:.3g} times faster than the richest, off by {r['error']:.2g})"
+            f"down to {r['wish']:g} {r['element']} ({_gain(r['gain'])}, off by {r['error']:.2g})"
             for r in found.to_dict("records")
         )
         yield f"{scene}, cheapest kinds under a wished modelling error: {said or 'none on these meshes'}."
@@ -351,6 +350,10 @@ def _findings(cheapest: pd.DataFrame, rules: pd.DataFrame, absent: pd.DataFrame)
         f"Absent features leave {'traces: ' + ', '.join(inside) if inside else 'no trace'} in the machine code of a "
         f"plain run; damping, present, takes {ratio:.2g} times its time."
     )
+
+
+def _gain(ratio: float) -> str:
+    return "the richest" if ratio == 1.0 else f"{ratio:.3g} times faster than the richest"
 
 
 def _picture(frame: pd.DataFrame) -> Picture:
