@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from samples import KINDS, SUPPORTS, bar, chain_of, gap, row_scene
 
+from anctmm import explicit
 from anctmm.chain import Joined
 from anctmm.drives import Quintic
 from anctmm.errors import StabilityError
 from anctmm.scene import Clamp, Force, Pin
 from anctmm.solve import solve
-from anctmm.stability import element_bound, highest_frequency, zhai_limit
+from anctmm.stability import element_bound, highest_frequency, largest_step, zhai_limit
 
 GRAVITY = (0.0, -9.81)
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -164,6 +165,19 @@ def test_diverging_run_says_where_and_keeps_its_history(kind):
     for series in (motion.position("b1", 0.0), *vars(motion.energy).values()):
         assert len(series) == len(motion.t)
         assert np.isfinite(series).all()
+
+
+def test_diverged_run_says_the_limit_at_its_last_output(monkeypatch):
+    """Unless the chain is too long for the question."""
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    chain, h = chain_of(scene, element="shear"), limit_step(scene, 1.5, element="shear")
+    for examined in (chain.bodies.nodes, chain.bodies.nodes - 1):
+        monkeypatch.setattr(explicit, "EXAMINED", examined)
+        motion = run(scene, h, 1000, 3, element="shear", check_stability=False)
+        before = motion.fields["bar"].coordinates[-1].reshape(chain.bodies.nodes, -1).T
+        limit = f"to {largest_step(chain, before):.3g} s at the output before"
+        assert f"{largest_step(chain, chain.bodies.reference()):.3g}" not in limit
+        assert (limit in str(motion.status)) == (examined == chain.bodies.nodes)
 
 
 # --- order and energy --------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pytest
 from samples import bar
 
 from anctmm.errors import SolverError, UnknownNameError
-from anctmm.metrics import compare, history_error
+from anctmm.metrics import common_times, compare, history_error
 from anctmm.solution import Cost, Energy, LagrangeField, Solution, Status
 
 SCENE = bar()
@@ -32,6 +32,7 @@ def test_error_is_the_root_mean_square_over_the_largest_displacement():
     u, v = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[0.0, 4.0], [3.0, -4.0]])
     assert history_error(u, v) == pytest.approx(4.0 / 5.0)
     assert history_error(v, v) == 0.0
+    assert history_error(0.1 * u, 0.1 * v) == pytest.approx(4.0 / 5.0)
     assert (
         history_error(v, np.zeros((2, 2))) == 5.0
     )  # of a reference at rest: the largest difference itself, m
@@ -52,6 +53,15 @@ def test_largest_difference_is_that_of_one_time():
     """Not of one component over the times, and of no more than there is."""
     off = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [0.3, 3.4], [3, 4.4]])
     assert compare(off, THEIRS, ["bar.end"]).largest == pytest.approx(0.5 / 5.0)
+
+
+def test_scale_is_that_of_one_time_and_cost_counts_however_small():
+    """The reference stays 5 m away, so that no other norm of it is 5 m."""
+    away = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [4, 3], [4, 3]], cpu_s=0.5)
+    near = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [4, 3], [4, 2]], cpu_s=0.25)
+    result = compare(near, away, ["bar.end"])
+    assert result.largest == pytest.approx(1.0 / 5.0)
+    assert result.cost_ratio == 0.5
 
 
 def test_a_reference_at_rest_and_one_without_cost():
@@ -82,6 +92,13 @@ def test_only_common_times_are_compared(many):
     assert compare(two, one, ["bar.end"]).common == result.common
     short = moved(theirs[: n // 2], path[: n // 2] * 0.0, path[: n // 2], status=Status("diverged", "early"))
     assert compare(two, short, ["bar.end"]).common == n // 2
+
+
+def test_times_are_common_to_a_part_of_the_longer_history():
+    long, short = np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0 + 2e-9])
+    for pair in ((long, short), (short, long)):
+        assert [list(places) for places in common_times(*pair)] == [[0, 1], [0, 1]]
+    assert len(common_times(long, short + 2e-9)[0]) == 1
 
 
 def test_a_run_cut_short_is_compared_up_to_its_end():

@@ -82,6 +82,33 @@ def rigidly(scene, dt, t_end=0.5, **options):
 
 
 @pytest.mark.parametrize("turned", [False, True])
+def test_first_steps_are_those_of_the_equations_of_motion(turned):
+    ours, tip = rigidly(pendulum(turned), 1e-3, 0.1), ("two", 0.0 if turned else 1.0)
+    assert np.abs(ours.position(*tip) - lagrange(0.1, 11)).max() < 1e-5
+    for body, length in (("one", 1.0), ("two", 0.7)):
+        span = ours.position(body, 1.0) - ours.position(body, 0.0)
+        assert np.abs(np.hypot(*span.T) - length).max() < 1e-13
+    assert np.abs(ours.position("one", 1.0) - ours.position("two", 1.0 - tip[1])).max() < 1e-13
+
+
+def test_a_start_that_would_stretch_a_rigid_body_moves_it_as_a_whole():
+    """Velocities are projected by the mass: a stretch about the centre gives rest, one about an end its mean."""
+    for about, mean in ((0.5, 0.0), (0.0, 0.5)):
+        bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s, about=about: (s - about, 0.0))
+        ours = rigidly(Scene("stretched", [bar], ()), 1e-3, 1e-2)
+        assert ours.energy.kinetic == pytest.approx(np.full(11, 0.5 * 0.4 * mean**2), abs=1e-13)
+        moved = ours.displacement(("bar", 0.3))
+        assert np.abs(moved - np.outer(ours.t, [mean, 0.0])).max() < 1e-14
+
+
+def test_a_start_that_would_bend_a_rigid_body_turns_it():
+    """Of s² the nearest rigid motion is s − 1/6."""
+    bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s: (0.0, s * s))
+    ours = rigidly(Scene("bent", [bar], ()), 1e-4, 1e-3)
+    assert ours.energy.kinetic == pytest.approx(np.full(11, 0.2 * (1 / 3 - 1 / 6 + 1 / 36)), rel=1e-7)
+
+
+@pytest.mark.parametrize("turned", [False, True])
 def test_double_pendulum_moves_by_its_own_equations(turned):
     exact = lagrange(1.0, 11)
     tip = ("two", 0.0 if turned else 1.0)
@@ -211,7 +238,10 @@ def test_compiled_accelerations_are_the_readable_ones():
     rigid, q = rigid_system(chain), chain.bodies.reference()
     a = sweep(mass_factors(chain), np.random.default_rng(0).standard_normal(q.shape))
     expected, found, f = project(rigid, q, a), a.copy(), np.zeros_like(q)
-    constrain_accelerations.py_func(rigid, q, np.zeros_like(q), f, found)
+    plain = getattr(
+        constrain_accelerations, "py_func", constrain_accelerations
+    )  # itself where nothing is compiled
+    plain(rigid, q, np.zeros_like(q), f, found)
     assert np.abs(found - expected).max() < 1e-11 * np.abs(a).max()
     assert np.abs(project(rigid, q, expected) - expected).max() < 1e-11 * np.abs(a).max()
     # the forces reported are those that make the difference

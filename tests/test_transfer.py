@@ -217,6 +217,22 @@ def test_every_road_to_the_accelerations_is_the_direct_solve(kind, start, end, l
 
 
 @every_kind
+@pytest.mark.parametrize(("start", "end"), [("clamp", "free"), ("free", "clamp"), ("clamp", "clamp")])
+def test_ends_with_known_accelerations(kind, start, end):
+    """A hub that turns at either end or both: what it brings to the others is −M times its acceleration."""
+    chain = chain_of(row_scene(start, [("pin", 0.5)], end), mesh=2, element=kind)
+    q, f, _ = problem(chain)
+    known = np.random.default_rng(3).standard_normal(q.shape) / scales(chain) * 100.0
+    known[:, 1:-1] = 0.0
+    known[~chain.prescribed] = 0.0
+    mass = mass_of(chain)
+    inertia = (mass @ known.ravel()).reshape(q.shape)
+    exact = known + direct(chain, mass, f - elastic(chain, q) - inertia)
+    for accelerations in (accelerations_riccati, accelerations_plain):
+        assert error(chain, real(accelerations(row_of(chain, q, f, known))), exact) < 1e-9
+
+
+@every_kind
 @pytest.mark.parametrize(("start", "end"), [("free", "pin"), ("pin", "clamp"), ("clamp", "free")])
 def test_recursion_is_the_direct_solve_up_to_ten_thousand_elements(kind, start, end):
     for mesh in (50, 500, 5000):
