@@ -1,5 +1,6 @@
 """Generalized-α: its coefficients, order, energy, Newton's counts, and how a run ends."""
 
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -9,8 +10,9 @@ from hypothesis import strategies as st
 from samples import KINDS, bar, chain_of, gap
 
 from anctmm.drives import Quintic
-from anctmm.implicit import GeneralizedAlpha
-from anctmm.scene import Clamp, Force, Pin
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.implicit import KAPPA, GeneralizedAlpha
+from anctmm.scene import Clamp, Force, Material, Pin, Scene
 from anctmm.solve import solve
 from anctmm.stability import highest_frequency
 from anctmm.statics import solve_static
@@ -188,6 +190,31 @@ def test_newtons_counts(kind):
     assert large.cost.steps == 500
     assert 2 * 500 <= large.cost.newton_iterations <= 6 * 500
     assert 2 < large.cost.factorizations <= 500
+
+
+@every_kind
+@pytest.mark.parametrize(("part", "corrections"), [(1.01, 1), (0.99, 2)])
+def test_a_correction_is_measured_in_lengths_of_the_chain(kind, part, corrections):
+    """A stiff free bar is pushed along itself: the first correction, F/(m c_w), is known, and the second is none."""
+    body = replace(bar().bodies[0], end=(2.4, 3.2), material=Material(1e10, 1000.0))
+    mass, h, push = 1000.0 * body.section.area * 4.0, 0.1, 1e-3
+    force = lambda t: (0.3 * push, 0.4 * push) if t > 0.0 else (0.0, 0.0)  # noqa: E731
+    scene = Scene("pushed", [body], [], [Force("bar.start", force), Force("bar.end", force)])
+    first = push / (mass * GeneralizedAlpha(0.9).of_step(h).to_w)
+    # the larger component of the direction (0.6, 0.8), over the length
+    tolerance = part * 0.8 * first / 4.0 / KAPPA
+    motion = run(scene, h, h, element=kind, newton_tolerance=tolerance, spectral_radius=0.9)
+    assert motion.cost.newton_iterations == corrections
+
+
+@every_kind
+def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
+    both = [
+        solver(scene, mesh=BLOCK + 3, element=kind, dt=1e-3, t_end=2e-3, newton_tolerance=1e-12)
+        for solver in (solve, global_dae.solve)
+    ]
+    assert gap(*both) < 1e-11
 
 
 @every_kind
