@@ -78,7 +78,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         raise SolverError("probes is empty; at least one probe is needed")
     mine, theirs = common_times(solution.t, reference.t)
     whole = solution.status.ok and reference.status.ok
-    if whole and mine.size < 2 < min(solution.t.size, reference.t.size):
+    if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
         raise SolverError(
             f"{solution.solver!r} and {reference.solver!r} have {mine.size} common output times; "
             f"at least 2 are needed: use one output_dt"
@@ -108,7 +108,7 @@ def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]
     """Places in both of the times that both have, to 1e-9 of the longer history."""
     if a.size == 0 or b.size == 0:
         return np.empty(0, np.intp), np.empty(0, np.intp)
-    tolerance = 1e-9 * max(float(a[-1]), float(b[-1]), 1e-300)
+    tolerance = 1e-9 * max(float(a[-1]), float(b[-1]))
     nearest = (
         np.abs(a[:, None] - b[None, :]).argmin(axis=1)
         if a.size * b.size < 4_000_000

@@ -139,6 +139,19 @@ def test_first_steps_lose_the_same_work_in_both_integrators():
     assert (np.diff(implicit.work) < 0.0).all()
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_first_steps_damp_alike_to_the_square_of_the_step(kind):
+    """Strain that starts at once: what resists it are the velocities at the end of a step."""
+    stretched = replace(bar(material=DAMPED).bodies[0], velocity=lambda s: (s * (s - 0.4), s * s))
+    scene = replace(bar([Clamp("bar.start")], material=DAMPED), bodies=[stretched])
+    options = {"mesh": 1, "element": kind, "t_end": 1.6e-3, "output_dt": 4e-4}
+    fine = solve(scene, integrator="zhai", dt=2e-6, **options)
+    coarse, half = (solve(scene, dt=dt, newton_tolerance=1e-12, **options) for dt in (1e-4, 5e-5))
+    assert gap(coarse, fine) / gap(half, fine) == pytest.approx(4.0, rel=0.2)
+    work = [np.abs(m.energy.work - fine.energy.work).max() for m in (coarse, half)]
+    assert work[0] / work[1] == pytest.approx(4.0, rel=0.2)
+
+
 def test_implicit_tends_to_explicit_at_second_order():
     scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81), material=DAMPED)
     fine = solve(scene, mesh=2, integrator="zhai", dt=2e-5, t_end=0.5, output_dt=0.02)

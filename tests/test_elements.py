@@ -39,6 +39,29 @@ def cable(quadrature="full"):
     return CableElement.of(Beam("b", (0, 0), (LENGTH, 0), Rectangle(WIDTH, HEIGHT), SOFT), 1, quadrature)
 
 
+def test_elements_have_the_properties_of_their_body():
+    body = Beam("b", (0, 0), (3, 4), Rectangle(0.2, 0.1), Material(7e6, 30.0, poisson=0.25, damping=0.5))
+    one, two = CableElement.of(body, 4, "reduced"), ShearElement.of(body, 4)
+    area, second, fourth = 0.02, 0.2 * 0.1**3 / 12, 0.2 * 0.1**5 / 80
+    assert (one.l, one.EA, one.EI) == pytest.approx((1.25, 7e6 * area, 7e6 * second))
+    assert (one.mass_per_length, one.damping, one.quadrature) == (pytest.approx(30.0 * area), 0.5, "reduced")
+    assert (two.l, two.A, two.I, two.J) == pytest.approx((1.25, area, second, fourth))
+    assert (two.lam, two.G, two.density, two.damping) == pytest.approx((2.8e6, 2.8e6, 30.0, 0.5))
+
+
+@pytest.mark.parametrize(
+    ("quadrature", "axial", "bending"), [("full", 5, 3), ("reduced", 4, 2), ("lobatto", 3, 2)]
+)
+def test_quadratures_have_the_points_of_their_rule(quadrature, axial, bending):
+    """Exudyn's: Lobatto has the ends of the element, Gauss has not."""
+    element = cable(quadrature)
+    rules = element.axial_rule, element.bending_rule
+    assert [len(weights) for *_, weights in rules] == [axial, bending]
+    assert [weights.sum() for *_, weights in rules] == pytest.approx([LENGTH, LENGTH])
+    ends = np.abs(element.axial_rule[0][0] - [0.0, 1.0, 0.0, 0.0]).max() < 1e-15
+    assert ends == (quadrature == "lobatto")
+
+
 ELEMENTS = {
     "shear ν=0": shear(0.0),
     "shear ν=0.3": shear(0.3),

@@ -167,17 +167,40 @@ def test_diverging_run_says_where_and_keeps_its_history(kind):
         assert np.isfinite(series).all()
 
 
+@every_kind
+@pytest.mark.parametrize("step", [0, 1, 4])
+def test_what_is_not_finite_ends_a_run_before_it_is_kept(kind, step):
+    """A force beyond all numbers from a step on."""
+    h = limit_step(bar([Clamp("bar.start")]), 0.5, element=kind)
+    beyond = Force("bar.end", lambda t: (0.0, 1e308 if t > (step - 0.5) * h else 0.0))
+    motion = run(bar([Clamp("bar.start")], [beyond]), h, 10, element=kind)
+    assert (motion.status, motion.status.step, motion.cost.steps) == ("diverged", step, step)
+    assert motion.status.time == pytest.approx(step * h)
+    assert motion.t == pytest.approx(h * np.arange(step))
+    assert len(motion.position("bar", 1.0)) == len(motion.energy.work) == step
+
+
 def test_diverged_run_says_the_limit_at_its_last_output(monkeypatch):
     """Unless the chain is too long for the question."""
     scene = bar([Clamp("bar.start")], gravity=GRAVITY)
     chain, h = chain_of(scene, element="shear"), limit_step(scene, 1.5, element="shear")
-    for examined in (chain.bodies.nodes, chain.bodies.nodes - 1):
+    for examined in (chain.bodies.nodes + 1, chain.bodies.nodes, chain.bodies.nodes - 1):
         monkeypatch.setattr(explicit, "EXAMINED", examined)
         motion = run(scene, h, 1000, 3, element="shear", check_stability=False)
         before = motion.fields["bar"].coordinates[-1].reshape(chain.bodies.nodes, -1).T
         limit = f"to {largest_step(chain, before):.3g} s at the output before"
         assert f"{largest_step(chain, chain.bodies.reference()):.3g}" not in limit
-        assert (limit in str(motion.status)) == (examined == chain.bodies.nodes)
+        assert (limit in str(motion.status)) == (examined >= chain.bodies.nodes)
+
+
+@every_kind
+@pytest.mark.parametrize(("psi", "phi"), [(0.5, 0.5), (0.8, 0.8), (0.7, 0.6)])
+def test_fall_of_a_free_bar_is_exact_for_all_parameters(kind, psi, phi):
+    """Of a constant acceleration all members of the family make the exact motion."""
+    motion = run(bar(gravity=GRAVITY), 1e-5, 7, element=kind, psi=psi, phi=phi, check_stability=False)
+    way = -0.5 * 9.81 * motion.t**2
+    assert motion.displacement("bar.end")[:, 1] == pytest.approx(way, rel=1e-6, abs=1e-15)
+    assert motion.energy.kinetic == pytest.approx(0.5 * 0.4 * (9.81 * motion.t) ** 2, rel=1e-6, abs=1e-15)
 
 
 # --- order and energy --------------------------------------------------------------------------------------

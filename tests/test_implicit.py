@@ -11,8 +11,8 @@ from samples import KINDS, bar, chain_of, gap
 
 from anctmm.drives import Quintic
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.implicit import KAPPA, GeneralizedAlpha
-from anctmm.scene import Clamp, Force, Material, Pin, Scene
+from anctmm.implicit import KAPPA, GeneralizedAlpha, new_state, residual_history
+from anctmm.scene import Clamp, Force, Material, Pin, Scene, Torque
 from anctmm.solve import solve
 from anctmm.stability import highest_frequency
 from anctmm.statics import solve_static
@@ -250,6 +250,48 @@ def test_run_that_fails_says_where_and_keeps_its_history(kind):
     for series in (motion.position("bar", 1.0), *vars(motion.energy).values()):
         assert len(series) == 6
         assert np.isfinite(series).all()
+
+
+def test_gradients_beyond_all_bounds_end_a_run_that_newton_found():
+    struck = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, 1e9 * (t > 0.015)))])
+    motion = run(struck, 1e-2, 0.1, newton_tolerance=1e-6)
+    assert (motion.status, motion.status.step, motion.status.residuals) == ("diverged", 2, ())
+    assert "gradients grew beyond 1000 by t = 0.02 s (step 2)" in motion.status.message
+    assert motion.t == pytest.approx([0.0, 0.01])
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@every_kind
+def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
+    """One element on a turning hub, with all that acts on it, in a state in which no term is zero."""
+    drive, moment, t = Quintic(pi / 4, 0.2), 0.7, 0.1
+    scene = bar([Clamp("bar.start", drive)], [Torque("bar.end", lambda t: moment)], gravity=GRAVITY,
+                material=Material(1e7, 1000.0, damping=damping))  # fmt: skip
+    chain = chain_of(scene, mesh=1, element=kind, dt=1e-3, spectral_radius=0.8)
+    state, rng, c = new_state(chain), np.random.default_rng(2), GeneralizedAlpha(0.8).of_step(1e-3)
+    state.q_before[:] = state.q + 0.01 * rng.standard_normal(state.q.shape)
+    for x in (state.v, state.a, state.w_before):
+        x[:] = rng.standard_normal(x.shape)
+    q0, v0, a0, w0 = (x.T.reshape(-1, 2) for x in (state.q_before, state.v, state.a, state.w_before))
+
+    def acceleration(w):
+        return ((1 - c.alpha_f) * w + c.alpha_f * w0 - c.alpha_m * a0) / (1 - c.alpha_m)
+
+    def position(w):
+        return q0 + c.h * v0 + c.h**2 * ((0.5 - c.beta) * a0 + c.beta * acceleration(w))
+
+    half, turned = len(q0) // 2, np.arctan2(0.8, 0.6) + drive(np.array([t]))[0][0]
+    hub = np.array([[0.0, 0.0], [np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])[:half]
+    w = w0.copy()
+    w[:half] += (hub - position(w0)[:half]) / (position(w0 + 1.0) - position(w0))[0, 0]
+    q, v = position(w), v0 + c.h * ((1 - c.gamma) * a0 + c.gamma * acceleration(w))
+    assert np.abs(q[:half] - hub).max() < 1e-12
+    element = chain.bodies.meshes[0].element
+    force = np.multiply.outer(element.gravity, GRAVITY) - element.force(q) - element.mass @ w
+    force -= element.damping_force(q, v)
+    x, y = q[-1]
+    force[-1] += moment * np.array([-y, x]) / (x * x + y * y)
+    assert residual_history(chain, state, t)[0] == pytest.approx(np.linalg.norm(force[half:]), rel=1e-9)
 
 
 def test_step_may_be_far_above_the_explicit_limit():

@@ -62,6 +62,8 @@ def test_scale_is_that_of_one_time_and_cost_counts_however_small():
     result = compare(near, away, ["bar.end"])
     assert result.largest == pytest.approx(1.0 / 5.0)
     assert result.cost_ratio == 0.5
+    small = [moved(m.t, STILL, 0.1 * m.displacement("bar.end")) for m in (near, away)]
+    assert compare(*small, ["bar.end"]).largest == pytest.approx(1.0 / 5.0)
 
 
 def test_a_reference_at_rest_and_one_without_cost():
@@ -99,6 +101,10 @@ def test_times_are_common_to_a_part_of_the_longer_history():
     for pair in ((long, short), (short, long)):
         assert [list(places) for places in common_times(*pair)] == [[0, 1], [0, 1]]
     assert len(common_times(long, short + 2e-9)[0]) == 1
+    brief = np.array([0.0, 1e-3])  # a difference of a nanosecond is much there
+    assert len(common_times(brief, brief + 1e-9)[0]) == 0
+    assert [len(places) for places in common_times(brief[:0], brief)] == [0, 0]
+    assert [len(places) for places in common_times(brief, brief[:0])] == [0, 0]
 
 
 def test_a_run_cut_short_is_compared_up_to_its_end():
@@ -109,6 +115,9 @@ def test_a_run_cut_short_is_compared_up_to_its_end():
     assert not result.complete
     first = compare(moved([0.0], STILL[:1], STILL[:1], status=cut.status), THEIRS, ["bar.end"])
     assert (first.common, first.error) == (1, 0.0)
+    apart = moved([0.0, 0.7], STILL[:2], STILL[:2], status=cut.status)
+    for pair in ((apart, THEIRS), (THEIRS, apart)):
+        assert compare(*pair, ["bar.end"]).common == 1
     empty = moved([], STILL[:0], STILL[:0], status=cut.status)
     for pair in ((empty, THEIRS), (THEIRS, empty)):
         nothing = compare(*pair, ["bar.end", "bar.start"])
@@ -121,6 +130,10 @@ def test_whole_runs_need_two_common_times():
     apart = moved([0.0, 0.7, 1.4], STILL, STILL)
     with pytest.raises(SolverError, match="have 1 common output times; at least 2 are needed"):
         compare(apart, THEIRS, ["bar.end"])
+    two = moved([0.0, 1.4], STILL[:2], STILL[:2])
+    with pytest.raises(SolverError, match="have 1 common output times; at least 2 are needed"):
+        compare(apart, moved([0.0, 1.0], STILL[:2], STILL[:2]), ["bar.end"])
+    assert compare(apart, two, ["bar.end"]).common == 2
     halves = moved([0.0, 1.5, 2.0], STILL, STILL)
     assert compare(halves, THEIRS, ["bar.end"]).common == 2
     single = moved([0.0], STILL[:1], STILL[:1])  # one output: nothing else could be common

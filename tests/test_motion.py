@@ -12,6 +12,7 @@ from anctmm.drives import Pulse, Quintic
 from anctmm.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.solve import solve
 from anctmm.stability import highest_frequency
+from reference import global_dae
 
 GRAVITY = (0.0, -9.81)
 LAYOUTS = {
@@ -361,6 +362,22 @@ def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integr
 
 
 # --- output ------------------------------------------------------------------------------------------------
+
+
+@every_integrator
+@every_kind
+def test_work_of_the_first_steps_is_that_of_the_global_equations(kind, integrator):
+    """A bar that flies into a moment which is there at once, on a hub that moves at once."""
+    body = replace(bar().bodies[0], velocity=lambda s: (-0.8 * s, 0.6 * s))
+    scene = bar(
+        [Clamp("bar.start", lambda t: (sin(t), cos(t), -sin(t)))],
+        [Torque("bar.end", lambda t: 1.0 + 1e3 * t)],
+    )
+    options = {"mesh": 2, "element": kind, "integrator": integrator, "dt": 1e-5, "t_end": 6e-5}
+    ours, other = (s(replace(scene, bodies=[body]), **options) for s in (solve, global_dae.solve))
+    assert ours.energy.work == pytest.approx(other.energy.work, rel=1e-6, abs=1e-14)
+    assert np.abs(np.diff(ours.energy.work)).min() > 1e-6
+    assert gap(ours, other) < 1e-13
 
 
 @every_integrator
