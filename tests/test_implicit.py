@@ -7,12 +7,20 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import KINDS, bar, chain_of, gap
+from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
 
+from anctmm import implicit
 from anctmm.drives import Quintic
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.implicit import KAPPA, GeneralizedAlpha, new_state, residual_history
-from anctmm.scene import Clamp, Force, Material, Pin, Scene, Torque
+from anctmm.implicit import (
+    KAPPA,
+    GeneralizedAlpha,
+    correction_size,
+    new_newton,
+    new_state,
+    residual_history,
+)
+from anctmm.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 from anctmm.solve import solve
 from anctmm.stability import highest_frequency
 from anctmm.statics import solve_static
@@ -208,6 +216,42 @@ def test_a_correction_is_measured_in_lengths_of_the_chain(kind, part, correction
 
 
 @every_kind
+def test_newtons_counts_are_those_of_its_rule(kind, monkeypatch):
+    """Of one step, under bounds on either side of each sum of the series that the corrections left would make."""
+    made = []
+    monkeypatch.setattr(implicit, "new_newton", lambda chain: made.append(new_newton(chain)) or made[-1])
+    scene, step = bar([Clamp("bar.start")], gravity=GRAVITY), {"dt": 0.01, "t_end": 0.01, "element": kind}
+    solve(scene, mesh=2, newton_tolerance=1e-13, **step)
+    sizes = made[0].history[made[0].history > 0.0]
+    rates = np.append(1.0, sizes[1:] / sizes[:-1])
+    left = np.where(rates < 1.0, np.minimum(sizes, sizes * rates / (1.0 - np.minimum(rates, 0.999))), sizes)
+    assert (np.diff(left) < 0.0).all()
+    assert len(left) > 3
+    for found, bound in enumerate(left[:-1], 1):
+        for factor, more in ((1.001, 0), (0.999, 1)):
+            motion = solve(scene, mesh=2, newton_tolerance=factor * bound / KAPPA, **step)
+            assert motion.cost.newton_iterations == found + more
+
+
+def test_newtons_bound_is_no_less_than_rounding():
+    there = Beam("bar", (3e5, 4e5), (3e5 + 0.6, 4e5 + 0.8), SQUARE, SOFT)
+    eps = np.finfo(float).eps
+    for scene, furthest in ((bar(), 0.8), (scene_of(bodies=[there]), 4e5 + 0.8)):
+        wished, least = (new_newton(chain_of(scene, newton_tolerance=x)) for x in (1e-3, 1e-14))
+        assert (wished.scale, wished.tolerance) == pytest.approx((1.0, KAPPA * 1e-3))
+        assert least.tolerance == pytest.approx(32.0 * eps * (1.0 + furthest))
+
+
+@every_kind
+def test_the_worst_correction_is_measured_as_newton_measures(kind):
+    chain = chain_of(replace(bar(), bodies=[replace(bar().bodies[0], end=(2.4, 3.2))]), mesh=3, element=kind)
+    state = new_state(chain)
+    state.loads[:] = 1e-3
+    state.loads[0, 0], state.loads[1, -1], state.loads[2, 1] = 7.0, -2.0, -9.0
+    assert correction_size(chain, state) == pytest.approx([1.75, 2.0, 2.25, 1e-3])
+
+
+@every_kind
 def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
     scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
     both = [
@@ -311,5 +355,6 @@ def test_a_step_that_modified_newton_misses_is_found_by_newton_from_the_predicto
     options = {"mesh": 4, "element": kind, "spectral_radius": 0.0, "newton_tolerance": tolerance}
     motion = solve(scene, dt=0.5, t_end=10.0, **options)
     assert motion.status.ok
+    assert motion.cost.newton_iterations > motion.cost.factorizations > motion.cost.steps
     peer = global_dae.solve(scene, dt=0.5, t_end=10.0, **{**options, "newton_tolerance": 1e-12})
     assert gap(motion, peer) < 1e2 * max(tolerance, 1e-12)
