@@ -228,6 +228,8 @@ def test_newtons_counts_are_those_of_its_rule(kind, monkeypatch):
     assert (np.diff(left) < 0.0).all()
     assert len(left) > 3
     for found, bound in enumerate(left[:-1], 1):
+        if bound > 0.009 * KAPPA:  # beyond what may be asked
+            continue
         for factor, more in ((1.001, 0), (0.999, 1)):
             motion = solve(scene, mesh=2, newton_tolerance=factor * bound / KAPPA, **step)
             assert motion.cost.newton_iterations == found + more
