@@ -19,6 +19,7 @@ from anctmm.assembly import (
 )
 from anctmm.elements.cable import CableElement
 from anctmm.elements.invariants import InvariantShearElement
+from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shapes import gauss, hermite, lobatto, power
 from anctmm.elements.shear import ShearElement
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
@@ -47,6 +48,8 @@ def test_elements_have_the_properties_of_their_body():
     assert (one.mass_per_length, one.damping, one.quadrature) == (pytest.approx(30.0 * area), 0.5, "reduced")
     assert (two.l, two.A, two.I, two.J) == pytest.approx((1.25, area, second, fourth))
     assert (two.lam, two.G, two.density, two.damping) == pytest.approx((2.8e6, 2.8e6, 30.0, 0.5))
+    rigid = RigidElement.of(body)
+    assert (rigid.l, rigid.EA, rigid.EI, rigid.mass_per_length) == pytest.approx((5.0, 0.0, 0.0, 30.0 * area))
 
 
 @pytest.mark.parametrize(

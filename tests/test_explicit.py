@@ -179,6 +179,7 @@ def test_what_is_not_finite_ends_a_run_before_it_is_kept(kind, step):
     assert motion.status.time == pytest.approx(step * h)
     assert motion.t == pytest.approx(h * np.arange(step))
     assert len(motion.position("bar", 1.0)) == len(motion.energy.work) == step
+    assert "at the output before" not in motion.status.message  # it was not the step's fault
 
 
 def test_diverged_run_says_the_limit_at_its_last_output(monkeypatch):
