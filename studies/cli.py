@@ -78,7 +78,7 @@ def list_() -> None:
     def table(title: str, *columns: str) -> Table:
         shown = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
         for column in columns:
-            shown.add_column(column, overflow="fold")
+            shown.add_column(column, overflow="fold", no_wrap=column == "name")
         return shown
 
     scenes = table("Scenes", "name", "bodies", "probes", "source")
