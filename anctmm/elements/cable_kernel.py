@@ -73,26 +73,16 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
-    for k in range(4):
-        for j in range(count):
-            out[k * BLOCK + j] = 0.0
-            out[(6 + k) * BLOCK + j] = 0.0
+    _clear(out, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
         EAw = EA * w
         for j in range(count):
-            i = first + j
-            bx = B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * r
-            by = B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * r
+            bx, by = _slope(q, first + j, A, B, C, r)
             n = EAw * (1.0 - 1.0 / sqrt(bx * bx + by * by))
             px, py = n * bx, n * by
-            out[0 * BLOCK + j] += A * px
-            out[1 * BLOCK + j] += A * py
-            out[2 * BLOCK + j] += l * B * px
-            out[3 * BLOCK + j] += l * B * py
-            out[8 * BLOCK + j] += l * C * px
-            out[9 * BLOCK + j] += l * C * py
+            _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
         A, B, C = constants[at], constants[at + 1], constants[at + 2]
@@ -111,15 +101,8 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
             m = EIw * curvature * s
             px, py = m * (cy - 2.0 * curvature * bx), -m * (cx + 2.0 * curvature * by)
             tx, ty = -m * by * r, m * bx * r
-            out[0 * BLOCK + j] += A * px + a * tx
-            out[1 * BLOCK + j] += A * py + a * ty
-            out[2 * BLOCK + j] += l * (B * px + b * tx)
-            out[3 * BLOCK + j] += l * (B * py + b * ty)
-            out[8 * BLOCK + j] += l * (C * px + c * tx)
-            out[9 * BLOCK + j] += l * (C * py + c * ty)
-    for k in range(2):
-        for j in range(count):
-            out[(6 + k) * BLOCK + j] = -out[k * BLOCK + j]
+            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty)
+    _balance_positions(out, count)
 
 
 @kernel
@@ -133,10 +116,7 @@ def damping_forces(
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
-    for k in range(4):
-        for j in range(count):
-            out[k * BLOCK + j] = 0.0
-            out[(6 + k) * BLOCK + j] = 0.0
+    _clear(out, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
@@ -145,12 +125,7 @@ def damping_forces(
             gx, gy = _slope(v, first + j, A, B, C, r)
             n = EA * w * (bx * gx + by * gy) / (bx * bx + by * by)
             px, py = n * bx, n * by
-            out[0 * BLOCK + j] += A * px
-            out[1 * BLOCK + j] += A * py
-            out[2 * BLOCK + j] += l * B * px
-            out[3 * BLOCK + j] += l * B * py
-            out[8 * BLOCK + j] += l * C * px
-            out[9 * BLOCK + j] += l * C * py
+            _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
         A, B, C = constants[at], constants[at + 1], constants[at + 2]
@@ -166,12 +141,44 @@ def damping_forces(
             tx, ty = -by * s, bx * s
             m = EI * w * (ux * gx + uy * gy + tx * hx + ty * hy)
             px, py, tx, ty = m * ux, m * uy, m * tx * r, m * ty * r
-            out[0 * BLOCK + j] += A * px + a * tx
-            out[1 * BLOCK + j] += A * py + a * ty
-            out[2 * BLOCK + j] += l * (B * px + b * tx)
-            out[3 * BLOCK + j] += l * (B * py + b * ty)
-            out[8 * BLOCK + j] += l * (C * px + c * tx)
-            out[9 * BLOCK + j] += l * (C * py + c * ty)
+            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty)
+    _balance_positions(out, count)
+
+
+@inlined
+def _clear(out, count):  # type: ignore[no-untyped-def]
+    """Make the forces of a block zero."""
+    for k in range(4):
+        for j in range(count):
+            out[k * BLOCK + j] = 0.0
+            out[(6 + k) * BLOCK + j] = 0.0
+
+
+@inlined
+def _add_axial(out, j, l, A, B, C, px, py):  # type: ignore[no-untyped-def]  # noqa: E741
+    """Add what p, the energy's derivative by r', gives on the coordinates of element j, r of node O apart."""
+    out[0 * BLOCK + j] += A * px
+    out[1 * BLOCK + j] += A * py
+    out[2 * BLOCK + j] += l * B * px
+    out[3 * BLOCK + j] += l * B * py
+    out[8 * BLOCK + j] += l * C * px
+    out[9 * BLOCK + j] += l * C * py
+
+
+@inlined
+def _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty):  # type: ignore[no-untyped-def]  # noqa: E741
+    """The same with t, the derivative by r''."""
+    out[0 * BLOCK + j] += A * px + a * tx
+    out[1 * BLOCK + j] += A * py + a * ty
+    out[2 * BLOCK + j] += l * (B * px + b * tx)
+    out[3 * BLOCK + j] += l * (B * py + b * ty)
+    out[8 * BLOCK + j] += l * (C * px + c * tx)
+    out[9 * BLOCK + j] += l * (C * py + c * ty)
+
+
+@inlined
+def _balance_positions(out, count):  # type: ignore[no-untyped-def]
+    """The forces on r of node O are those of node I reversed."""
     for k in range(2):
         for j in range(count):
             out[(6 + k) * BLOCK + j] = -out[k * BLOCK + j]
