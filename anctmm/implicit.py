@@ -457,10 +457,16 @@ def begin_step(unfinished, flat, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _shares(c):  # type: ignore[no-untyped-def]
+    """Of w, the old w and the old a, the last taken off, in a at the end of the step."""
+    r = 1.0 / (1.0 - c.alpha_m)
+    return (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+
+
+@inlined
 def finish(v, a, w, w_before, c):  # type: ignore[no-untyped-def]
     """v and a at the end of the step, from w there."""
-    r = 1.0 / (1.0 - c.alpha_m)
-    now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+    now, then, old = _shares(c)
     for i in range(len(v)):
         new = now * w[i] + then * w_before[i] - old * a[i]
         v[i] += c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
@@ -555,8 +561,7 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
 @inlined
 def _velocities(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def]
     """Velocities that `finish` would give."""
-    r = 1.0 / (1.0 - c.alpha_m)
-    now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+    now, then, old = _shares(c)
     for i in range(len(v)):
         new = now * w[i] + then * w_before[i] - old * a[i]
         out[i] = v[i] + c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
