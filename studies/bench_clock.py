@@ -91,13 +91,12 @@ def in_turn(
 
 
 def figures(values: Sequence[float]) -> dict[str, float]:
-    """Median, spread, (largest − smallest) / median, and number of samples, as columns of a table."""
-    median = float(np.median(values))
-    return {
-        "ns": median,
-        "spread": float(np.ptp(values)) / median if median > 0.0 else float("nan"),
-        "repeats": len(values),
-    }
+    """Median, spread, (largest − smallest) / median, and number of samples, those lost in noise left out."""
+    kept = np.array([v for v in values if v > 0.0])
+    if not kept.size:
+        return {"ns": float("nan"), "spread": float("nan"), "repeats": 0}
+    median = float(np.median(kept))
+    return {"ns": median, "spread": float(np.ptp(kept)) / median, "repeats": len(kept)}
 
 
 def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -106,8 +105,14 @@ def records(frame: pd.DataFrame) -> list[dict[str, Any]]:
 
 
 def ratio(slow: Sequence[float], fast: Sequence[float]) -> float:
-    """Median of the ratios of samples taken in the same round."""
-    return float(np.median(np.asarray(slow) / np.asarray(fast)))
+    """Median of the ratios of samples taken in the same round, those lost in noise left out."""
+    ratios = [a / b for a, b in zip(slow, fast, strict=True) if a > 0.0 and b > 0.0]
+    return float(np.median(ratios)) if ratios else float("nan")
+
+
+def more_than_noise(ns: float) -> float:
+    """A time that is found as a difference, or NaN where other work on the machine has made it negative."""
+    return ns if ns > 0.0 else float("nan")
 
 
 def repeated(call: Callable[[int], object], units: float, stretch: float) -> Sampler:
@@ -162,18 +167,15 @@ def between(
     seen : list of Solution
         Without their histories: they are long.
     again : int
-        Pairs of runs that make a sample.
+        Pairs of runs that make a sample: it is their median, NaN where the machine's noise is larger.
     """
 
-    def sample() -> float:
-        spent = 0.0
-        for _ in range(again):
-            seen[:] = [replace(run(k * steps), fields={}) for k in (1, 3)]
-            short, whole = (s.cost for s in seen)
-            spent += whole.cpu_s - short.cpu_s
-        return 1e9 * spent / (again * max(whole.steps - short.steps, 1) * units)
+    def pair() -> float:
+        seen[:] = [replace(run(k * steps), fields={}) for k in (1, 3)]
+        short, whole = (s.cost for s in seen)
+        return 1e9 * (whole.cpu_s - short.cpu_s) / (max(whole.steps - short.steps, 1) * units)
 
-    return sample
+    return lambda: more_than_noise(float(np.median([pair() for _ in range(again)])))
 
 
 def _time(call: Callable[[int], object], count: int) -> float:

@@ -18,7 +18,18 @@ from anctmm.solve import solve
 from reference import exudyn_cable, global_dae
 from reference.global_dae import explicit as dae_explicit
 from reference.global_dae.model import Model
-from studies.bench_clock import Effort, Sampler, Samples, between, figures, in_turn, marched, ratio, repeated
+from studies.bench_clock import (
+    Effort,
+    Sampler,
+    Samples,
+    between,
+    figures,
+    in_turn,
+    marched,
+    more_than_noise,
+    ratio,
+    repeated,
+)
 from studies.bench_kernels import parts, repeat_element_forces, repeat_forces, repeat_scalars
 from studies.bench_setting import explicit_run, stable_step
 from studies.runner import Mesh, mesh_label
@@ -134,7 +145,7 @@ def methods(effort: Effort, samples: Samples) -> Table:
         "ns_forces: elastic forces, by the kernels that all three share (ANC-TMM's sweep reads them element by "
         "element, the global solver has them summed first); ns_algebra: accelerations (and multipliers) "
         "from forces, of ANC-TMM both sweeps; ns_rest: update, drive, projection onto the constraints and what else "
-        "a step does. Both parts were timed alone, the rest is the difference, 0 where "
+        "a step does. Both parts were timed alone, the rest is the difference, none where "
         "it is lost in noise.",
         "ratio_algebra: ns_algebra over ANC-TMM's. dense-refactor over sparse-factored-once is what exploiting "
         "sparsity and a constant matrix gains in any solver; sparse-factored-once over ANC-TMM is what is left for "
@@ -175,7 +186,9 @@ def _method_row(
 ) -> dict[str, Any]:
     median = {name: figures(values)["ns"] for name, values in found.items()}
     step = figures(found[method])
-    recursion = median[f"{OURS} algebra"] - median[ELEMENTS]  # forces and sweeps are one pass
+    recursion = more_than_noise(
+        median[f"{OURS} algebra"] - median[ELEMENTS]
+    )  # forces and sweeps are one pass
     forces, algebra = (
         (median[ELEMENTS], recursion) if method == OURS else (median[SUMMED], median[f"{method} algebra"])
     )
@@ -190,7 +203,7 @@ def _method_row(
         "ratio": ratio(found[method], found[OURS]),
         "ns_forces": forces,
         "ns_algebra": algebra,
-        "ns_rest": max(0.0, step["ns"] - forces - algebra),
+        "ns_rest": more_than_noise(step["ns"] - forces - algebra),
         "share_forces": forces / step["ns"],
         "ratio_algebra": algebra / recursion,
         "difference": error,

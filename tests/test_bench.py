@@ -6,9 +6,10 @@ import pytest
 from typer.testing import CliRunner
 
 from anctmm.compiling import kernel
+from anctmm.solution import Cost, Energy, Solution
 from anctmm.solve import solve
 from studies import bench, bench_kernels, bench_length, bench_peers, bench_precision, cli
-from studies.bench_clock import Effort, Samples, figures, in_turn, ratio
+from studies.bench_clock import Effort, Samples, between, figures, in_turn, ratio
 from studies.bench_kernels import EXPLICIT, IMPLICIT
 from studies.bench_length import Long, acceleration_check, clamped_digits, memory, support_check
 from studies.bench_peak import counted, kernel_operations, operations
@@ -66,6 +67,31 @@ def test_contestants_take_turns_and_every_sample_is_kept():
     assert [row["ns"] for row in samples.rows] == [3.0, 5.0, 7.0, 4.0, 6.0, 8.0]
     assert figures(found["a"]) == {"ns": 5.0, "spread": pytest.approx(0.8), "repeats": 3}
     assert ratio([2.0, 9.0, 8.0], [1.0, 3.0, 2.0]) == 3.0
+
+
+def _of_times(times):
+    """Runs that take the given CPU times, one after the other."""
+    left = iter(times)
+    scene, rest = row_of_beams(1, 1), Energy.unknown(1)
+    return lambda n: Solution("made up", scene, None, np.zeros(1), {}, rest, Cost(cpu_s=next(left), steps=n))
+
+
+def test_steps_are_timed_by_the_difference_of_a_run_and_a_longer_one():
+    seen = []
+    assert between(_of_times([1.0, 5.0]), 10, 4, seen)() == pytest.approx(1e9 * 4.0 / (20 * 4))
+    assert [s.cost.steps for s in seen] == [10, 30]
+    pairs = [1.0, 5.0, 9.0, 2.0, 1.0, 6.0]  # other work has held up the second pair's short run
+    assert between(_of_times(pairs), 10, 4, seen, again=3)() == pytest.approx(1e9 * 4.0 / (20 * 4))
+
+
+def test_a_time_lost_in_noise_is_left_out_and_not_counted():
+    lost = between(_of_times([3.0, 2.0]), 10, 4, [])()
+    assert np.isnan(lost)
+    assert figures([lost, 5.0, 7.0]) == {"ns": 6.0, "spread": pytest.approx(1 / 3), "repeats": 2}
+    assert np.isnan(figures([lost])["ns"])
+    assert figures([lost])["repeats"] == 0
+    assert ratio([lost, 6.0, 8.0], [1.0, 3.0, lost]) == 2.0
+    assert np.isnan(ratio([lost], [1.0]))
 
 
 def test_operations_are_counted_one_by_one():
@@ -145,15 +171,18 @@ def test_every_table_is_whole(small):
     assert len(small.findings) == 1
 
 
-def test_all_times_are_positive_and_have_samples(small):
+def test_all_contestants_are_sampled_as_often_and_finish(small):
     raw = small.table("samples").frame
-    assert (raw["ns"] > 0.0).all()
+    counts = raw.groupby([raw["part"].str.split(",").str[0], "part", "what"]).size()
+    assert set(counts.index.levels[0]) == {
+        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "direct",
+    }  # fmt: skip
+    assert (counts.loc["kernels"] == Effort(True).rounds).all()
+    assert (counts.loc["length"] == 3).all()
     kernels = small.table("kernels").frame
-    assert (kernels["repeats"] == Effort(True).rounds).all()
     whole = kernels[kernels["kernel"].isin([EXPLICIT, IMPLICIT])]
     assert len(whole) == 2 * 2 * len(VARIANTS)
     assert (whole["status"] == "ok").all()
-    assert (whole["ns"] > 0.0).all()
     implicit = whole[whole["kernel"] == IMPLICIT]
     assert (implicit["newton_per_step"] >= 1.0).all()
     assert (implicit["factorizations_per_step"] > 0.0).all()
@@ -166,7 +195,7 @@ def test_contestants_solve_the_same_problem(small):
     assert (exudyn["status"] == "ok").all()
     assert set(methods["method"]) == {OURS, SPARSE, DENSE}
     assert (methods["difference"] < 1e-8).all()
-    assert (methods[["ns_step", "ns_forces", "ns_algebra"]] > 0.0).all(axis=None)
+    assert (methods["status"] == "ok").all()
 
 
 def test_equal_error_is_interpolated_from_runs_of_both_codes(small):
