@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import inlined, kernel
+from anctmm.compiling import embedded, inlined, kernel
 from anctmm.element_choice import (
     BOTH,
     CABLE,
@@ -34,6 +34,9 @@ from anctmm.mesh import BodyMesh
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: Where sweeps begin: no literal 0, for which numba would compile what takes it once more.
+FIRST_BODY = np.int64(0)
 
 
 class Tables(NamedTuple):
@@ -182,7 +185,7 @@ class Bodies:
         return np.zeros(12 * BLOCK + 6)
 
 
-@inlined
+@embedded
 def window_forces(blend, q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
     """Elastic forces of the elements behind nodes start … end − 1, at most BLOCK, of all bodies that lie there.
 
@@ -217,7 +220,7 @@ def window_forces(blend, q, start, end, body, first, kinds, constants, buffer): 
             body += 1
 
 
-@inlined
+@embedded
 def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type: ignore[no-untyped-def]
     """Add factor · M w of the same elements; parameters as in `window_forces`, w of shape (rows, nodes)."""
     node = start
@@ -286,7 +289,7 @@ def elastic_forces(
         Written.
     """
     buffer[12 * BLOCK :] = 0.0
-    body, nodes = 0, q.shape[1]
+    body, nodes = FIRST_BODY, q.shape[1]
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
         window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
@@ -349,7 +352,7 @@ def strain_energy(blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, co
 def mass_product(v: Array, first: Ints, masses: Array, buffer: Array, p: Array) -> None:
     """Product of the mass matrix, joints apart, with v, (rows, nodes), written into p."""
     buffer[12 * BLOCK :] = 0.0
-    body, nodes = 0, v.shape[1]
+    body, nodes = FIRST_BODY, v.shape[1]
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
         buffer[: 12 * BLOCK] = 0.0

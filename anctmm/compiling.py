@@ -5,6 +5,7 @@ lies in a directory named after a hash of all sources of this package, and of th
 another one (a reference has kernels, too): a stale kernel cannot be found.
 """
 
+import gc
 import hashlib
 import sys
 import threading
@@ -24,11 +25,18 @@ config: Any = _config
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
 #: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
 #: each and halved the speed of short chains.
-OPTIONS: dict[str, Any] = {"fastmath": {"contract"}, "error_model": "numpy", "_nrt": False}
+OPTIONS: dict[str, Any] = {
+    "fastmath": {"contract"},
+    "error_model": "numpy",
+    "_nrt": False,
+    "no_cfunc_wrapper": True,  # an entry for C that nobody calls
+}
 #: Options of implementations that the compiler chooses by the types of arguments.
 CHOSEN: dict[str, Any] = {"jit_options": OPTIONS, "inline": "always"}
 #: Kernels found in the cache load faster than this, s.
 PATIENCE = 1.5
+#: New objects that make Python look for garbage while kernels are compiled: some 30 MB of them.
+GARBAGE = 100_000
 
 
 def source_digest(root: Path) -> str:
@@ -103,16 +111,28 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(function, inline="always", **OPTIONS)
 
 
+def embedded(function: Callable[..., Any]) -> Any:
+    """Make a function part of the kernels that call it, after it was compiled by itself: large ones are so sooner."""
+    return numba.njit(function, forceinline=True, **OPTIONS)
+
+
 @contextmanager
 def announced() -> Iterator[None]:
-    """Say on standard error that kernels are being compiled, if what is done here takes longer than PATIENCE."""
+    """Say on standard error that kernels are being compiled, if what is done here takes longer than PATIENCE.
+
+    Meanwhile Python looks for garbage more rarely: the compiler makes many objects that live on, and going through
+    them again and again takes a tenth of its time.
+    """
     message = (
         "anctmm: compiling kernels for this kind of scene; they are kept, the next run starts at once …\n"
     )
     timer = threading.Timer(PATIENCE, lambda: sys.stderr.write(message))
     timer.daemon = True
     timer.start()
+    often = gc.get_threshold()
+    gc.set_threshold(often[0] and GARBAGE, *often[1:])
     try:
         yield
     finally:
+        gc.set_threshold(*often)
         timer.cancel()

@@ -32,6 +32,7 @@ from anctmm.actuation import (
     work_done,
 )
 from anctmm.assembly import (
+    FIRST_BODY,
     Tables,
     body_after,
     elastic_forces,
@@ -41,7 +42,7 @@ from anctmm.assembly import (
     window_inertia,
 )
 from anctmm.chain import Chain, Joined
-from anctmm.compiling import announced, inlined, kernel
+from anctmm.compiling import announced, embedded, inlined, kernel
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recording import (
@@ -442,7 +443,7 @@ def advance(
     return -1
 
 
-@inlined
+@embedded
 def begin_step(unfinished, flat, c):  # type: ignore[no-untyped-def]
     """Finish the step before if need be, keep q and w, and predict: part by part, as long as they are in the cache."""
     q, v, a, w, q_before, w_before = flat
@@ -578,12 +579,12 @@ def _resist(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no
     damping.power[0] = resist(blend, q, damping.v, first, kinds, constants, damping.of, buffer, f)
 
 
-@inlined
+@embedded
 def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
     first, blend, kinds, constants, masses, buffer = tables
     unit, L, _, work, _ = factors
-    d, body, nodes = len(unit), 0, q.shape[1]
+    d, body, nodes = len(unit), FIRST_BODY, q.shape[1]
     last = 12 * BLOCK
     buffer[last:] = 0.0
     start_sweep(unit, work)
@@ -608,7 +609,7 @@ def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
                 arrived[i, k] = work[4 * d * d + k]
 
 
-@inlined
+@embedded
 def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-def]
     """Backward sweep: the corrections, put in place of what arrived, are added to q, and what follows to w.
 

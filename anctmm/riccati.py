@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from anctmm.actuation import Loads
 from anctmm.assembly import Tables, block_tangents, components
 from anctmm.chain import PIN, WELD, Chain
-from anctmm.compiling import inlined, kernel
+from anctmm.compiling import embedded, inlined, kernel
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 
 Array = NDArray[np.float64]
@@ -304,7 +304,7 @@ def find_unknowns(unit, L, G, i, work):  # type: ignore[no-untyped-def]
         work[x + k] = s - t
 
 
-@inlined
+@embedded
 def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
     """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the
     symmetric ones. An element with fewer components, `own`, than the nodes leaves the others without stiffness.
@@ -330,7 +330,7 @@ def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignor
                     work[at] += mass * m[3 + k, 3 + n]
 
 
-@inlined
+@embedded
 def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
     """Matrix 1 ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere; lower triangle.
 
@@ -376,7 +376,7 @@ def _store(unit, i, work, L, G):  # type: ignore[no-untyped-def]
             G[i, k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
 
 
-@inlined
+@embedded
 def _eliminate(unit, known, i, work):  # type: ignore[no-untyped-def]
     """Pass an element: matrix 1 ← −inverse of itself, L ← K_OI G, D ← K_OO − L K_IO, component by component.
 
@@ -415,7 +415,7 @@ def _eliminate(unit, known, i, work):  # type: ignore[no-untyped-def]
     return negative
 
 
-@inlined
+@embedded
 def _release(unit, pinned, work):  # type: ignore[no-untyped-def]
     """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
     d = len(unit)
@@ -446,7 +446,7 @@ def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
                 work[d * m + k] = 0.0
 
 
-@inlined
+@embedded
 def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
     d = len(unit)
@@ -472,7 +472,7 @@ def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     _store(unit, i, work, L, G)
 
 
-@inlined
+@embedded
 def _add_torque_stiffness(unit, q, i, row, moment, D):  # type: ignore[no-untyped-def]
     """Subtract the derivative of M (−g_y, g_x)/|g|² by g: a torque has the potential −M θ(g)."""
     d = len(unit)
