@@ -33,6 +33,7 @@ from anctmm.actuation import (
 )
 from anctmm.assembly import (
     FIRST_BODY,
+    Bodies,
     Tables,
     body_after,
     elastic_forces,
@@ -67,6 +68,7 @@ from anctmm.riccati import (
 )
 from anctmm.solution import Solution, Status, in_short
 from anctmm.soundness import STRETCH_LIMIT
+from anctmm.stability import element_bound
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -79,6 +81,8 @@ KAPPA = 0.01
 SLOW = 0.5
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
+#: What rounding the factors may leave of the error at each correction, at most; measured, 0.7 makes no difference yet.
+ROUNDED = 0.1
 #: Components that pass through the cache together between two steps.
 PART = 1024
 #: Corrections in a step above which the matrix is renewed before the next one.
@@ -198,7 +202,7 @@ def integrate(chain: Chain) -> Solution:
         state,
         bodies.tables(),
         links(chain),
-        block_factors(bodies.nodes, bodies.rows),
+        block_factors(bodies.nodes, bodies.rows, single_will_do(chain)),
         actuation.hubs(),
         actuation.loads(),
         newton,
@@ -235,9 +239,29 @@ def new_damping(chain: Chain) -> Damping | None:
     bodies, c = chain.bodies, GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
     if bodies.damping is None:
         return None
-    stiffer = [1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping]
     v = bodies.initial_velocity()
-    return Damping(bodies.damping, v, np.zeros(2), bodies.stiffened(stiffer).tables(), v.ravel())
+    return Damping(bodies.damping, v, np.zeros(2), _stiff(bodies, c).tables(), v.ravel())
+
+
+def _stiff(bodies: Bodies, c: Coefficients) -> Bodies:
+    """The bodies with the stiffness that the iteration matrix has of them."""
+    if bodies.damping is None:
+        return bodies
+    return bodies.stiffened([1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping])
+
+
+def single_will_do(chain: Chain) -> bool:
+    """Whether the iteration matrix's factors may be kept in single precision, which moves half as much memory.
+
+    It pays where the factors do not stay in the cache. Residuals are in double precision and so is what Newton's
+    iteration tends to; a correction is wrong by ε (c_w + ω²)/c_w of itself or less, the condition of c_w M + K_T times
+    the rounding, with ω the highest frequency of a free element. (Kelley 2022, Newton's method in mixed precision.)
+    """
+    if chain.bodies.nodes <= LONG:
+        return False
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    condition = 1.0 + element_bound(chain, _stiff(chain.bodies, c)) ** 2 / c.to_w
+    return float(np.finfo(np.float32).eps) * condition <= ROUNDED
 
 
 def new_newton(chain: Chain) -> Newton:
@@ -262,6 +286,8 @@ def start(
     """True accelerations at t = 0, M w = F, from which a starts too; the hubs' are those of their drives."""
     now = np.zeros(1)
     drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
+    if factors.L.dtype != np.float64:  # here nothing would mend what is rounded
+        factors = block_factors(*state.loads.shape)
     _balance(state, tables, links, factors, hubs, loads, drives, values, damping)
     newton.counts[:] = 0, 1, 1
 
@@ -583,7 +609,7 @@ def _resist(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no
 def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
     first, blend, kinds, constants, masses, buffer = tables
-    unit, L, _, work, _ = factors
+    unit, L, _, wide, work, _ = factors
     d, body, nodes = len(unit), FIRST_BODY, q.shape[1]
     last = 12 * BLOCK
     buffer[last:] = 0.0
@@ -604,7 +630,7 @@ def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
                 at = k * BLOCK + i - start
                 work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
                 buffer[last + k] = buffer[at + 6 * BLOCK]
-            pass_outboard(unit, L, i, work)
+            pass_outboard(unit, L, wide, i, work)
             for k in range(d):
                 arrived[i, k] = work[4 * d * d + k]
 
@@ -615,7 +641,7 @@ def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-d
 
     Returns the largest component, positions relative to `scale`; infinity if one is not finite.
     """
-    unit, L, G, work, _ = factors
+    unit, L, G, wide, work, _ = factors
     d, largest, odd = len(unit), 0.0, 0.0
     start_sweep(unit, work)
     nodes = q.shape[1]
@@ -628,7 +654,7 @@ def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-d
                 prefetch_columns(w, max(i - 2 * AHEAD, 0))
         for k in range(d):
             work[4 * d * d + k] = arrived[i, k]
-        find_unknowns(unit, L, G, i, work)
+        find_unknowns(unit, L, G, wide, i, work)
         for k in range(d):
             x = work[4 * d * d + 2 * d + k]
             arrived[i, k] = x

@@ -44,7 +44,7 @@ def _prefetch(typingctx: Any, array: Any, row: Any, byte: Any) -> Any:
 @overload(prefetch_row, **CHOSEN)
 def _prefetch_row(array, row):  # type: ignore[no-untyped-def]
     def every_line(array, row):  # type: ignore[no-untyped-def]
-        for line in range((8 * array.shape[1] + _LINE - 1) // _LINE):
+        for line in range((array.itemsize * array.shape[1] + _LINE - 1) // _LINE):
             _prefetch(array, row, _LINE * line)  # type: ignore[call-arg]
 
     return every_line

@@ -24,6 +24,7 @@ from anctmm.assembly import Tables, block_tangents, components
 from anctmm.chain import PIN, WELD, Chain
 from anctmm.compiling import embedded, inlined, kernel
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
+from anctmm.widening import WIDTH, in_double
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -54,18 +55,21 @@ class BlockFactors(NamedTuple):
     ----------
     unit : tuple of `rows` zeros
         Its type tells the compiler the size d of the blocks.
-    L : ndarray, shape (nodes, d²)
+    L : ndarray of float64 or float32, shape (nodes, d²)
         Row by row.
-    G : ndarray, shape (nodes, d (d + 1)/2)
+    G : ndarray like L, shape (nodes, at least d (d + 1)/2)
         The lower triangle. Apart from L, which alone the forward sweep reads: long chains are bound by memory.
+    wide : ndarray, shape (2, d²)
+        Scratch: a row of L and of G in double precision, if they are not kept in it.
     work : ndarray, shape (4 d² + 4 d,)
         Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
     buffer : ndarray, shape (TANGENT_BUFFER,)
     """
 
     unit: tuple[int, ...]
-    L: Array
-    G: Array
+    L: NDArray[np.floating]
+    G: NDArray[np.floating]
+    wide: Array
     work: Array
     buffer: Array
 
@@ -88,12 +92,15 @@ def split_factors(chain: Chain) -> SplitFactors:
     return result
 
 
-def block_factors(nodes: int, rows: int) -> BlockFactors:
-    """Room for the factors of a chain."""
+def block_factors(nodes: int, rows: int, single: bool = False) -> BlockFactors:
+    """Room for the factors of a chain; with `single` they are found in double precision and kept in single."""
+    triangle = rows * (rows + 1) // 2
+    kind, more = (np.float32, -triangle % WIDTH) if single else (np.float64, 0)
     return BlockFactors(
         (0,) * rows,
-        np.zeros((nodes, rows * rows)),
-        np.zeros((nodes, rows * (rows + 1) // 2)),
+        np.zeros((nodes, rows * rows), kind),
+        np.zeros((nodes, triangle + more), kind),
+        np.zeros((2, rows * rows)),
         np.zeros(4 * rows * rows + 4 * rows),
         np.zeros(TANGENT_BUFFER),
     )
@@ -116,7 +123,7 @@ def mass_factors(chain: Chain) -> BlockFactors:
 def solve(factors: BlockFactors, load: Array) -> Array:
     """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
     a = np.empty_like(load)
-    sweep(factors.unit, factors.L, factors.G, factors.work, load.copy(), a)
+    sweep(factors.unit, factors.L, factors.G, factors.wide, factors.work, load.copy(), a)
     return a
 
 
@@ -200,7 +207,7 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    unit, L, G, work, buffer = factors
+    unit, L, G, _, work, buffer = factors
     first, blend, kinds, constants, masses, _ = tables
     link, turn, known = links
     d = len(unit)
@@ -236,12 +243,20 @@ def factorize(
 
 
 @kernel
-def sweep(unit: tuple[int, ...], L: Array, G: Array, work: Array, b: Array, a: Array) -> None:
+def sweep(
+    unit: tuple[int, ...],
+    L: NDArray[np.floating],
+    G: NDArray[np.floating],
+    wide: Array,
+    work: Array,
+    b: Array,
+    a: Array,
+) -> None:
     """Forward and backward sweep.
 
     Parameters
     ----------
-    unit, L, G, work
+    unit, L, G, wide, work
         Of `BlockFactors`.
     b : ndarray, shape (rows, nodes)
         Loads; the inboard ones are added to them on the way.
@@ -253,14 +268,14 @@ def sweep(unit: tuple[int, ...], L: Array, G: Array, work: Array, b: Array, a: A
     for i in range(b.shape[1]):
         for k in range(d):
             work[4 * d * d + k] = b[k, i]
-        pass_outboard(unit, L, i, work)
+        pass_outboard(unit, L, wide, i, work)
         for k in range(d):
             b[k, i] = work[4 * d * d + k]
     start_sweep(unit, work)
     for i in range(b.shape[1] - 1, -1, -1):
         for k in range(d):
             work[4 * d * d + k] = b[k, i]
-        find_unknowns(unit, L, G, i, work)
+        find_unknowns(unit, L, G, wide, i, work)
         for k in range(d):
             a[k, i] = work[4 * d * d + 2 * d + k]
 
@@ -274,33 +289,36 @@ def start_sweep(unit, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def pass_outboard(unit, L, i, work):  # type: ignore[no-untyped-def]
+def pass_outboard(unit, L, wide, i, work):  # type: ignore[no-untyped-def]
     """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
     d = len(unit)
     load, come = 4 * d * d, 4 * d * d + d
+    M, r = in_double(L, i, wide, 0)
     for k in range(d):
         work[load + k] += work[come + k]
     for m in range(d):
         s = t = 0.0
         for k in range(0, d, 2):
-            s -= L[i, d * m + k] * work[load + k]
-            t -= L[i, d * m + k + 1] * work[load + k + 1]
+            s -= M[r, d * m + k] * work[load + k]
+            t -= M[r, d * m + k + 1] * work[load + k + 1]
         work[come + m] = s + t
 
 
 @inlined
-def find_unknowns(unit, L, G, i, work):  # type: ignore[no-untyped-def]
+def find_unknowns(unit, L, G, wide, i, work):  # type: ignore[no-untyped-def]
     """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
     d = len(unit)
     load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    M, r = in_double(L, i, wide, 0)
+    S, n = in_double(G, i, wide, 1)
     for k in range(d):
         work[out + k] = work[x + k]
     for k in range(d):
         s = t = 0.0
         for m in range(d):
             low, high = min(k, m), max(k, m)
-            s += G[i, high * (high + 1) // 2 + low] * work[load + m]
-            t += L[i, d * m + k] * work[out + m]
+            s += S[n, high * (high + 1) // 2 + low] * work[load + m]
+            t += M[r, d * m + k] * work[out + m]
         work[x + k] = s - t
 
 

@@ -133,7 +133,8 @@ def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
     With other `bodies` of the same nodes, theirs.
     """
     bound = 0.0
-    for mesh in (bodies or chain.bodies).meshes:
+    one_of_each = {mesh.element: mesh for mesh in (bodies or chain.bodies).meshes}
+    for mesh in one_of_each.values():
         q = mesh.reference[:2].reshape(-1, 2)
         K = mesh.element.tangent(q).reshape(q.size, q.size)
         values = eigh(K, np.kron(mesh.element.mass, np.eye(2)), eigvals_only=True)

@@ -129,9 +129,9 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
 @kernel
 def repeat_sweeps(repeats: int, factors: BlockFactors, load: Array, x: Array) -> None:
     """Forward and backward sweep of blocks; a load of zeros stays zero, and costs what any load does."""
-    unit, L, G, work, _ = factors
+    unit, L, G, wide, work, _ = factors
     for _ in range(repeats):
-        riccati.sweep(unit, L, G, work, load, x)
+        riccati.sweep(unit, L, G, wide, work, load, x)
 
 
 @kernel

@@ -166,7 +166,7 @@ def _block_operations(bodies: Bodies, p: Any, q: Any) -> dict[str, int]:
     return {
         FACTORIZATION: operations(riccati.factorize, q, p.tables, p.links, 1e6, 1.0, p.loads, none, factors),
         BLOCK_SWEEP: operations(
-            riccati.sweep, factors.unit, factors.L, factors.G, factors.work, zeros, zeros.copy()
+            riccati.sweep, factors.unit, factors.L, factors.G, factors.wide, factors.work, zeros, zeros.copy()
         ),
     }
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
 
 from anctmm import implicit
@@ -360,3 +361,56 @@ def test_a_step_that_modified_newton_misses_is_found_by_newton_from_the_predicto
     assert motion.cost.newton_iterations > motion.cost.factorizations > motion.cost.steps
     peer = global_dae.solve(scene, dt=0.5, t_end=10.0, **{**options, "newton_tolerance": 1e-12})
     assert gap(motion, peer) < 1e2 * max(tolerance, 1e-12)
+
+
+# --- factors in single precision ----------------------------------------------------------------------------
+
+
+def long_row(kind, dt, damping=0.0, elements=2100):
+    """A clamped beam of thousands of elements of 0.1 m."""
+    beam = Beam("row", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, damping=damping))
+    scene = Scene("row", [beam], [Clamp("row.start")], gravity=GRAVITY)
+    return chain_of(scene, mesh=elements, element=kind, dt=dt, t_end=dt)
+
+
+@every_kind
+def test_only_long_chains_keep_rounded_factors_and_only_where_newton_bears_it(kind):
+    assert implicit.single_will_do(long_row(kind, 1e-4))
+    assert not implicit.single_will_do(long_row(kind, 1e-4, elements=1000))
+    highest = highest_frequency(long_row(kind, 1e-4, elements=4))
+    borne = float(np.sqrt(implicit.ROUNDED / np.finfo(np.float32).eps)) / highest  # ε (hω)² of that size
+    assert implicit.single_will_do(long_row(kind, borne))
+    assert not implicit.single_will_do(long_row(kind, 10.0 * borne))
+
+
+def test_damping_counts_among_the_stiffness():
+    """τ = 100 h makes the matrix, and its condition, some 200 times as large."""
+    dt = next(
+        h
+        for h in (1e-3 * 1.3**k for k in range(40))
+        if not implicit.single_will_do(long_row("cable", 1.3 * h))
+    )
+    assert implicit.single_will_do(long_row("cable", dt))
+    assert not implicit.single_will_do(long_row("cable", dt, damping=100.0 * dt))
+
+
+@every_kind
+@pytest.mark.parametrize("damping", [0.0, 1e-3], ids=["undamped", "damped"])
+def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
+    """A driven chain with a pin and a load: as many corrections, the same start, and no more than they leave."""
+    material = Material(1e7, 1000.0, damping=damping)
+    one, two = (
+        Beam(name, (x, 0.0), (x + 1.0, 0.0), SQUARE, material) for name, x in (("a", 0.0), ("b", 1.0))
+    )
+    joints = [Clamp("a.start", Quintic(pi / 4, 0.2)), Pin("a.end", "b.start")]
+    scene = Scene("two", [one, two], joints, [Torque("b.end", 0.5)], GRAVITY)
+    options = {"element": kind, "mesh": 4, "dt": 2e-3, "t_end": 0.3, "newton_tolerance": 1e-11}
+    exact = solve(scene, **options)
+    kept = []
+    monkeypatch.setattr(implicit, "single_will_do", lambda chain: kept.append(chain) or True)
+    rounded = solve(scene, **options)
+    assert len(kept) == 1
+    assert rounded.status.ok
+    for name, field in exact.fields.items():
+        assert_allclose(rounded.fields[name].coordinates, field.coordinates, rtol=0, atol=1e-10)
+    assert rounded.cost.newton_iterations <= 1.1 * exact.cost.newton_iterations

@@ -5,6 +5,7 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from samples import INTEGRATORS, KINDS, SOFT, SQUARE, SUPPORTS, chain_of, deformed, row_scene
 from scipy.linalg import eigvals
 from scipy.sparse import csc_array, diags_array
@@ -14,6 +15,7 @@ from anctmm.accelerations import by_scalars
 from anctmm.actuation import Actuation, Loads
 from anctmm.assembly import elastic_forces
 from anctmm.chain import Joined
+from anctmm.compiling import kernel
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import DiscretisationError, SolverError
@@ -27,6 +29,7 @@ from anctmm.transfer import (
     row_of,
     weld_transfer,
 )
+from anctmm.widening import in_double
 
 HEIGHT = sqrt(12.0 * SQUARE.second_moment / SQUARE.area)
 LAYOUTS = {
@@ -298,6 +301,45 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
     exact = direct(chain, weight * mass_of(chain) + stiffness_of(chain, q), f)
     assert pivots == 0
     assert error(chain, solve(factors, f), exact) < 1e-11
+
+
+@every_kind
+def test_factors_in_single_precision_are_those_in_double_rounded(kind):
+    """And both sweeps read them as they are: the same solution as with the rounded numbers in double precision."""
+    chain = chain_of(row_scene("clamp", [("pin", 0.5), ("weld", 1.0)], "free"), mesh=20, element=kind)
+    bodies, q = chain.bodies, deformed(chain, 0.02)
+    loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    exact, single, rounded = (block_factors(bodies.nodes, bodies.rows, s) for s in (False, True, False))
+    for factors in (exact, single):
+        factorize(q, bodies.tables(), links(chain), 1e7, 1.0, loads, np.empty((0, 2)), factors)
+    size = exact.G.shape[1]
+    assert single.L.dtype == single.G.dtype == np.float32
+    assert_array_equal(single.L, exact.L.astype(np.float32))
+    assert_array_equal(single.G[:, :size], exact.G.astype(np.float32))
+    rounded.L[:], rounded.G[:] = single.L, single.G[:, :size]
+    f = np.random.default_rng(1).standard_normal(q.shape) * scales(chain)
+    assert_array_equal(solve(single, f), solve(rounded, f))
+    assert 1e-9 < error(chain, solve(single, f), solve(exact, f)) < 1e-4
+
+
+def read(array, row, wide, place, out):
+    numbers, i = in_double(array, row, wide, place)
+    for k in range(len(out)):
+        out[k] = numbers[i, k]
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+@pytest.mark.parametrize("reader", [read, kernel(read)], ids=["readable", "compiled"])
+def test_rows_are_read_in_double_precision(kind, reader):
+    """Those that have it already are not copied."""
+    matrix = np.random.default_rng(2).standard_normal((5, 12)).astype(kind)
+    wide, out = np.zeros((2, 16)), np.zeros(12)
+    reader(matrix, 3, wide, 1, out)
+    assert_array_equal(out, matrix[3])
+    copied = np.zeros((2, 16))
+    if kind is np.float32:
+        copied[1, :12] = out
+    assert_array_equal(wide, copied)
 
 
 def torque_stiffness(chain, q):
