@@ -129,7 +129,7 @@ def _lengths(variant: Variant, integrator: str, effort: Effort, samples: Samples
         contestants.append(Long(variant, integrator, *((100, 33) if effort.quick else (bodies, elements))))
     seen: dict[str, list[Solution]] = {c.label: [] for c in contestants}
     samplers = {c.label: between(c.runner(), c.steps, c.count, seen[c.label], c.again) for c in contestants}
-    found = in_turn(f"length, {variant.label}, {integrator}", samplers, 3, samples)
+    found = in_turn(f"length, {variant.label}, {integrator}", samplers, effort.rounds, samples)
     base = found[next(c.label for c in contestants if c.elements == BASE)]
     rows = [_row(c, found[c.label], base, seen[c.label]) for c in contestants]
     one = next(row["ns_iteration"] for row in rows if row["elements"] == BASE)
