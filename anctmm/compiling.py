@@ -112,7 +112,7 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 def embedded(function: Callable[..., Any]) -> Any:
-    """Make a function part of the kernels that call it, after it was compiled by itself: large ones are so sooner."""
+    """Make a function part of the kernels that call it, once compiled by itself: quicker, if it is large."""
     return numba.njit(function, forceinline=True, **OPTIONS)
 
 

@@ -17,7 +17,7 @@ from reference import exudyn_cable
 from studies.bench_clock import Effort, Samples, in_turn
 from studies.bench_peers import EXUDYN, OURS, mesh_of
 from studies.bench_setting import stable_step
-from studies.front import front
+from studies.front import NEAR, excess, front
 from studies.runner import Mesh, mesh_label
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 from studies.tables import Table
@@ -131,8 +131,9 @@ def equal_error(effort: Effort, samples: Samples) -> tuple[Table, Table]:
 
 def _notes() -> tuple[str, ...]:
     return (
-        "Each code's front: no other of its settings has both a smaller error and a smaller cost. The fronts of both "
-        "codes ran again, in turn; costs are medians of these, interpolated between neighbours on the front in "
+        "Each code's front: no other of its settings has both a smaller error and a smaller cost. What came within "
+        f"{NEAR:g} times of it ran again, both codes in turn; costs are medians of these, interpolated between "
+        "neighbours on the front that they have, in "
         "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
         f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, "
         "and three Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and "
@@ -155,7 +156,7 @@ def explore(race: Race, effort: Effort, samples: Samples) -> tuple[list[Point], 
     chosen: list[Point] = []
     for points in (ours, theirs):
         for kinds in ((IMPLICIT,), (IMPLICIT, EXPLICIT)):
-            chosen += needed(front(p for p in points if p.setting.integrator in kinds))
+            chosen += contenders([p for p in points if p.setting.integrator in kinds])
     chosen = list(dict.fromkeys(chosen))
     return timed(race, chosen, 2 if effort.quick else 5, samples), uncertainty
 
@@ -237,11 +238,20 @@ def _worth(setting: Setting, worth: set[tuple[Mesh, float, str]]) -> bool:
     return setting.integrator == EXPLICIT or (setting.mesh, setting.dt, setting.quadrature) in worth
 
 
-def needed(line: Sequence[Point]) -> list[Point]:
-    """Part of a front that holds the errors compared, from the last one above them to the first one below."""
-    above = [k for k, p in enumerate(line) if p.error > max(TARGETS)]
-    below = [k for k, p in enumerate(line) if p.error <= min(TARGETS)]
-    return list(line[above[-1] if above else 0 : below[0] + 1 if below else None])
+def contenders(points: Sequence[Point]) -> list[Point]:
+    """Points near the front, from its last one above the errors compared to its first one below, or no dearer."""
+    line = front(points)
+    above = [p.error for p in line if p.error > max(TARGETS)]
+    below = [p for p in line if p.error <= min(TARGETS)] or line[-1:]
+    dearest = NEAR * below[0].cpu_s if below else 0.0
+    near = (
+        excess(pd.DataFrame({"error": [p.error for p in points], "cpu_s": [p.cpu_s for p in points]})) <= NEAR
+    )
+    return [
+        p
+        for p, close in zip(points, near, strict=True)
+        if close and p.error <= min(above, default=np.inf) and p.cpu_s <= dearest
+    ]
 
 
 def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) -> list[Point]:

@@ -10,7 +10,7 @@ import pandas as pd
 from studies import trade_pictures
 from studies.bench_clock import Sampler, Samples, in_turn
 from studies.dynamics import Sweep, check_mesh, sweep
-from studies.front import excess
+from studies.front import NEAR, excess
 from studies.runner import Case, Outcome, Runner, row, sample_rows
 from studies.scenes import BaseScene
 from studies.study import Options, Result
@@ -19,7 +19,6 @@ from studies.trade_advice import advice
 from studies.trade_plan import FINE_STEP, Ladder, ladders
 from studies.trade_split import same_mesh, split
 from studies.trade_tables import (
-    NEAR,
     Traded,
     answer,
     by_rival,

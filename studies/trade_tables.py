@@ -9,6 +9,7 @@ import pandas as pd
 from anctmm.metrics import compare
 from studies.bench_clock import records
 from studies.dynamics import REISSNER
+from studies.front import NEAR
 from studies.runner import Reference
 from studies.scenes import BaseScene
 from studies.tables import Table, failed, times
@@ -18,8 +19,6 @@ from studies.trade_plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
 #: Errors that a reader may wish, and the one that sentences speak of.
 WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
 WISH = 1e-3
-#: Settings within this factor of the front are timed again, in turn.
-NEAR = 1.6
 #: What was found with a recommended setting.
 FOUND = ("error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "repeats")
 #: What tells a setting from another.

@@ -14,7 +14,7 @@ from studies.bench_kernels import EXPLICIT, IMPLICIT
 from studies.bench_length import Long, acceleration_check, clamped_digits, memory, support_check
 from studies.bench_peak import counted, kernel_operations, operations
 from studies.bench_peers import DENSE, EXUDYN, OURS, SPARSE
-from studies.bench_precision import Point, Race, Setting, cost_at, front, promising
+from studies.bench_precision import Point, Race, Setting, contenders, cost_at, front, promising
 from studies.bench_setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
 from studies.scenes import cantilever_fall, four_bar
 
@@ -150,10 +150,17 @@ def test_fronts_and_costs_between_their_points():
     assert np.isnan(cost_at(points, 1e-5))
 
 
-def test_only_the_part_of_a_front_that_is_compared_is_timed():
-    line = [_point(e, 1.0) for e in (0.3, 0.1, 5e-3, 8e-6, 2e-6)]
-    assert [p.error for p in bench_precision.needed(line)] == [0.1, 5e-3, 8e-6]
-    assert bench_precision.needed(line[2:3]) == line[2:3]
+def test_what_is_near_the_part_of_a_front_that_is_compared_is_timed_again():
+    line = [_point(e, c) for e, c in ((0.3, 1.0), (0.1, 2.0), (5e-3, 3.0), (8e-6, 8.0), (2e-6, 20.0))]
+    assert [p.error for p in contenders(line)] == [0.1, 5e-3, 8e-6]
+    held_up = [
+        _point(4e-3, 4.7),
+        _point(4e-6, 12.0),
+    ]  # in one run: the last one finer and no dearer than 1.6 times
+    behind = [_point(4e-3, 13.0), _point(3e-6, 13.0)]
+    assert contenders([*line, *held_up, *behind]) == [*line[1:4], *held_up]
+    assert contenders(line[2:3]) == line[2:3]
+    assert contenders([_point(np.nan, 1.0)]) == []
 
 
 def test_settings_far_from_the_fewest_elements_and_steps_are_left_out():
