@@ -480,7 +480,7 @@ def begin_step(unfinished, flat, c):  # type: ignore[no-untyped-def]
             finish(v[start:end], a[start:end], w[start:end], had, c)
         copy(q[start:end], was)
         copy(w[start:end], had)
-        predict(q[start:end], v[start:end], a[start:end], was, had, c)
+        predict(q[start:end], v[start:end], a[start:end], w[start:end], was, had, c)
 
 
 @inlined
@@ -508,12 +508,13 @@ def copy(x, y):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def predict(q, v, a, q_before, w_before, c):  # type: ignore[no-untyped-def]
-    """q at the end of the step if w stays as it was."""
+def predict(q, v, a, w, q_before, w_before, c):  # type: ignore[no-untyped-def]
+    """q and w at the end of the step if w stayed as it was."""
     r = 1.0 / (1.0 - c.alpha_m)
     for i in range(len(q)):
         new = r * (w_before[i] - c.alpha_m * a[i])
         q[i] = q_before[i] + (c.h * v[i] + c.h * c.h * ((0.5 - c.beta) * a[i] + c.beta * new))
+        w[i] = w_before[i]
 
 
 @inlined
@@ -535,8 +536,7 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
     for full in range(2):
         if not solved:
             if full == 1:
-                predict(flat_q, flat_v, flat_a, was, had, coefficients)
-                copy(had, flat_w)
+                predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
             _drag(q, w, hubs.nodes, hubs.motion, coefficients)
             solved = _newton(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
