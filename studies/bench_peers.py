@@ -186,9 +186,8 @@ def _method_row(
 ) -> dict[str, Any]:
     median = {name: figures(values)["ns"] for name, values in found.items()}
     step = figures(found[method])
-    recursion = more_than_noise(
-        median[f"{OURS} algebra"] - median[ELEMENTS]
-    )  # forces and sweeps are one pass
+    # forces and sweeps of ANC-TMM are one pass
+    recursion = more_than_noise(median[f"{OURS} algebra"] - median[ELEMENTS])
     forces, algebra = (
         (median[ELEMENTS], recursion) if method == OURS else (median[SUMMED], median[f"{method} algebra"])
     )

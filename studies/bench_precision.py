@@ -14,7 +14,7 @@ from anctmm.metrics import compare
 from anctmm.solution import Solution
 from anctmm.solve import solve
 from reference import exudyn_cable
-from studies.bench_clock import Effort, Samples, in_turn
+from studies.bench_clock import Effort, Samples, figures, in_turn
 from studies.bench_peers import EXUDYN, OURS, mesh_of
 from studies.bench_setting import stable_step
 from studies.front import NEAR, excess, front
@@ -244,9 +244,8 @@ def contenders(points: Sequence[Point]) -> list[Point]:
     above = [p.error for p in line if p.error > max(TARGETS)]
     below = [p for p in line if p.error <= min(TARGETS)] or line[-1:]
     dearest = NEAR * below[0].cpu_s if below else 0.0
-    near = (
-        excess(pd.DataFrame({"error": [p.error for p in points], "cpu_s": [p.cpu_s for p in points]})) <= NEAR
-    )
+    found = pd.DataFrame({"error": [p.error for p in points], "cpu_s": [p.cpu_s for p in points]})
+    near = excess(found) <= NEAR
     return [
         p
         for p, close in zip(points, near, strict=True)
@@ -268,8 +267,8 @@ def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) ->
 
 
 def _with_time(p: Point, values: Sequence[float]) -> Point:
-    median = float(np.median(values))
-    return replace(p, cpu_s=1e-9 * median, spread=float(np.ptp(values)) / median, repeats=len(values))
+    shown = figures(values)
+    return replace(p, cpu_s=1e-9 * shown["ns"], spread=shown["spread"], repeats=len(values))
 
 
 def cost_at(points: Iterable[Point], error: float) -> float:
