@@ -176,7 +176,7 @@ def by_blocks(
                     for n in range(k % 2, rows, 2):
                         m = masses[b, 3 * (1 - side) + k // 2, 3 * side + n // 2]
                         load[k, other] -= m * hubs.motion[2, hub, n]
-    sweep(factors.unit, factors.L, factors.G, factors.wide, factors.work, load, a)
+    sweep(factors, load, a)
     for h in range(len(hubs.nodes)):
         for k in range(rows):
             a[k, hubs.nodes[h]] = hubs.motion[2, h, k]

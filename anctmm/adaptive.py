@@ -249,7 +249,7 @@ def _error(state, control, c, tables, factors):  # type: ignore[no-untyped-def]
         for i in range(state.q.shape[1]):
             control.x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
     mass_product(control.x, tables.first, tables.masses, tables.buffer, control.load)
-    sweep(factors.unit, factors.L, factors.G, factors.wide, factors.work, control.load, control.x)
+    sweep(factors, control.load, control.x)
     total = 0.0
     for k in range(2):
         for i in range(state.q.shape[1]):

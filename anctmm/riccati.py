@@ -123,7 +123,7 @@ def mass_factors(chain: Chain) -> BlockFactors:
 def solve(factors: BlockFactors, load: Array) -> Array:
     """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
     a = np.empty_like(load)
-    sweep(factors.unit, factors.L, factors.G, factors.wide, factors.work, load.copy(), a)
+    sweep(factors, load.copy(), a)
     return a
 
 
@@ -243,26 +243,18 @@ def factorize(
 
 
 @kernel
-def sweep(
-    unit: tuple[int, ...],
-    L: NDArray[np.floating],
-    G: NDArray[np.floating],
-    wide: Array,
-    work: Array,
-    b: Array,
-    a: Array,
-) -> None:
+def sweep(factors: BlockFactors, b: Array, a: Array) -> None:
     """Forward and backward sweep.
 
     Parameters
     ----------
-    unit, L, G, wide, work
-        Of `BlockFactors`.
+    factors : BlockFactors
     b : ndarray, shape (rows, nodes)
         Loads; the inboard ones are added to them on the way.
     a : ndarray, shape (rows, nodes)
         Written: the unknowns, 0 for known components.
     """
+    unit, L, G, wide, work, _ = factors
     d = len(unit)
     start_sweep(unit, work)
     for i in range(b.shape[1]):

@@ -129,9 +129,8 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
 @kernel
 def repeat_sweeps(repeats: int, factors: BlockFactors, load: Array, x: Array) -> None:
     """Forward and backward sweep of blocks; a load of zeros stays zero, and costs what any load does."""
-    unit, L, G, wide, work, _ = factors
     for _ in range(repeats):
-        riccati.sweep(unit, L, G, wide, work, load, x)
+        riccati.sweep(factors, load, x)
 
 
 @kernel

@@ -165,9 +165,7 @@ def _block_operations(bodies: Bodies, p: Any, q: Any) -> dict[str, int]:
     zeros = counted(np.zeros(q.shape))
     return {
         FACTORIZATION: operations(riccati.factorize, q, p.tables, p.links, 1e6, 1.0, p.loads, none, factors),
-        BLOCK_SWEEP: operations(
-            riccati.sweep, factors.unit, factors.L, factors.G, factors.wide, factors.work, zeros, zeros.copy()
-        ),
+        BLOCK_SWEEP: operations(riccati.sweep, factors, zeros, zeros.copy()),
     }
 
 
