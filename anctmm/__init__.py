@@ -1,13 +1,13 @@
 """ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""
 
-from anctmm.discretisation import Discretisation
-from anctmm.drives import Pulse, Quintic
-from anctmm.metrics import Comparison, compare
-from anctmm.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
-from anctmm.sections import Circle, Rectangle, Section
-from anctmm.solution import Cost, Energy, Solution, Status
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.integrators.statics import solve_static
+from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
+from anctmm.model.sections import Circle, Rectangle, Section
+from anctmm.results.metrics import Comparison, compare
+from anctmm.results.solution import Cost, Energy, Solution, Status
 from anctmm.solve import solve
-from anctmm.statics import solve_static
 
 __all__ = [
     "Beam",

@@ -2,14 +2,14 @@
 
 from typing import Any
 
-from anctmm import adaptive, explicit, implicit
-from anctmm.chain import Chain
-from anctmm.discretisation import Discretisation, discretise
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.errors import StepError
-from anctmm.rigid import refuse_rigid
-from anctmm.scene import Scene
-from anctmm.solution import Solution
-from anctmm.statics import solve_static
+from anctmm.integrators import generalized_alpha, step_control, zhai
+from anctmm.integrators.statics import solve_static
+from anctmm.model.scene import Scene
+from anctmm.recursion.border import refuse_rigid
+from anctmm.results.solution import Solution
 
 __all__ = ["solve", "solve_static"]
 
@@ -41,6 +41,8 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
             f"the error does not know damping"
         )
     if chain.run.integrator == "zhai":
-        return explicit.integrate(chain)
+        return zhai.integrate(chain)
     refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
-    return implicit.integrate(chain) if chain.run.tolerance is None else adaptive.integrate(chain)
+    return (
+        generalized_alpha.integrate(chain) if chain.run.tolerance is None else step_control.integrate(chain)
+    )

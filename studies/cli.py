@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-    from studies.recommend import Measured
-    from studies.runner import Case, Mesh, Runner
-    from studies.study import Options
+    from studies.engine.runner import Case, Mesh, Runner
+    from studies.engine.study import Options
+    from studies.trade.recommend import Measured
 
 
 class BadOption(Exception):
@@ -71,9 +71,9 @@ def list_() -> None:
     from rich.markup import escape
     from rich.table import Table
 
-    from anctmm import registry
+    from anctmm.solvers import registry
+    from studies.engine.study import STUDIES
     from studies.scenes import BASE_SCENES
-    from studies.study import STUDIES
 
     def table(title: str, *columns: str) -> Table:
         shown = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
@@ -109,9 +109,9 @@ def study(
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
-    from studies.files import check_writable
-    from studies.glance import glance
-    from studies.study import find, write
+    from studies.engine.files import check_writable
+    from studies.engine.study import find, write
+    from studies.report.terminal import glance
 
     run = find(name)
     options = read_options(elements, dt, solvers, quick)
@@ -129,9 +129,9 @@ def report(
     out: Annotated[Path, typer.Option(help="Where the page, tables and pictures go.")] = Path("reports"),
 ) -> None:
     """Run every study and write one page."""
-    from studies.files import check_writable
-    from studies.page import write_page
-    from studies.study import STUDIES, Options, find, write
+    from studies.engine.files import check_writable
+    from studies.engine.study import STUDIES, Options, find, write
+    from studies.report.page import write_page
 
     check_writable(out)
     results = []
@@ -162,8 +162,8 @@ def recommend(
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
     from rich.console import Console
 
-    from studies import recommend as advice
-    from studies.recommend_print import show, show_rerun, show_script
+    from studies.trade import recommend as advice
+    from studies.trade.recommend_print import show, show_rerun, show_script
 
     name = advice.scene_name(scene)
     wish, limit = _positive("--error", error), _duration("--budget", budget)
@@ -183,8 +183,8 @@ def recommend(
 
 def _measured_trade(table: Path | None) -> "Measured":
     """A kept trade, from a directory, or one measured now and kept."""
-    from studies import recommend as advice
-    from studies.study import Options, find, write
+    from studies.engine.study import Options, find, write
+    from studies.trade import recommend as advice
 
     if table is not None:
         return advice.read(table)
@@ -206,9 +206,9 @@ def bench(
     """Measure kernels, peers, length and memory: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
-    from studies import bench as benchmark
-    from studies.files import check_writable
-    from studies.study import write
+    from studies.benchmark import study as benchmark
+    from studies.engine.files import check_writable
+    from studies.engine.study import write
 
     check_writable(out)
     with Console(stderr=True).status("starting") as shown:
@@ -238,10 +238,10 @@ def check(
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
 
-    from studies import check as checking
-    from studies.check_report import show, write_check
-    from studies.check_scenes import base_watches, declared_in, tasks_of
-    from studies.files import check_writable
+    from studies.engine.files import check_writable
+    from studies.regression import check as checking
+    from studies.regression.report import show, write_check
+    from studies.regression.scenes import base_watches, declared_in, tasks_of
 
     every = tasks_of(declared_in(scenes) if scenes else base_watches())
     texts, solvers = _texts(only), _texts(solver)
@@ -271,7 +271,7 @@ def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `
     """Test a solver against the rules every solver keeps; exit 1 and a table where it breaks one."""
     from rich.console import Console
 
-    from studies import conform as conforming
+    from studies.conformance import check as conforming
 
     findings = []
     with Console(stderr=True).status("starting") as shown:
@@ -290,7 +290,7 @@ def read_options(elements: str | None, dt: str | None, solvers: str | None, quic
     BadOption
         Naming the option, its value and what is allowed.
     """
-    from studies.study import Options
+    from studies.engine.study import Options
 
     return Options(
         quick=quick,
@@ -305,8 +305,8 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
     """A runner that shows its progress; on an interrupt it says what is kept and exits with 130."""
     from rich.console import Console
 
-    from anctmm.storage import kept_in
-    from studies.runner import Runner
+    from anctmm.jit.cache_dir import kept_in
+    from studies.engine.runner import Runner
 
     cache = kept_in("runs")
     console = Console(stderr=True)
@@ -347,8 +347,8 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
 
 def _lacks(solver: str) -> str:
     """What a solver says it lacks, or why it cannot be loaded."""
-    from anctmm import registry
     from anctmm.errors import PluginError
+    from anctmm.solvers import registry
 
     try:
         return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
@@ -434,7 +434,7 @@ def _solver(item: str) -> str:
 
 
 def _solver_names() -> list[str]:
-    from anctmm import registry
+    from anctmm.solvers import registry
 
     return registry.names()
 

@@ -4,9 +4,22 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
 
-from anctmm.drives import Pulse, Quintic
-from anctmm.scene import Beam, Clamp, Force, Joint, Load, Material, Pin, Point, Probe, Scene, Torque, distance
-from anctmm.sections import Circle, Rectangle, Section
+from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.scene import (
+    Beam,
+    Clamp,
+    Force,
+    Joint,
+    Load,
+    Material,
+    Pin,
+    Point,
+    Probe,
+    Scene,
+    Torque,
+    distance,
+)
+from anctmm.model.sections import Circle, Rectangle, Section
 
 PAPER = "Rong (2014), Multibody Syst. Dyn., doi:10.1007/s11044-013-9402-7"
 

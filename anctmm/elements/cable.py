@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass, lobatto
-from anctmm.scene import Beam
+from anctmm.model.scene import Beam
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,6 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import inlined, kernel
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import (
@@ -19,6 +18,7 @@ from anctmm.elements.tangent_blocks import (
     place,
     placement,
 )
+from anctmm.jit.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
 

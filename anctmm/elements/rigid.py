@@ -1,4 +1,4 @@
-"""A rigid bar: the coordinates and the mass of a cable without stiffness, whose shape `anctmm.rigid` keeps.
+"""A rigid bar: the coordinates and the mass of a cable without stiffness, whose shape `anctmm.recursion.border` keeps.
 
 Restricted to rigid motions, where r = r_I + x t, the cable's mass is exactly that of a thin bar: m, m l/2 about an end
 and m l²/3. So a rigid body is the limit of a cable of ever greater stiffness; like it, it has no rotary inertia of its
@@ -6,7 +6,7 @@ section.
 """
 
 from anctmm.elements.cable import CableElement
-from anctmm.scene import Beam
+from anctmm.model.scene import Beam
 
 
 class RigidElement(CableElement):

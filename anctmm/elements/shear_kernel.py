@@ -8,7 +8,6 @@ do not overlap and handles several elements in one instruction. Nothing is alloc
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import inlined, kernel
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
 from anctmm.elements.tangent_blocks import (
@@ -19,6 +18,7 @@ from anctmm.elements.tangent_blocks import (
     place,
     placement,
 )
+from anctmm.jit.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
 

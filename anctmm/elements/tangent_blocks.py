@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.compiling import inlined, kernel
+from anctmm.jit.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

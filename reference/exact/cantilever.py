@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.scene import Point
+from anctmm.model.scene import Point
 from anctmm.validation import number, positive, vector
 
 Array = NDArray[np.float64]

@@ -34,8 +34,8 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from anctmm.errors import DiscretisationError, SolverError
-from anctmm.scene import Material
-from anctmm.sections import Section
+from anctmm.model.scene import Material
+from anctmm.model.sections import Section
 from reference.exact.cantilever import Cantilever
 from reference.exact.legendre import gauss
 from reference.exact.rods import Rigidity, RodShape, solve_rod

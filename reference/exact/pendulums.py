@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipj, ellipkm1
 
 from anctmm.errors import PropertyError
-from anctmm.scene import Point
+from anctmm.model.scene import Point
 from anctmm.validation import number, positive, vector, within
 
 Array = NDArray[np.float64]

@@ -25,8 +25,8 @@ from numpy.polynomial import Legendre
 from numpy.typing import NDArray
 
 from anctmm.errors import PropertyError, SolverError
-from anctmm.scene import Material
-from anctmm.sections import Section
+from anctmm.model.scene import Material
+from anctmm.model.sections import Section
 from anctmm.validation import positive
 from reference.exact.cantilever import Cantilever
 from reference.exact.legendre import gauss, integration, interpolant, tail

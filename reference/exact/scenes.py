@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import SceneError
-from anctmm.scene import Beam, Clamp, Force, Scene
-from anctmm.solution import Energy, Solution
+from anctmm.model.scene import Beam, Clamp, Force, Scene
+from anctmm.results.solution import Energy, Solution
 from anctmm.validation import one_of
 from reference.exact.cantilever import Cantilever
 from reference.exact.director import DirectorShape, solve_director

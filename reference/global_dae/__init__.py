@@ -6,11 +6,11 @@ implicit, for the coordinates themselves. It shares the element kernels with ANC
 
 from typing import Any
 
-from anctmm.discretisation import Discretisation, discretise
+from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.errors import DiscretisationError
-from anctmm.offer import Offer
-from anctmm.scene import Scene
-from anctmm.solution import Solution
+from anctmm.model.scene import Scene
+from anctmm.results.solution import Solution
+from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
 from reference.global_dae.explicit import Zhai
 from reference.global_dae.history import Marcher

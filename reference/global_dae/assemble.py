@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anctmm.assembly import block_tangents, unpack_tangent
-from anctmm.compiling import allocating_kernel, kernel
+from anctmm.discretise.assembly import block_tangents, unpack_tangent
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK
+from anctmm.jit.compiling import allocating_kernel, kernel
 from reference.global_dae.loads import Loads
 from reference.global_dae.lu import Index
 from reference.global_dae.model import Matrix, Model, Parts, kkt

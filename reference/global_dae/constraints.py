@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import Bodies
-from anctmm.compiling import inlined
+from anctmm.discretise.assembly import Bodies
 from anctmm.errors import DiscretisationError
-from anctmm.scene import Clamp, Joint, Scene, Weld
+from anctmm.jit.compiling import inlined
+from anctmm.model.scene import Clamp, Joint, Scene, Weld
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import elastic_forces, resist
-from anctmm.compiling import inlined, kernel
+from anctmm.discretise.assembly import elastic_forces, resist
+from anctmm.jit.compiling import inlined, kernel
 from reference.global_dae.assemble import fill_dense, solve_dense
 from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import kinetic_energy, strain_energy
-from anctmm.compiling import kernel
-from anctmm.solution import Cost, Energy, HermiteField, Solution, Status, in_short
-from anctmm.soundness import sound
+from anctmm.discretise.assembly import kinetic_energy, strain_energy
+from anctmm.jit.compiling import kernel
+from anctmm.results.divergence_checks import sound
+from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status, in_short
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 

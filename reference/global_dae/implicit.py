@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.assembly import elastic_forces, mass_product
-from anctmm.compiling import kernel
+from anctmm.discretise.assembly import elastic_forces, mass_product
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
+from anctmm.jit.compiling import kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of

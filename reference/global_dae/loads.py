@@ -5,11 +5,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.assembly import Bodies
-from anctmm.compiling import inlined
-from anctmm.drives import tabulate
-from anctmm.mesh import constant_forces, varying_loads
-from anctmm.scene import Scene, Torque
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.mesh import constant_forces, varying_loads
+from anctmm.jit.compiling import inlined
+from anctmm.model.drives import tabulate
+from anctmm.model.scene import Scene, Torque
 from reference.global_dae.constraints import Rows, drives_of
 
 Array = NDArray[np.float64]

@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from anctmm.compiling import allocating_kernel, inlined, kernel
+from anctmm.jit.compiling import allocating_kernel, inlined, kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

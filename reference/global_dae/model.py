@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anctmm.assembly import Bodies
-from anctmm.discretisation import Discretisation
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.mesh import build
 from anctmm.errors import DiscretisationError
-from anctmm.mesh import build
-from anctmm.scene import Scene
+from anctmm.model.scene import Scene
 from reference.global_dae.constraints import Row, Rows, compiled_rows, constraint_rows
 from reference.global_dae.loads import Loads, dead_forces, varying
 
@@ -58,7 +58,7 @@ class Model:
 
     @classmethod
     def of(cls, scene: Scene, run: Discretisation) -> "Model":
-        """Build it; raises the errors of `anctmm.mesh.build` and `constraint_rows`, and refuses rigid bodies."""
+        """Build it; raises the errors of `mesh.build` and `constraint_rows`; refuses rigid bodies."""
         for name, (_, kind) in run.of(scene).items():
             if kind == "rigid":
                 raise DiscretisationError(

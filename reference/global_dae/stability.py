@@ -8,7 +8,7 @@ from scipy import sparse
 from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from anctmm.assembly import Bodies
+from anctmm.discretise.assembly import Bodies
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.errors import StabilityError
 from reference.global_dae.assemble import assemble, matrix_of, system_of

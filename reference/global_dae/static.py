@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.assembly import elastic_forces, strain_energy
+from anctmm.discretise.assembly import elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
-from anctmm.solution import Cost, Solution, Status
+from anctmm.results.solution import Cost, Solution, Status
 from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.history import solution
 from reference.global_dae.loads import add_loads, load_table

@@ -1,0 +1,412 @@
+"""All bodies' coordinates in one array by component, and compiled sums over their elements.
+
+It knows bodies and elements, not how they are joined: the transfer-matrix solver and the global one both stand on it,
+so that comparing their times compares methods.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.mesh import BodyMesh
+from anctmm.elements.cable import CableElement
+from anctmm.elements.cable_kernel import constants as cable_constants
+from anctmm.elements.dispatch import (
+    BOTH,
+    CABLE,
+    CABLES,
+    SHEAR,
+    SHEARS,
+    components,
+    element_damping,
+    element_energy,
+    element_forces,
+    element_tangents,
+)
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.shear_kernel import constants as shear_constants
+from anctmm.elements.tangent_blocks import lower
+from anctmm.jit.compiling import embedded, inlined, kernel
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Where sweeps begin: no literal 0, for which numba would compile what takes it once more.
+FIRST_BODY = np.int64(0)
+
+
+class Tables(NamedTuple):
+    """What kernels need of `Bodies`, under the names it has there."""
+
+    first: Ints
+    blend: tuple[int, ...]
+    kinds: Ints
+    constants: Array
+    masses: Array
+    buffer: Array
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """Bodies laid one after another.
+
+    Component k of node i is q[k, i]: 0, 1 position, 2, 3 r_x and, where there is a shear element, 4, 5 r_y. In a scene
+    with both kinds the nodes of cables have two components that nothing uses.
+
+    Parameters
+    ----------
+    meshes : sequence of BodyMesh
+    """
+
+    meshes: Sequence[BodyMesh]
+
+    @cached_property
+    def rows(self) -> int:
+        """Components of a node: 4, or 6 where there is a shear element."""
+        return 2 * max(m.vectors for m in self.meshes)
+
+    @cached_property
+    def first(self) -> Ints:
+        """First node of each body, and after them the number of all nodes."""
+        return np.cumsum([0, *(m.nodes for m in self.meshes)]).astype(np.int64)
+
+    @property
+    def nodes(self) -> int:
+        """Number of all nodes."""
+        return int(self.first[-1])
+
+    @cached_property
+    def elements(self) -> Ints:
+        """Number of elements of each body."""
+        return np.array([m.elements for m in self.meshes], dtype=np.int64)
+
+    @cached_property
+    def kinds(self) -> Ints:
+        """CABLE or SHEAR, of each body."""
+        return np.array([SHEAR if m.kind == "shear" else CABLE for m in self.meshes], dtype=np.int64)
+
+    @cached_property
+    def blend(self) -> tuple[int, ...]:
+        """CABLES, SHEARS or BOTH, whose type tells the compiler which kinds of element there are."""
+        kinds = set(self.kinds.tolist())
+        return BOTH if len(kinds) > 1 else SHEARS if SHEAR in kinds else CABLES
+
+    @cached_property
+    def constants(self) -> Array:
+        """Constants of the element kernels, a row a body."""
+        rows = [
+            cable_constants(m.element) if isinstance(m.element, CableElement) else shear_constants(m.element)
+            for m in self.meshes
+        ]
+        table = np.zeros((len(rows), max(map(len, rows))))
+        for line, row in zip(table, rows, strict=True):
+            line[: len(row)] = row
+        return table
+
+    @cached_property
+    def damping(self) -> Array | None:
+        """Kelvin-Voigt damping of each body, s; None where no body has any: then nothing of it is compiled."""
+        table = np.array([m.element.damping for m in self.meshes])
+        return table if table.any() else None
+
+    def stiffened(self, factors: Iterable[float]) -> "Bodies":
+        """The bodies with so many times their stiffness each."""
+        pairs = zip(self.meshes, factors, strict=True)
+        return Bodies([replace(mesh, element=mesh.element.stiffened(f)) for mesh, f in pairs])
+
+    @cached_property
+    def masses(self) -> Array:
+        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in the rows r, r_x, r_y of I and O."""
+        table = np.zeros((len(self.meshes), 6, 6))
+        for line, mesh in zip(table, self.meshes, strict=True):
+            at = [0, 1, 2, 3, 4, 5] if mesh.vectors == 3 else [0, 1, 3, 4]
+            line[np.ix_(at, at)] = mesh.element.mass
+        return table
+
+    def flat(self, fields: Sequence[Array]) -> Array:
+        """(nodes, vectors, 2) of every body → one array, (rows, nodes)."""
+        out = np.zeros((self.rows, self.nodes))
+        for i, (mesh, values) in enumerate(zip(self.meshes, fields, strict=True)):
+            out[: 2 * mesh.vectors, self.first[i] : self.first[i + 1]] = values.reshape(mesh.nodes, -1).T
+        return out
+
+    def by_body(self, flat: Array) -> dict[str, Array]:
+        """(…, rows, nodes) → (…, nodes, vectors, 2) of every body, in the body's own direction."""
+        out = {}
+        for i, mesh in enumerate(self.meshes):
+            part = flat[..., : 2 * mesh.vectors, self.first[i] : self.first[i + 1]]
+            part = np.moveaxis(part, -1, -2).reshape(*flat.shape[:-2], mesh.nodes, mesh.vectors, 2)
+            out[mesh.body.name] = mesh.unflipped(part)
+        return out
+
+    def reference(self) -> Array:
+        """Coordinates of the undeformed scene, (rows, nodes)."""
+        return self.flat([m.reference for m in self.meshes])
+
+    def initial_velocity(self) -> Array:
+        """Velocities at t = 0, (rows, nodes)."""
+        return self.flat([m.initial_velocity for m in self.meshes])
+
+    def weight(self) -> Array:
+        """Forces of gravity, (rows, nodes), N."""
+        return self.flat([m.weight for m in self.meshes])
+
+    def node(self, name: str, side: int) -> int:
+        """Node at the start (0) or end (1) of a body."""
+        i = self._places[name]
+        return int(self.first[i]) + self.meshes[i].node(side)
+
+    def turning_row(self, name: str) -> int:
+        """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
+        return 2 * self.meshes[self._places[name]].vectors - 2
+
+    @cached_property
+    def _places(self) -> dict[str, int]:
+        """Where each body stands: a search would make the cost of many joints quadratic."""
+        return {mesh.body.name: i for i, mesh in enumerate(self.meshes)}
+
+    def element_at(self, node: int) -> tuple[str, int]:
+        """Body and element, counted from the body's start, next to a node."""
+        i = int(np.searchsorted(self.first, node, side="right")) - 1
+        mesh = self.meshes[i]
+        element = min(node - int(self.first[i]), mesh.elements - 1)
+        return mesh.body.name, mesh.elements - 1 - element if mesh.flipped else element
+
+    def tables(self) -> Tables:
+        """Arrays for kernels, with a buffer of their own."""
+        return Tables(self.first, self.blend, self.kinds, self.constants, self.masses, self.buffer())
+
+    def buffer(self) -> Array:
+        """Scratch of the force kernels: forces of a window, and behind them those that it hands to the next."""
+        return np.zeros(12 * BLOCK + 6)
+
+
+@embedded
+def window_forces(blend, q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
+    """Elastic forces of the elements behind nodes start … end − 1, at most BLOCK, of all bodies that lie there.
+
+    Parameters
+    ----------
+    q : ndarray, shape (rows, nodes)
+    start, end : int
+        The last node of a body has no element behind it: its forces are zero.
+    body : int
+        Where node `start` lies.
+    blend, first, kinds, constants
+        Of `Bodies`.
+    buffer : ndarray, shape (12 * BLOCK + 6,)
+        Written: component k of the force on node I of the element behind node i at k BLOCK + i − start, on node O at
+        (6 + k) BLOCK + i − start.
+    """
+    node = start
+    while node < end:
+        last = first[body + 1] - 1
+        count = min(last, end) - node
+        if count > 0:
+            kind = kinds[body]
+            element_forces(blend, kind, q, node, count, constants[body], buffer[node - start :])
+            for k in range(components(blend, kind), q.shape[0]):  # of a cable among shear elements
+                for j in range(node - start, node - start + count):
+                    buffer[k * BLOCK + j] = buffer[(6 + k) * BLOCK + j] = 0.0
+            node += count
+        if node == last and node < end:
+            for k in range(q.shape[0]):
+                buffer[k * BLOCK + node - start] = buffer[(6 + k) * BLOCK + node - start] = 0.0
+            node += 1
+            body += 1
+
+
+@embedded
+def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type: ignore[no-untyped-def]
+    """Add factor · M w of the same elements; parameters as in `window_forces`, w of shape (rows, nodes)."""
+    node = start
+    while node < end:
+        last = first[body + 1] - 1
+        count = min(last, end) - node
+        m = masses[body]
+        rr, rg, gg = factor * m[0, 0], factor * m[0, 1], factor * m[1, 1]
+        ror, rog, gor, gog = factor * m[3, 0], factor * m[4, 0], factor * m[3, 1], factor * m[4, 1]
+        oo, og, pp = factor * m[3, 3], factor * m[3, 4], factor * m[4, 4]
+        out = buffer[node - start :]
+        for c in range(2):
+            for j in range(count):
+                i = node + j
+                r, g, s, h = w[c, i], w[2 + c, i], w[c, i + 1], w[2 + c, i + 1]
+                out[c * BLOCK + j] += rr * r + rg * g + ror * s + rog * h
+                out[(2 + c) * BLOCK + j] += rg * r + gg * g + gor * s + gog * h
+                out[(6 + c) * BLOCK + j] += ror * r + gor * g + oo * s + og * h
+                out[(8 + c) * BLOCK + j] += rog * r + gog * g + og * s + pp * h
+        if w.shape[0] == 6:
+            dd, od, ee = factor * m[2, 2], factor * m[5, 2], factor * m[5, 5]
+            for c in range(4, 6):
+                for j in range(count):
+                    i = node + j
+                    out[c * BLOCK + j] += dd * w[c, i] + od * w[c, i + 1]
+                    out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, i + 1]
+        node += count
+        if node == last and node < end:
+            node += 1
+            body += 1
+
+
+@inlined
+def body_after(end, body, first):  # type: ignore[no-untyped-def]
+    """Where node `end` lies, if not before a body."""
+    while first[body + 1] <= end and body + 2 < len(first):
+        body += 1
+    return body
+
+
+@inlined
+def _gather(start, end, buffer, f):  # type: ignore[no-untyped-def]
+    """Forces on nodes start … end − 1 from those of a window's elements and the one before it."""
+    n = end - start
+    for k in range(f.shape[0]):
+        f[k, start] = buffer[k * BLOCK] + buffer[12 * BLOCK + k]
+        for j in range(1, n):
+            f[k, start + j] = buffer[k * BLOCK + j] + buffer[(6 + k) * BLOCK + j - 1]
+        buffer[12 * BLOCK + k] = buffer[(6 + k) * BLOCK + n - 1]
+
+
+@kernel
+def elastic_forces(
+    blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array, buffer: Array, f: Array
+) -> None:
+    """Elastic forces on all nodes, the gradient of the strain energy.
+
+    Parameters
+    ----------
+    blend, first, kinds, constants
+        Of `Bodies`.
+    q : ndarray, shape (rows, nodes)
+    buffer : ndarray, shape (12 * BLOCK + 6,)
+        Scratch.
+    f : ndarray, shape (rows, nodes)
+        Written.
+    """
+    buffer[12 * BLOCK :] = 0.0
+    body, nodes = FIRST_BODY, q.shape[1]
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
+        body = body_after(end, body, first)
+        _gather(start, end, buffer, f)
+
+
+@kernel
+def resist(
+    blend: tuple[int, ...],
+    q: Array,
+    v: Array,
+    first: Ints,
+    kinds: Ints,
+    constants: Array,
+    damping: Array,
+    buffer: Array,
+    f: Array,
+) -> float:
+    """Subtract the damping forces of all bodies from f.
+
+    Parameters
+    ----------
+    blend, first, kinds, constants, damping
+        Of `Bodies`.
+    q, v, f : ndarray, shape (rows, nodes)
+    buffer : ndarray, shape (12 * BLOCK + 6,)
+        Scratch.
+
+    Returns
+    -------
+    float
+        Power that is lost, W.
+    """
+    power = 0.0
+    for b in range(len(kinds)):
+        last = first[b + 1] - 1
+        for node in range(first[b], last if damping[b] > 0.0 else first[b], BLOCK):
+            count = min(BLOCK, last - node)
+            element_damping(blend, kinds[b], q, v, node, count, constants[b], damping[b], buffer)
+            for k in range(components(blend, kinds[b])):
+                for j in range(count):
+                    one, two = buffer[k * BLOCK + j], buffer[(6 + k) * BLOCK + j]
+                    power += one * v[k, node + j] + two * v[k, node + j + 1]
+                    f[k, node + j] -= one
+                    f[k, node + j + 1] -= two
+    return power
+
+
+@kernel
+def strain_energy(blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array) -> float:
+    """Strain energy of all bodies, J."""
+    total = 0.0
+    for b in range(len(kinds)):
+        total += element_energy(blend, kinds[b], q, first[b], first[b + 1] - 1 - first[b], constants[b])
+    return total
+
+
+@kernel
+def mass_product(v: Array, first: Ints, masses: Array, buffer: Array, p: Array) -> None:
+    """Product of the mass matrix, joints apart, with v, (rows, nodes), written into p."""
+    buffer[12 * BLOCK :] = 0.0
+    body, nodes = FIRST_BODY, v.shape[1]
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        buffer[: 12 * BLOCK] = 0.0
+        window_inertia(v, 1.0, start, end, body, first, masses, buffer)
+        body = body_after(end, body, first)
+        _gather(start, end, buffer, p)
+
+
+@kernel
+def kinetic_energy(v: Array, first: Ints, masses: Array) -> float:
+    """Kinetic energy of all bodies at velocities v, (rows, nodes), J."""
+    total = 0.0
+    vectors = v.shape[0] // 2
+    for b in range(len(first) - 1):
+        m = masses[b]
+        for i in range(first[b], first[b + 1] - 1):
+            for k in range(vectors):
+                for n in range(vectors):
+                    for c in range(2):
+                        total += 0.5 * m[k, n] * v[2 * k + c, i] * v[2 * n + c, i]
+                        total += m[k, 3 + n] * v[2 * k + c, i] * v[2 * n + c, i + 1]
+                        total += 0.5 * m[3 + k, 3 + n] * v[2 * k + c, i + 1] * v[2 * n + c, i + 1]
+    return total
+
+
+@kernel
+def block_tangents(
+    blend: tuple[int, ...], q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array
+) -> None:
+    """Tangents of `count` ≤ TANGENT_BLOCK elements of one kind from a node on.
+
+    Parameters
+    ----------
+    blend : tuple of int
+        Of `Bodies`.
+    q : ndarray, shape (rows, nodes)
+    node, count : int
+    kind : int
+        CABLE or SHEAR.
+    constants : ndarray
+        The body's row of `Bodies.constants`.
+    buffer : ndarray, shape (TANGENT_BUFFER,)
+        Written, as `tangent_blocks` tells.
+    """
+    element_tangents(blend, kind, q, node, count, constants, buffer)
+
+
+@kernel
+def unpack_tangent(buffer: Array, j: int, kind: int, K: Array) -> None:
+    """Tangent of element j of a block, (2 rows, 2 rows): the components of node I, then those of node O."""
+    rows = K.shape[0] // 2
+    own = 6 if kind == SHEAR else 4
+    K[:] = 0.0  # a cable among shear elements
+    for k in range(2 * own):
+        for m in range(k + 1):
+            row, column = k // own * rows + k % own, m // own * rows + m % own
+            K[row, column] = K[column, row] = buffer[lower(k, m) + j]

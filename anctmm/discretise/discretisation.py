@@ -1,0 +1,219 @@
+"""What a convergence study varies: mesh, element, integrator, step and output."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import DiscretisationError, MeshError, StepError
+from anctmm.model.scene import Beam, Scene
+from anctmm.validation import number, one_of, positive, within
+
+ELEMENTS = ("cable", "shear", "rigid")
+QUADRATURES = ("full", "reduced", "lobatto")
+INTEGRATORS = ("zhai", "generalized-alpha")
+
+
+class _NotGiven(float):
+    """A default that can be told from the same number given by the user."""
+
+
+NOT_GIVEN = _NotGiven(1e-3)
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """How a scene is cut into elements and steps.
+
+    Parameters
+    ----------
+    mesh : int or mapping of body name to int
+        Elements of each body.
+    element : str or mapping of body name to str
+        "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
+    quadrature : str
+        Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
+    integrator : str
+        "zhai" (explicit) or "generalized-alpha" (implicit).
+    dt, t_end : float
+        Step (1e-3 without it) and run length, s; `t_end` a whole number of steps.
+    output_dt : float, optional
+        Interval of the output, s, a whole number of steps; without it every step, or with a tolerance the 200th part
+        of the run.
+    tolerance : float, optional
+        Error in time that is wanted, instead of `dt`, relative to the largest displacement: an estimate of the local
+        error then drives the step of generalized-α.
+    psi, phi : float
+        Zhai's parameters ψ and φ (Rong 2014, eq. 38).
+    spectral_radius : float
+        ρ∞ of generalized-α, in [0, 1].
+    newton_tolerance : float
+        Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute.
+    check_stability : bool
+        Whether an explicit step above the stability limit is refused.
+
+    Raises
+    ------
+    DiscretisationError
+        Or one of its kinds, naming the option, its value and what is allowed.
+    """
+
+    mesh: Any
+    element: Any = "cable"
+    quadrature: str = "full"
+    integrator: str = "generalized-alpha"
+    dt: float = NOT_GIVEN
+    t_end: float = 1.0
+    output_dt: float | None = None
+    tolerance: float | None = None
+    psi: float = 0.5
+    phi: float = 0.5
+    spectral_radius: float = 0.9
+    newton_tolerance: float = 1e-10
+    check_stability: bool = True
+    steps: int = field(init=False, compare=False)
+    stride: int = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("mesh", "element"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, FrozenMapping(value))
+        for count in _values(self.mesh):
+            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+                raise MeshError(f"mesh is {self.mesh!r}; whole numbers of elements from 1 on are needed")
+        for kind in _values(self.element):
+            one_of("element", kind, ELEMENTS)
+        one_of("quadrature", self.quadrature, QUADRATURES)
+        one_of("integrator", self.integrator, INTEGRATORS)
+        number("psi", self.psi, DiscretisationError)
+        number("phi", self.phi, DiscretisationError)
+        within("spectral_radius", self.spectral_radius, 0.0, 1.0, "[]", DiscretisationError)
+        within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
+        positive("dt (s)", self.dt, StepError)
+        positive("t_end (s)", self.t_end, StepError)
+        dt = self.dt if self.tolerance is None else self._interval()
+        output_dt = dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
+        object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, dt))
+        object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, dt), self.steps))
+
+    def _interval(self) -> float:
+        """With a tolerance, the interval of the output, s: `steps` then counts intervals."""
+        within("tolerance", self.tolerance, 0.0, 0.5, "()", StepError)
+        if not isinstance(self.dt, _NotGiven):
+            raise StepError(
+                f"dt is {self.dt!r} s beside tolerance {self.tolerance!r}; one of them is allowed"
+            )
+        if self.integrator != "generalized-alpha":
+            raise StepError(
+                f"tolerance is {self.tolerance!r} with integrator {self.integrator!r}; "
+                f"'generalized-alpha' is needed: stability bounds an explicit step, not accuracy"
+            )
+        if self.output_dt is None:
+            return self.t_end / 200
+        return positive("output_dt (s)", self.output_dt, StepError)
+
+    @property
+    def output_steps(self) -> NDArray[np.int64]:
+        """Numbers of the steps whose result is kept: 0, the stride, … and the last."""
+        kept = np.arange(0, self.steps + 1, self.stride)
+        return kept if kept[-1] == self.steps else np.append(kept, self.steps)
+
+    def times(self, steps: NDArray[np.int64]) -> NDArray[Any]:
+        """Times of numbered steps, s, exact at the end of the run."""
+        return steps * (self.t_end / self.steps)
+
+    def of(self, scene: Scene) -> dict[str, tuple[int, str]]:
+        """Number and kind of the elements of every body.
+
+        Raises
+        ------
+        MeshError
+            If a mapping misses a body of the scene or names one it does not have, or a rigid body has several elements.
+        """
+        names = [b.name for b in scene.bodies]
+        for what in ("mesh", "element"):
+            value = getattr(self, what)
+            if isinstance(value, Mapping) and set(value) != set(names):
+                raise MeshError(
+                    f"{what} is {dict(value)!r}; every body of scene {scene.name!r} and no other is needed: "
+                    f"{', '.join(map(repr, names))}"
+                )
+        cut = {n: (int(_pick(self.mesh, n)), _pick(self.element, n)) for n in names}
+        for name, (elements, kind) in cut.items():
+            if kind == "rigid" and elements != 1:
+                raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
+        return cut
+
+
+class FrozenMapping(dict[str, Any]):
+    """A mapping that can be hashed; nobody changes it."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(sorted(self.items())))
+
+
+def discretise(
+    run: Discretisation | None, options: dict[str, Any], *, fixed_step: bool = True
+) -> Discretisation:
+    """A discretisation given whole, or as keywords.
+
+    Parameters
+    ----------
+    run : Discretisation or None
+    options : dict
+    fixed_step : bool
+        Whether the solver that asks can only take a fixed step.
+
+    Raises
+    ------
+    DiscretisationError
+        If both or neither are given, or a keyword is unknown, or a tolerance is given to a solver of fixed step.
+    """
+    run = _whole(run, options)
+    if fixed_step and run.tolerance is not None:
+        raise StepError(
+            f"tolerance is {run.tolerance!r}, but this solver takes a fixed step; dt is needed instead"
+        )
+    return run
+
+
+def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
+    if run is not None:
+        if options or not isinstance(run, Discretisation):
+            raise DiscretisationError(
+                f"run is {run!r} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
+            )
+        return run
+    allowed = [f.name for f in fields(Discretisation) if f.init]
+    unknown = sorted(set(options) - set(allowed))
+    if unknown:
+        raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
+    if "mesh" not in options:
+        raise MeshError("mesh is missing; a number of elements, or one for every body, is needed")
+    return Discretisation(**options)
+
+
+def element_length(body: Beam, elements: int) -> float:
+    """Undeformed length of each of a body's equal elements, m."""
+    return body.length / elements
+
+
+def _values(value: Any) -> list[Any]:
+    return list(value.values()) if isinstance(value, Mapping) else [value]
+
+
+def _pick(value: Any, name: str) -> Any:
+    return value[name] if isinstance(value, Mapping) else value
+
+
+def _multiple(name: str, value: float, dt: float) -> int:
+    count = round(value / dt)
+    if count < 1 or abs(count * dt - value) > 1e-6 * dt:
+        raise StepError(
+            f"{name} is {value!r}; a whole number of steps dt = {dt!r} s is needed, "
+            f"such as {max(count, 1) * dt!r}"
+        )
+    return count

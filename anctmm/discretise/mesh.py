@@ -1,0 +1,193 @@
+"""A scene cut into elements: nodes, reference coordinates, initial velocities and constant loads of every body.
+
+It knows nothing of chains or constraints: each body has its own nodes, in its own direction, as a global solver
+wants it.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.differentiate import derivative
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.cable import CableElement
+from anctmm.elements.rigid import RigidElement
+from anctmm.elements.shear import ShearElement
+from anctmm.model.scene import Beam, Force, Scene, Torque
+
+Array = NDArray[np.float64]
+Element = ShearElement | CableElement
+
+
+@dataclass(frozen=True)
+class BodyMesh:
+    """One body's equal elements.
+
+    Parameters
+    ----------
+    body : Beam
+    kind : str
+        "cable", "shear" or "rigid".
+    elements : int
+    element : ShearElement or CableElement
+        (A RigidElement is one of the latter.)
+        Every one of them.
+    gravity : (float, float)
+        m/s².
+    flipped : bool
+        Whether the nodes run from the body's end to its start, as a chain may need it.
+    """
+
+    body: Beam
+    kind: str
+    elements: int
+    element: Element
+    gravity: tuple[float, float]
+    flipped: bool = False
+
+    @property
+    def nodes(self) -> int:
+        """Number of nodes."""
+        return self.elements + 1
+
+    @property
+    def vectors(self) -> int:
+        """Coordinate vectors of a node: r and r_x, and r_y for the shear element."""
+        return self.element.vectors_per_node
+
+    @cached_property
+    def reference(self) -> Array:
+        """Coordinates of the undeformed body, (nodes, vectors, 2)."""
+        start, end = (np.array(p) for p in self._ends(self.body.start, self.body.end))
+        along = (end - start) / self.body.length
+        x = np.linspace(0.0, 1.0, self.nodes)[:, None]
+        q = np.empty((self.nodes, self.vectors, 2))
+        q[:, 0] = (1.0 - x) * start + x * end
+        q[:, 1] = along
+        if self.vectors == 3:
+            q[:, 2] = [-along[1], along[0]]
+        return q
+
+    @cached_property
+    def initial_velocity(self) -> Array:
+        """Velocities of the coordinates at t = 0, (nodes, vectors, 2).
+
+        The gradient's is the velocity's derivative along the axis; the director turns with the axis.
+        """
+        v = np.zeros((self.nodes, self.vectors, 2))
+        if self.body.velocity is None:
+            return v
+        first, last = self._ends(0.0, 1.0)
+        fractions = np.linspace(first, last, self.nodes)
+        v[:, 0] = [self.body.velocity_at(float(s)) for s in fractions]
+        sign = -1.0 if self.flipped else 1.0
+        v[:, 1] = sign * np.array([self._velocity_slope(float(s)) for s in fractions]) / self.body.length
+        if self.vectors == 3:
+            along, normal = self.reference[0, 1], self.reference[0, 2]
+            v[:, 2] = -(v[:, 1] @ normal)[:, None] * along
+        return v
+
+    @cached_property
+    def weight(self) -> Array:
+        """Consistent forces of gravity, (nodes, vectors, 2), N."""
+        f = np.zeros((self.nodes, self.vectors, 2))
+        per_element = np.multiply.outer(self.element.gravity, self.gravity).reshape(2, self.vectors, 2)
+        f[:-1] += per_element[0]
+        f[1:] += per_element[1]
+        return f
+
+    def node(self, side: int) -> int:
+        """Node at the body's start (0) or end (1)."""
+        return self.nodes - 1 if bool(side) != self.flipped else 0
+
+    def unflipped(self, coordinates: Array) -> Array:
+        """Coordinates (…, nodes, vectors, 2) in the body's own direction."""
+        if not self.flipped:
+            return coordinates
+        turned = coordinates[..., ::-1, :, :].copy()
+        turned[..., 1:, :] *= -1.0
+        return turned
+
+    def _ends(self, start, end):  # type: ignore[no-untyped-def]
+        return (end, start) if self.flipped else (start, end)
+
+    @cached_property
+    def _speed(self) -> float:
+        """Size of the initial velocity, m/s: the unit must not decide how well its slope is found."""
+        return (
+            float(np.abs([self.body.velocity_at(s) for s in np.linspace(0.0, 1.0, 9).tolist()]).max()) or 1.0
+        )
+
+    def _velocity_slope(self, fraction: float) -> Array:
+        side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
+        step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
+
+        def component(s: Array, axis: Array) -> Array:
+            values = [self.body.velocity_at(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
+            return np.reshape(values, np.broadcast(s, axis).shape)
+
+        slope: Any = derivative  # its stubs do not know a direction given as a number
+        result = slope(
+            component,
+            np.full(2, fraction),
+            args=(np.arange(2),),
+            initial_step=step,
+            step_direction=side,
+            tolerances={"atol": 1e-12 * self._speed, "rtol": 1e-12},
+        )
+        return np.asarray(result.df)
+
+
+def body_meshes(
+    scene: Scene, run: Discretisation, passed: Iterable[tuple[str, bool]] | None = None
+) -> list[BodyMesh]:
+    """Meshes of bodies, by name and whether flipped; of all, in their own direction, without `passed`.
+
+    Raises
+    ------
+    MeshError
+        If the discretisation does not fit the scene's bodies.
+    """
+    cut = run.of(scene)  # once for all bodies: it looks at all of them
+    passed = ((body.name, False) for body in scene.bodies) if passed is None else passed
+    return [_body_mesh(scene, run.quadrature, name, *cut[name], flipped) for name, flipped in passed]
+
+
+def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
+    body = scene.body(name)
+    element: Element
+    if kind == "shear":
+        element = ShearElement.of(body, elements)
+    else:
+        element = (RigidElement if kind == "rigid" else CableElement).of(body, elements, quadrature)
+    return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
+
+
+def build(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:
+    """Meshes of all bodies, each in its own direction.
+
+    Raises
+    ------
+    MeshError
+        If the discretisation does not fit the scene's bodies.
+    """
+    return {mesh.body.name: mesh for mesh in body_meshes(scene, run)}
+
+
+def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
+    """Constant forces as (body, side, force)."""
+    return [
+        (body.name, side, load.value)
+        for load in scene.loads
+        if isinstance(load, Force) and not callable(load.value)
+        for body, side in [scene.body_end(load.end)]
+    ]
+
+
+def varying_loads(scene: Scene) -> list[Force | Torque]:
+    """Loads whose generalized force changes: forces of time, and all torques, which turn with their node."""
+    return [load for load in scene.loads if isinstance(load, Torque) or callable(load.value)]

@@ -1,0 +1,110 @@
+"""The element kernels behind one name each; only those of the kinds that a scene has are compiled.
+
+The type of the first argument, a tuple of zeros, says which kinds there are: numba chooses the implementation by it.
+Without numba's compiler the functions here are called themselves.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from numba.extending import overload
+
+from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.jit.compiling import CHOSEN
+
+#: Kinds of element, as a body has one of them.
+CABLE, SHEAR = 0, 1
+#: Kinds that a scene has, by the length of the tuple.
+CABLES, SHEARS, BOTH = (0,), (0, 0), (0, 0, 0)
+
+
+def components(blend, kind):  # type: ignore[no-untyped-def]
+    """Components of a node of an element: 4 of a cable, 6 of a shear element."""
+    return 6 if kind == SHEAR else 4
+
+
+def element_forces(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    """Elastic forces of a row of elements of one kind, as `shear_kernel.forces` gives them."""
+    if kind == SHEAR:
+        shear_kernel.forces(q, node, count, constants, out)
+    else:
+        cable_kernel.forces(q, node, count, constants, out)
+
+
+def element_tangents(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    """Tangents of a row of elements of one kind, as `shear_kernel.tangents` gives them."""
+    if kind == SHEAR:
+        shear_kernel.tangents(q, node, count, constants, out)
+    else:
+        cable_kernel.tangents(q, node, count, constants, out)
+
+
+def element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+    """Strain energy of a row of elements of one kind, J."""
+    if kind == SHEAR:
+        return shear_kernel.energy(q, node, count, constants)
+    return cable_kernel.energy(q, node, count, constants)
+
+
+def element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    """Damping forces of a row of elements of one kind, as `shear_kernel.damping_forces` gives them."""
+    if kind == SHEAR:
+        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
+    else:
+        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+
+def _choose(
+    blend: Any, cables: Callable[..., Any], shears: Callable[..., Any], both: Callable[..., Any]
+) -> Any:
+    """The implementation for the type of a blend."""
+    return (cables, shears, both)[blend.count - 1]
+
+
+@overload(components, **CHOSEN)
+def _components(blend, kind):  # type: ignore[no-untyped-def]
+    return _choose(blend, lambda blend, kind: 4, lambda blend, kind: 6, components)
+
+
+@overload(element_forces, **CHOSEN)
+def _element_forces(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+        cable_kernel.forces(q, node, count, constants, out)
+
+    def shears(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+        shear_kernel.forces(q, node, count, constants, out)
+
+    return _choose(blend, cables, shears, element_forces)
+
+
+@overload(element_tangents, **CHOSEN)
+def _element_tangents(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+        cable_kernel.tangents(q, node, count, constants, out)
+
+    def shears(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+        shear_kernel.tangents(q, node, count, constants, out)
+
+    return _choose(blend, cables, shears, element_tangents)
+
+
+@overload(element_energy, **CHOSEN)
+def _element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+    def cables(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+        return cable_kernel.energy(q, node, count, constants)
+
+    def shears(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+        return shear_kernel.energy(q, node, count, constants)
+
+    return _choose(blend, cables, shears, element_energy)
+
+
+@overload(element_damping, **CHOSEN)
+def _element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    def cables(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+    def shears(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
+
+    return _choose(blend, cables, shears, element_damping)

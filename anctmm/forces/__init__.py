@@ -1,0 +1,1 @@
+"""What acts: applied loads and driven clamps."""

@@ -1,0 +1,1 @@
+"""Time integration, statics, stability limits, and what a run keeps."""

@@ -1,0 +1,144 @@
+"""What a run keeps: coordinates and energies at the output steps, and how it ended."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
+from anctmm.discretise.chain import Chain
+from anctmm.jit.compiling import kernel
+from anctmm.results.divergence_checks import sound
+from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
+
+Array = NDArray[np.float64]
+
+#: Steps computed between two looks at Python (progress, Ctrl-C, tabulated drives), at least.
+BATCH = 20_000
+
+
+class Output(NamedTuple):
+    """What kernels fill: coordinates, (outputs, rows, nodes), kinetic and strain energy and work, (outputs, 3), and
+    the work done until now, (1,).
+    """
+
+    q: Array
+    energy: Array
+    work: Array
+
+
+@dataclass
+class Record:
+    """Room for a run's output, filled by the kernels.
+
+    Parameters
+    ----------
+    chain : Chain
+    outputs : int, optional
+        Number of outputs; those of the discretisation without it.
+    """
+
+    chain: Chain
+    outputs: int | None = None
+    q: Array = field(init=False)
+    energy: Array = field(init=False)
+    started: tuple[float, float] = field(init=False)
+
+    def __post_init__(self) -> None:
+        n = self.outputs or len(self.chain.run.output_steps)
+        self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
+        self.energy = np.zeros((n, 3))
+
+    def arrays(self) -> Output:
+        """What kernels fill."""
+        return Output(self.q, self.energy, np.zeros(1))
+
+    def start(self) -> None:
+        """Start the clocks."""
+        self.started = time.process_time(), time.perf_counter()
+
+    def solution(
+        self,
+        kept: int,
+        status: Status,
+        steps: int,
+        iterations: int = 0,
+        factorizations: int = 1,
+        t: Array | None = None,
+    ) -> Solution:
+        """The solution with the first `kept` outputs that are sound, at the times of the discretisation or,
+        for statics, at the load factors `t`.
+        """
+        cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
+        chain = self.chain
+        bodies, q = chain.bodies, self.q[:kept]
+        fields = {
+            name: HermiteField(coordinates, chain.scene.body(name).length)
+            for name, coordinates in bodies.by_body(q).items()
+        }
+        kinetic, strain, work = self.energy[:kept].T
+        moved = q - bodies.reference()
+        potential = -np.einsum("kn,okn->o", chain.dead_load, moved)
+        found = Solution(
+            solver="anctmm",
+            scene=chain.scene,
+            run=chain.run,
+            t=chain.run.times(chain.run.output_steps[:kept]) if t is None else t,
+            fields=fields,
+            energy=Energy(kinetic, strain, potential, work),
+            cost=Cost(cpu, wall, steps, iterations, factorizations),
+            status=status,
+            dofs=chain.dofs,
+        )
+        return sound(found, static=t is not None)
+
+
+def batches(steps: int, stride: int) -> list[tuple[int, int]]:
+    """Ranges of steps, whole outputs each, that together make 0 … steps."""
+    size = stride * max(1, BATCH // stride)
+    return [(n, min(n + size, steps + 1)) for n in range(0, steps + 1, size)]
+
+
+def worst_element(chain: Chain, size: Array) -> tuple[str, int]:
+    """Body and element next to the node of the largest (or first not finite) of sizes, (nodes,)."""
+    bad = np.flatnonzero(~np.isfinite(size))
+    return chain.bodies.element_at(int(bad[0]) if bad.size else int(np.argmax(size)))
+
+
+def gradient_size(q: Array) -> Array:
+    """Largest gradient component of each node, (nodes,)."""
+    return np.abs(q[2:]).max(axis=0)
+
+
+def run_batches(chain: Chain, one: Callable[[int, int], int]) -> int:
+    """Run batches until the end, or until one reports the step at which it failed; −1 without failure."""
+    for begin, end in batches(chain.run.steps, chain.run.stride):
+        failed = one(begin, end)
+        if failed >= 0:
+            return failed
+    return -1
+
+
+@kernel
+def too_large(q: Array, limit: float) -> bool:
+    """Whether a gradient is larger than the limit, or not a number."""
+    for k in range(2, q.shape[0]):
+        for i in range(q.shape[1]):
+            if not abs(q[k, i]) <= limit:
+                return True
+    return False
+
+
+@kernel
+def keep(step: int, stride: int, q: Array, v: Array, tables: Tables, out: Output) -> None:
+    """Keep the state of an output step; the last step of a run has the last place."""
+    place = step // stride if step % stride == 0 else len(out.q) - 1
+    for k in range(q.shape[0]):  # a loop: assigning a whole array compiles seconds longer
+        for i in range(q.shape[1]):
+            out.q[place, k, i] = q[k, i]
+    out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
+    out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
+    out.energy[place, 2] = out.work[0]

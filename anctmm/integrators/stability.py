@@ -1,0 +1,171 @@
+"""Stability limit of the explicit integrator, from the highest frequency of the linearised scene."""
+
+from math import inf, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
+
+from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
+from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import StabilityError
+from anctmm.recursion.border import project, rigid_system
+from anctmm.recursion.riccati import mass_factors, solve
+
+Array = NDArray[np.float64]
+
+#: Step of the central difference of the elastic force; the force is a smooth function of gradients of size 1.
+DIFFERENCE = 1e-6
+#: Coordinates up to which a scene with rigid bodies is linearised as a dense matrix.
+DENSE = 400
+
+
+def zhai_limit(psi: float, phi: float) -> float:
+    """Largest stable Δt·ω_max of undamped motion (method.md, section 3): √(2/ψ) for ψ = φ ≥ ½, else none, 0."""
+    return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
+
+
+def step_limit(psi: float, phi: float, frequency: float, rate: float = 0.0) -> float:
+    """Largest stable step of a mode q̈ + c q̇ + ω² q = 0, s: the h with ½ψ ω²h² + (½ + φ) c h = 1, where q turns sign.
+
+    Parameters
+    ----------
+    psi, phi : float
+        Equal and at least ½.
+    frequency, rate : float
+        ω, rad/s, and c, 1/s; c = τω² with Kelvin-Voigt damping.
+    """
+    a, b = 0.5 * psi * frequency**2, (0.5 + phi) * rate
+    return 2.0 / (b + sqrt(b * b + 4.0 * a)) if a > 0.0 or b > 0.0 else inf
+
+
+def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | None = None) -> float:
+    """Largest angular frequency ω_max of a scene linearised about a configuration, rad/s.
+
+    Lanczos on M⁻¹K_T; the product with M⁻¹ is the Riccati sweep, that with K_T a difference of elastic forces, so
+    that here, too, no global matrix is assembled.
+
+    Parameters
+    ----------
+    chain : Chain
+    q : ndarray, shape (rows, nodes), optional
+        The undeformed scene without it.
+    bodies : Bodies, optional
+        Others than the chain's, of the same nodes, to take the elastic forces from.
+
+    Returns
+    -------
+    float
+        0 where nothing can move.
+    """
+    bodies = bodies or chain.bodies
+    q = bodies.reference() if q is None else q
+    inverse, rigid = mass_factors(chain), rigid_system(chain)
+    join = Joined(chain)
+    buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
+
+    def force(at: Array, out: Array) -> None:
+        elastic_forces(bodies.blend, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
+
+    def stiffness(x: Array) -> Array:
+        p = join.spread(x)
+        h = DIFFERENCE / max(float(np.abs(p[2:]).max()), float(np.abs(p[:2]).max()) / chain.length, 1e-300)
+        force(q + h * p, up)
+        force(q - h * p, down)
+        return join.gather((up - down) / (2.0 * h))
+
+    def mass(x: Array) -> Array:
+        out = np.empty_like(q)
+        mass_product(join.spread(x), bodies.first, bodies.masses, buffer, out)
+        return join.gather(out)
+
+    def divided(f: Array) -> Array:
+        a = solve(inverse, join.load(f))
+        return join.unknowns(a if rigid is None else project(rigid, q, a))
+
+    n = join.size
+    if n == 0 or not any(m.kind != "rigid" for m in bodies.meshes):
+        return 0.0
+    if n < 3 or (
+        rigid is not None and n <= DENSE
+    ):  # few freedoms beside the coordinates may stop Lanczos early
+        A = np.stack([divided(stiffness(e)) for e in np.eye(n)])
+        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
+    operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
+    start = np.random.default_rng(0).standard_normal(n)
+    try:
+        value = eigsh(
+            operators[0],
+            1,
+            operators[1],
+            Minv=operators[2],
+            which="LM",
+            v0=start,
+            tol=1e-7,
+            return_eigenvectors=False,
+        )[0]
+    except ArpackNoConvergence as error:
+        value = max(error.eigenvalues, default=0.0)
+    return sqrt(max(float(value), 0.0))
+
+
+def largest_step(chain: Chain, q: Array) -> float:
+    """Largest stable Zhai step of a scene linearised about a configuration, s; infinite if that cannot be told."""
+    if zhai_limit(chain.run.psi, chain.run.phi) == 0.0:
+        return inf
+    try:
+        return step_limit(chain.run.psi, chain.run.phi, highest_frequency(chain, q), highest_rate(chain))
+    except (ArpackError, np.linalg.LinAlgError):
+        return inf
+
+
+def highest_rate(chain: Chain) -> float:
+    """Largest rate c of decay by damping in q̈ + c q̇ + … of the undeformed scene, 1/s; 0 without damping."""
+    damping = chain.bodies.damping
+    return 0.0 if damping is None else highest_frequency(chain, bodies=chain.bodies.stiffened(damping)) ** 2
+
+
+def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
+    """Largest frequency of any single free element, an upper bound of ω_max (Irons & Treharne 1971), rad/s.
+
+    With other `bodies` of the same nodes, theirs.
+    """
+    bound = 0.0
+    one_of_each = {mesh.element: mesh for mesh in (bodies or chain.bodies).meshes}
+    for mesh in one_of_each.values():
+        q = mesh.reference[:2].reshape(-1, 2)
+        K = mesh.element.tangent(q).reshape(q.size, q.size)
+        values = eigh(K, np.kron(mesh.element.mass, np.eye(2)), eigvals_only=True)
+        bound = max(bound, sqrt(max(float(values[-1]), 0.0)))
+    return bound
+
+
+def check_step(chain: Chain) -> None:
+    """Refuse a step above the stability limit.
+
+    Raises
+    ------
+    StabilityError
+        Naming the step and the largest one allowed.
+    """
+    run: Discretisation = chain.run
+    if zhai_limit(run.psi, run.phi) == 0.0:
+        raise StabilityError(
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
+            f"at any step or allow no longer one (check_stability=False runs it all the same)"
+        )
+    damping = chain.bodies.damping
+    bound = 0.0 if damping is None else element_bound(chain, chain.bodies.stiffened(damping)) ** 2
+    if run.dt <= step_limit(run.psi, run.phi, element_bound(chain), bound):
+        return
+    frequency, rate = highest_frequency(chain), highest_rate(chain)
+    limit = step_limit(run.psi, run.phi, frequency, rate)
+    if run.dt > limit:
+        also = f", its highest rate of damping {rate:.6g} 1/s" if damping is not None else ""
+        raise StabilityError(
+            f"dt is {run.dt!r} s; at most {limit:.6g} s is stable: the highest frequency of scene "
+            f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s{also} "
+            f"(check_stability=False runs it all the same)"
+        )

@@ -1,0 +1,245 @@
+"""Explicit ANC-TMM: Zhai's integrator (Rong 2014, eq. 38) on the Riccati recursion with the mass factored once.
+
+    q_{n+1} = q_n + v_n Δt + (½ + ψ) a_n Δt² − ψ a_{n−1} Δt²
+    v_{n+1} = v_n + (1 + φ) a_n Δt − φ a_{n−1} Δt,     a_{−1} = a_0.
+
+Coordinates that are known are known at all three levels, so nothing drifts. Damping forces are those of the velocities
+v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Tables, resist
+from anctmm.discretise.chain import Chain
+from anctmm.forces.actuation import (
+    Actuation,
+    Hubs,
+    Loads,
+    hub_reactions,
+    place_hubs,
+    set_loads,
+    turn_hubs,
+    work_done,
+)
+from anctmm.integrators.output import (
+    Output,
+    Record,
+    gradient_size,
+    keep,
+    run_batches,
+    too_large,
+    worst_element,
+)
+from anctmm.integrators.stability import check_step, largest_step
+from anctmm.jit.compiling import announced, kernel
+from anctmm.recursion.accelerations import by_blocks, by_scalars
+from anctmm.recursion.border import Rigid, constrain_accelerations, constrain_motion, rigid_system
+from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
+from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.solution import Solution, Status
+
+Array = NDArray[np.float64]
+
+#: Nodes up to which a run that diverged is examined for its largest stable step: a Lanczos iteration.
+EXAMINED = 5_000
+
+
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, Δt (s), ψ and φ."""
+
+    steps: int
+    stride: int
+    dt: float
+    psi: float
+    phi: float
+
+
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
+
+    of: Array
+    power: Array
+
+
+class State(NamedTuple):
+    """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes).
+
+    flat: the first four again, as vectors.
+    """
+
+    q: Array
+    v: Array
+    even: Array
+    odd: Array
+    f: Array
+    dead: Array
+    scratch: Array
+    flat: tuple[Array, Array, Array, Array]
+
+
+def integrate(chain: Chain) -> Solution:
+    """Run a scene with the explicit integrator.
+
+    Parameters
+    ----------
+    chain : Chain
+
+    Returns
+    -------
+    Solution
+        With a status that names step, time and element if the motion diverged.
+
+    Raises
+    ------
+    StabilityError
+        If the step lies above the stability limit and the discretisation asks for the check.
+    """
+    run, bodies = chain.run, chain.bodies
+    if run.check_stability:
+        check_step(chain)
+    actuation, record = Actuation(chain.scene, bodies), Record(chain)
+    q, v = bodies.reference(), chain.initial_velocity()
+    even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
+    fixed = (
+        Numbers(run.steps, run.stride, run.dt, run.psi, run.phi),
+        State(
+            q,
+            v,
+            even,
+            odd,
+            dead.copy(),
+            dead,
+            np.zeros((1, 1)) if chain.split else np.zeros_like(q),
+            (q.ravel(), v.ravel(), even.ravel(), odd.ravel()),
+        ),
+        bodies.tables(),
+        split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
+        None if chain.split else mass_factors(chain),
+        actuation.hubs(),
+        actuation.loads(),
+        record.arrays(),
+        None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
+        rigid_system(chain),
+    )
+
+    def one(begin: int, end: int) -> int:
+        t = run.times(np.arange(begin, end))
+        return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
+
+    with announced():
+        one(0, 0)
+    record.start()
+    failed = run_batches(chain, one)
+    if failed < 0:
+        return record.solution(len(run.output_steps), Status(), run.steps)
+    kept = 1 + (failed - 1) // run.stride
+    before = record.q[kept - 1] if kept else bodies.reference()
+    return record.solution(kept, _diverged(chain, failed, q, before), failed)
+
+
+def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
+    """What is known of a run that diverged at a step; `before` are the coordinates of the output before."""
+    body, element = worst_element(chain, gradient_size(q))
+    t = float(chain.run.times(np.array([step]))[0])
+    limit = largest_step(chain, before) if chain.bodies.nodes <= EXAMINED else np.inf
+    why = f", to {limit:.3g} s at the output before" if limit < chain.run.dt else ""
+    return Status(
+        "diverged",
+        f"the motion diverged at t = {t:.6g} s (step {step}) in element {element} of body {body!r}; "
+        f"a smaller dt than {chain.run.dt:g} s may do: deformation lowers the largest stable step{why}",
+        time=t,
+        step=step,
+        body=body,
+        element=element,
+    )
+
+
+@kernel
+def advance(
+    begin: int,
+    end: int,
+    numbers: Numbers,
+    state: State,
+    tables: Tables,
+    split: SplitFactors,
+    block: BlockFactors | None,
+    hubs: Hubs,
+    loads: Loads,
+    out: Output,
+    damping: Damping | None,
+    rigid: Rigid | None,
+    hub_table: Array,
+    load_table: Array,
+) -> int:
+    """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
+
+    `block` is None unless there is an angled weld, `damping` unless a material has some, `rigid` unless a body is: only
+    the branches that a scene needs are compiled.
+
+    The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
+    """
+    q, v, f = state.q, state.v, state.f
+    # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
+    first, blend, kinds, constants, masses, buffer = tables
+    _, of, _, motion, reaction, _ = hubs
+    L, G, D = split
+    driven = len(hubs.nodes) + len(loads.nodes) > 0
+    flat_q, flat_v, flat_even, flat_odd = state.flat
+    for step in range(begin, end):
+        now = state.even if step % 2 == 0 else state.odd
+        if damping is not None or rigid is not None:
+            for k in range(f.shape[0]):
+                for i in range(f.shape[1]):
+                    f[k, i] = state.dead[k, i]
+        if driven:
+            turn_hubs(hubs, hub_table[step - begin])
+            place_hubs(q, v, hubs)
+        if rigid is not None:
+            constrain_motion(rigid, step == 0, q, v)
+        if driven:
+            set_loads(q, f, state.dead, loads, load_table[step - begin])
+        if damping is not None:
+            lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
+            if step > 0:
+                out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
+            damping.power[0] = lost
+        if block is None:
+            by_scalars(
+                blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now
+            )
+        else:
+            by_blocks(q, f, tables, hubs, block, state.scratch, now)
+        if rigid is not None:
+            constrain_accelerations(rigid, q, v, f, now)
+            hub_reactions(q, now, f, tables, hubs)
+        check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here
+        if check - check != 0.0:
+            return step
+        if driven:
+            out.work[0] += work_done(step > 0, q, hubs, loads, load_table[step - begin])
+        if step % numbers.stride == 0 or step == numbers.steps:
+            if too_large(q, STRETCH_LIMIT):
+                return step
+            keep(step, numbers.stride, q, v, tables, out)
+        if step == 0:
+            update(flat_q, flat_v, flat_even, flat_even, numbers)
+        elif step < numbers.steps:
+            if step % 2 == 0:
+                update(flat_q, flat_v, flat_even, flat_odd, numbers)
+            else:
+                update(flat_q, flat_v, flat_odd, flat_even, numbers)
+    return -1
+
+
+@kernel
+def update(q: Array, v: Array, a: Array, before: Array, numbers: Numbers) -> None:
+    """Zhai's step of all components; `before` is the acceleration one step earlier."""
+    h = numbers.dt
+    hh, mm = (0.5 + numbers.psi) * h * h, numbers.psi * h * h
+    hv, mv = (1.0 + numbers.phi) * h, numbers.phi * h
+    for i in range(len(q)):
+        q[i] += h * v[i] + (hh * a[i] - mm * before[i])
+        v[i] += hv * a[i] - mv * before[i]

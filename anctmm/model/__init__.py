@@ -1,0 +1,1 @@
+"""What is there: bodies, joints, loads, histories and the graph they make."""

@@ -1,0 +1,183 @@
+"""Accelerations of a chain: elastic forces, a forward and a backward Riccati sweep with the mass factored once.
+
+`by_scalars` is the fast form, for chains without angled welds; `by_blocks` serves any chain.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Tables, elastic_forces
+from anctmm.elements.dispatch import element_forces
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.forces.actuation import Hubs, hub_reactions
+from anctmm.jit.compiling import inlined, kernel
+from anctmm.recursion.riccati import BlockFactors, sweep
+
+Array = NDArray[np.float64]
+
+
+@inlined
+def by_scalars(blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
+    """Accelerations of a chain without angled welds, and the reactions of its hubs.
+
+    Parameters
+    ----------
+    blend : tuple of int
+        Of `Tables`, as are first, kinds, constants, masses and buffer.
+    q, f : ndarray, shape (rows, nodes)
+        Coordinates and the external forces on them.
+    of, motion, reaction : ndarray
+        Of `Hubs`; the reactions are written.
+    L, G, D : ndarray
+        Of `SplitFactors`.
+    a : ndarray, shape (rows, nodes)
+        Written.
+    """
+    _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a)
+    _backward(first, kinds, masses, of, motion, reaction, L, G, D, a)
+
+
+@inlined
+def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  # type: ignore[no-untyped-def]
+    """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
+
+    A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
+    product stands between a node and the next.
+    """
+    director = q.shape[0] == 6
+    rx = ry = gx = gy = dx = dy = 0.0
+    for b in range(len(kinds)):
+        orx = ory = ogx = ogy = odx = ody = 0.0  # of the element before on its node O
+        last = first[b + 1] - 1
+        for start in range(first[b], last, BLOCK):
+            count = min(BLOCK, last - start)
+            element_forces(blend, kinds[b], q, start, count, constants[b], buffer)
+            if start == first[b] and of[0, b] >= 0:
+                _push(masses, b, motion, of[0, b], buffer)
+            for j in range(count):
+                i = start + j
+                trx, try_ = f[0, i] - (buffer[j] + orx), f[1, i] - (buffer[BLOCK + j] + ory)
+                tgx, tgy = f[2, i] - (buffer[2 * BLOCK + j] + ogx), f[3, i] - (buffer[3 * BLOCK + j] + ogy)
+                rr, rg, gr, gg = L[0, i], L[1, i], L[2, i], L[3, i]
+                a[0, i], a[1, i], a[2, i], a[3, i] = trx + rx, try_ + ry, tgx + gx, tgy + gy
+                rx, gx = (
+                    -(rr * trx + rg * tgx) - rr * rx - rg * gx,
+                    -(gr * trx + gg * tgx) - gr * rx - gg * gx,
+                )
+                ry, gy = (
+                    -(rr * try_ + rg * tgy) - rr * ry - rg * gy,
+                    -(gr * try_ + gg * tgy) - gr * ry - gg * gy,
+                )
+                orx, ory = buffer[6 * BLOCK + j], buffer[7 * BLOCK + j]
+                ogx, ogy = buffer[8 * BLOCK + j], buffer[9 * BLOCK + j]
+                if director:
+                    tdx, tdy = (
+                        f[4, i] - (buffer[4 * BLOCK + j] + odx),
+                        f[5, i] - (buffer[5 * BLOCK + j] + ody),
+                    )
+                    a[4, i], a[5, i] = tdx + dx, tdy + dy
+                    dx, dy = -L[4, i] * tdx - L[4, i] * dx, -L[4, i] * tdy - L[4, i] * dy
+                    odx, ody = buffer[10 * BLOCK + j], buffer[11 * BLOCK + j]
+        rx, ry = rx + f[0, last] - orx, ry + f[1, last] - ory
+        gx, gy = gx + f[2, last] - ogx, gy + f[3, last] - ogy
+        a[0, last], a[1, last], a[2, last], a[3, last] = rx, ry, gx, gy
+        rr, rg, gr, gg = L[0, last], L[1, last], L[2, last], L[3, last]
+        rx, gx = -(rr * rx + rg * gx), -(gr * rx + gg * gx)
+        ry, gy = -(rr * ry + rg * gy), -(gr * ry + gg * gy)
+        if director:
+            dx, dy = dx + f[4, last] - odx, dy + f[5, last] - ody
+            a[4, last], a[5, last] = dx, dy
+            dx, dy = -L[4, last] * dx, -L[4, last] * dy
+
+
+@inlined
+def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
+    """Add to the first element's force on its node O the inertia that the hub's motion of node I brings."""
+    for k in range(motion.shape[2]):
+        for n in range(k % 2, motion.shape[2], 2):
+            buffer[(6 + k) * BLOCK] += masses[b, 3 + k // 2, n // 2] * motion[2, hub, n]
+
+
+@inlined
+def _backward(first, kinds, masses, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
+    """Backward sweep: the loads in a become accelerations."""
+    director = a.shape[0] == 6
+    rx = ry = gx = gy = dx = dy = 0.0
+    for b in range(len(kinds) - 1, -1, -1):
+        last = first[b + 1] - 1
+        for i in range(last, first[b] - 1, -1):
+            if i == last and of[1, b] >= 0:
+                _hold_last(i, motion, reaction, of[1, b], D, a)
+                rx, ry, gx, gy = a[0, i], a[1, i], a[2, i], a[3, i]
+                if director:
+                    dx, dy = a[4, i], a[5, i]
+                continue
+            if i == first[b] and of[0, b] >= 0:
+                _hold_first(i, motion, reaction, of[0, b], masses, b, a)
+                rx, ry, gx, gy = a[0, i], a[1, i], a[2, i], a[3, i]
+                if director:
+                    dx, dy = a[4, i], a[5, i]
+                continue
+            px, py, sx, sy = a[0, i], a[1, i], a[2, i], a[3, i]
+            rr, rg, gr, gg = L[0, i], L[1, i], L[2, i], L[3, i]
+            A, B, C = G[0, i], G[1, i], G[2, i]
+            rx, gx = (A * px + B * sx) - gr * gx - rr * rx, (B * px + C * sx) - gg * gx - rg * rx
+            ry, gy = (A * py + B * sy) - gr * gy - rr * ry, (B * py + C * sy) - gg * gy - rg * ry
+            a[0, i], a[1, i], a[2, i], a[3, i] = rx, ry, gx, gy
+            if director:
+                dx = G[3, i] * a[4, i] - L[4, i] * dx
+                dy = G[3, i] * a[5, i] - L[4, i] * dy
+                a[4, i], a[5, i] = dx, dy
+
+
+@inlined
+def _hold_first(i, motion, reaction, hub, masses, b, a):  # type: ignore[no-untyped-def]
+    """At a chain's start: reaction M_II a_I + M_IO a_O − b, then the known acceleration for the loads b in a."""
+    for k in range(a.shape[0]):
+        force = -a[k, i]
+        for n in range(k % 2, a.shape[0], 2):
+            force += (
+                masses[b, k // 2, n // 2] * motion[2, hub, n] + masses[b, k // 2, 3 + n // 2] * a[n, i + 1]
+            )
+        reaction[hub, k] = force
+    for k in range(a.shape[0]):
+        a[k, i] = motion[2, hub, k]
+
+
+@inlined
+def _hold_last(i, motion, reaction, hub, D, a):  # type: ignore[no-untyped-def]
+    """At a chain's end: reaction D a − b with the condensed mass D, then the known acceleration for b in a."""
+    for c in range(2):
+        r, g = motion[2, hub, c], motion[2, hub, 2 + c]
+        reaction[hub, c] = D[0, i] * r + D[1, i] * g - a[c, i]
+        reaction[hub, 2 + c] = D[1, i] * r + D[2, i] * g - a[2 + c, i]
+        if a.shape[0] == 6:
+            reaction[hub, 4 + c] = D[3, i] * motion[2, hub, 4 + c] - a[4 + c, i]
+    for k in range(a.shape[0]):
+        a[k, i] = motion[2, hub, k]
+
+
+@kernel
+def by_blocks(
+    q: Array, f: Array, tables: Tables, hubs: Hubs, factors: BlockFactors, load: Array, a: Array
+) -> None:
+    """Accelerations of any chain by full blocks, and the reactions of its hubs; `load`, (rows, nodes), is scratch."""
+    first, masses, rows = tables.first, tables.masses, q.shape[0]
+    elastic_forces(tables.blend, q, first, tables.kinds, tables.constants, tables.buffer, load)
+    for k in range(rows):
+        for i in range(q.shape[1]):
+            load[k, i] = f[k, i] - load[k, i]
+    for b in range(len(tables.kinds)):
+        for side in range(2):
+            hub = hubs.of[side, b]
+            if hub >= 0:  # inertia that the hub's motion puts on the element's other node
+                other = first[b] + 1 if side == 0 else first[b + 1] - 2
+                for k in range(rows):
+                    for n in range(k % 2, rows, 2):
+                        m = masses[b, 3 * (1 - side) + k // 2, 3 * side + n // 2]
+                        load[k, other] -= m * hubs.motion[2, hub, n]
+    sweep(factors, load, a)
+    for h in range(len(hubs.nodes)):
+        for k in range(rows):
+            a[k, hubs.nodes[h]] = hubs.motion[2, h, k]
+    hub_reactions(q, a, f, tables, hubs)

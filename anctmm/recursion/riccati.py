@@ -1,0 +1,493 @@
+"""The Riccati recursion along a chain, compiled (Rong 2014, eqs. 28-35, in the partition P = S δ̈ + e).
+
+At node i the forces transmitted from the inboard side are P = D δ̈ + e, D the condensed mass (or, in a Newton iteration,
+the condensed stiffness) of all that lies inboard: symmetric, never singular, whatever stands at the start. A link
+passes it on. With a the unknowns, b the loads and the constant matrices of each node
+
+    G_i = (D_i + M_II)⁻¹ on the free components,   L_i = M_OI G_i,   D_{i+1} = M_OO − L_i M_IO,
+
+the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i+1} backwards. A pin, a weld and a break
+have the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1,
+L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
+
+Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld
+at an angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Tables, block_tangents, components
+from anctmm.discretise.chain import PIN, WELD, Chain
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
+from anctmm.forces.actuation import Loads
+from anctmm.jit.compiling import embedded, inlined, kernel
+from anctmm.jit.mixed_precision import WIDTH, in_double
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class SplitFactors(NamedTuple):
+    """Factored mass in scalar blocks.
+
+    Parameters
+    ----------
+    L : ndarray, shape (5, nodes)
+        L_rr, L_rg, L_gr, L_gg, L_dd of each node.
+    G : ndarray, shape (4, nodes)
+        G_rr, G_rg, G_gg, G_dd.
+    D : ndarray, shape (4, nodes)
+        Condensed mass of all that lies inboard of the node.
+    """
+
+    L: Array
+    G: Array
+    D: Array
+
+
+class BlockFactors(NamedTuple):
+    """Factored full blocks, refilled by `factorize`.
+
+    Parameters
+    ----------
+    unit : tuple of `rows` zeros
+        Its type tells the compiler the size d of the blocks.
+    L : ndarray of float64 or float32, shape (nodes, d²)
+        Row by row.
+    G : ndarray like L, shape (nodes, at least d (d + 1)/2)
+        The lower triangle. Apart from L, which alone the forward sweep reads: long chains are bound by memory.
+    wide : ndarray, shape (2, d²)
+        Scratch: a row of L and of G in double precision, if they are not kept in it.
+    work : ndarray, shape (4 d² + 4 d,)
+        Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
+    buffer : ndarray, shape (TANGENT_BUFFER,)
+    """
+
+    unit: tuple[int, ...]
+    L: NDArray[np.floating]
+    G: NDArray[np.floating]
+    wide: Array
+    work: Array
+    buffer: Array
+
+
+class Links(NamedTuple):
+    """What kernels need of a `Chain`, under the names it has there."""
+
+    link: Ints
+    turn: Array
+    prescribed: NDArray[np.bool_]
+
+
+def split_factors(chain: Chain) -> SplitFactors:
+    """Factor the mass of a chain without angled welds, once for a whole run."""
+    n, bodies = chain.bodies.nodes, chain.bodies
+    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)))
+    masks = np.ones((3, n), dtype=bool)
+    masks[: bodies.rows // 2] = chain.prescribed[::2]
+    _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result)
+    return result
+
+
+def block_factors(nodes: int, rows: int, single: bool = False) -> BlockFactors:
+    """Room for the factors of a chain; with `single` they are found in double precision and kept in single."""
+    triangle = rows * (rows + 1) // 2
+    kind, more = (np.float32, -triangle % WIDTH) if single else (np.float64, 0)
+    return BlockFactors(
+        (0,) * rows,
+        np.zeros((nodes, rows * rows), kind),
+        np.zeros((nodes, triangle + more), kind),
+        np.zeros((2, rows * rows)),
+        np.zeros(4 * rows * rows + 4 * rows),
+        np.zeros(TANGENT_BUFFER),
+    )
+
+
+def links(chain: Chain) -> Links:
+    """Arrays of a chain for kernels."""
+    return Links(chain.link, chain.turn, chain.prescribed)
+
+
+def mass_factors(chain: Chain) -> BlockFactors:
+    """Factor the mass of any chain in full blocks."""
+    bodies = chain.bodies
+    factors = block_factors(bodies.nodes, bodies.rows)
+    none = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    factorize(bodies.reference(), bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
+    return factors
+
+
+def solve(factors: BlockFactors, load: Array) -> Array:
+    """Unknowns, (rows, nodes), under loads, (rows, nodes); 0 for known components."""
+    a = np.empty_like(load)
+    sweep(factors, load.copy(), a)
+    return a
+
+
+@kernel
+def _factorize_split(
+    first: Ints, masses: Array, link: Ints, masks: NDArray[np.bool_], L: Array, G: Array, D: Array
+) -> None:
+    rr = rg = gg = dd = 0.0
+    for b in range(len(link)):
+        m = masses[b]
+        last = first[b + 1] - 1
+        for i in range(first[b], last + 1):
+            D[0, i], D[1, i], D[2, i], D[3, i] = rr, rg, gg, dd
+            if i < last:
+                rr, rg, gg, dd = rr + m[0, 0], rg + m[0, 1], gg + m[1, 1], dd + m[2, 2]
+            if i == last and link[b] == WELD:
+                L[0, i] = L[3, i] = L[4, i] = -1.0
+                continue
+            pinned = i == last and link[b] == PIN
+            _invert_split(rr, rg, gg, dd, masks[0, i] or pinned, masks[1, i], masks[2, i], G[:, i])
+            if pinned:
+                L[0, i], L[1, i] = -1.0, rg * G[2, i]
+                rr, rg, gg, dd = rr - rg * G[2, i] * rg, 0.0, 0.0, 0.0
+            elif i == last:
+                rr = rg = gg = dd = 0.0
+            else:
+                for k in range(2):
+                    L[2 * k, i] = m[3 + k, 0] * G[0, i] + m[3 + k, 1] * G[1, i]
+                    L[2 * k + 1, i] = m[3 + k, 0] * G[1, i] + m[3 + k, 1] * G[2, i]
+                L[4, i] = m[5, 2] * G[3, i]
+                rr = m[3, 3] - L[0, i] * m[0, 3] - L[1, i] * m[1, 3]
+                rg = m[3, 4] - L[0, i] * m[0, 4] - L[1, i] * m[1, 4]
+                gg = m[4, 4] - L[2, i] * m[0, 4] - L[3, i] * m[1, 4]
+                dd = m[5, 5] - L[4, i] * m[2, 5]
+
+
+@kernel
+def _invert_split(
+    rr: float, rg: float, gg: float, dd: float, no_r: bool, no_g: bool, no_d: bool, G: Array
+) -> None:
+    """Inverse of [[rr, rg], [rg, gg]] ⊕ dd on the components that are not left out."""
+    G[:] = 0.0
+    if not no_r and not no_g:
+        det = rr * gg - rg * rg
+        G[0], G[1], G[2] = gg / det, -rg / det, rr / det
+    elif not no_r:
+        G[0] = 1.0 / rr
+    elif not no_g:
+        G[2] = 1.0 / gg
+    if not no_d:
+        G[3] = 1.0 / dd
+
+
+@kernel
+def factorize(
+    q: Array,
+    tables: Tables,
+    links: Links,
+    mass: float,
+    stiffness: float,
+    loads: Loads,
+    load_values: Array,
+    factors: BlockFactors,
+) -> int:
+    """Factor mass · M + stiffness · K_T(q), the stiffness of torques included.
+
+    Parameters
+    ----------
+    q : ndarray, shape (rows, nodes)
+    tables : Tables
+    links : Links
+    mass, stiffness : float
+    loads : Loads
+    load_values : ndarray, shape (loads, 2)
+        Of the varying loads at this moment.
+    factors : BlockFactors
+        Written.
+
+    Returns
+    -------
+    int
+        Number of negative pivots: 0 where the matrix is positive definite.
+    """
+    unit, L, G, _, work, buffer = factors
+    first, blend, kinds, constants, masses, _ = tables
+    link, turn, known = links
+    d = len(unit)
+    negative = 0
+    work[:] = 0.0
+    for b in range(len(link)):
+        last = first[b + 1] - 1
+        for i in range(first[b], last + 1):
+            for n in range(len(loads.nodes) if i == first[b] or i == last else 0):  # loads act on ends only
+                if loads.nodes[n] == i and loads.rows[n] > 0:
+                    _add_torque_stiffness(unit, q, i, loads.rows[n], stiffness * load_values[n, 0], work)
+            if i < last:
+                j = (i - first[b]) % TANGENT_BLOCK
+                if j == 0 and stiffness != 0.0:
+                    block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
+                _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
+            elif link[b] == WELD:
+                _turn(unit, turn[b, 0], turn[b, 1], i, work, L, G)
+                continue
+            else:
+                for k in range(d * d):
+                    work[d * d + k] = work[k]
+            if i < last:
+                negative += _eliminate(unit, known, i, work)
+                _store(unit, i, work, L, G)
+                continue
+            pinned = link[b] == PIN
+            negative += _invert(unit, known, 2 if pinned else 0, i, work)
+            _release(unit, pinned, work)
+            _store(unit, i, work, L, G)
+            _forget(unit, pinned, work)
+    return negative
+
+
+@kernel
+def sweep(factors: BlockFactors, b: Array, a: Array) -> None:
+    """Forward and backward sweep.
+
+    Parameters
+    ----------
+    factors : BlockFactors
+    b : ndarray, shape (rows, nodes)
+        Loads; the inboard ones are added to them on the way.
+    a : ndarray, shape (rows, nodes)
+        Written: the unknowns, 0 for known components.
+    """
+    unit, L, G, wide, work, _ = factors
+    d = len(unit)
+    start_sweep(unit, work)
+    for i in range(b.shape[1]):
+        for k in range(d):
+            work[4 * d * d + k] = b[k, i]
+        pass_outboard(unit, L, wide, i, work)
+        for k in range(d):
+            b[k, i] = work[4 * d * d + k]
+    start_sweep(unit, work)
+    for i in range(b.shape[1] - 1, -1, -1):
+        for k in range(d):
+            work[4 * d * d + k] = b[k, i]
+        find_unknowns(unit, L, G, wide, i, work)
+        for k in range(d):
+            a[k, i] = work[4 * d * d + 2 * d + k]
+
+
+@inlined
+def start_sweep(unit, work):  # type: ignore[no-untyped-def]
+    """Nothing has come yet from beyond the first node of a sweep."""
+    d = len(unit)
+    for k in range(d):
+        work[4 * d * d + d + k] = work[4 * d * d + 2 * d + k] = 0.0
+
+
+@inlined
+def pass_outboard(unit, L, wide, i, work):  # type: ignore[no-untyped-def]
+    """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
+    d = len(unit)
+    load, come = 4 * d * d, 4 * d * d + d
+    M, r = in_double(L, i, wide, 0)
+    for k in range(d):
+        work[load + k] += work[come + k]
+    for m in range(d):
+        s = t = 0.0
+        for k in range(0, d, 2):
+            s -= M[r, d * m + k] * work[load + k]
+            t -= M[r, d * m + k + 1] * work[load + k + 1]
+        work[come + m] = s + t
+
+
+@inlined
+def find_unknowns(unit, L, G, wide, i, work):  # type: ignore[no-untyped-def]
+    """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
+    d = len(unit)
+    load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    M, r = in_double(L, i, wide, 0)
+    S, n = in_double(G, i, wide, 1)
+    for k in range(d):
+        work[out + k] = work[x + k]
+    for k in range(d):
+        s = t = 0.0
+        for m in range(d):
+            low, high = min(k, m), max(k, m)
+            s += S[n, high * (high + 1) // 2 + low] * work[load + m]
+            t += M[r, d * m + k] * work[out + m]
+        work[x + k] = s - t
+
+
+@embedded
+def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
+    """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the
+    symmetric ones. An element with fewer components, `own`, than the nodes leaves the others without stiffness.
+    """
+    d = len(unit)
+    A, K = d * d, 2 * d * d
+    for k in range(d):
+        for n in range(d):
+            given = k < own and n < own and stiffness != 0.0
+            work[K + d * k + n] = stiffness * buffer[lower(own + k, n) + j] if given else 0.0
+            if n <= k:
+                work[A + d * k + n] = work[d * k + n] + (
+                    stiffness * buffer[lower(k, n) + j] if given else 0.0
+                )
+                work[d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
+    for k in range(d // 2):
+        for n in range(d // 2):
+            for c in range(2):
+                at = d * (2 * k + c) + 2 * n + c
+                work[K + at] += mass * m[3 + k, n]
+                if n <= k:
+                    work[A + at] += mass * m[k, n]
+                    work[at] += mass * m[3 + k, 3 + n]
+
+
+@embedded
+def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
+    """Matrix 1 ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere; lower triangle.
+
+    The symmetric form of Gauss-Jordan's method ("sweep operator") without exchange of rows: the matrix is positive
+    definite in every stable state. Returns the number of negative pivots.
+    """
+    d = len(unit)
+    A, column = d * d, 3 * d * d
+    negative = 0
+    for k in range(d):
+        if k < start or known[k, i]:
+            for m in range(d):
+                work[A + d * max(k, m) + min(k, m)] = 1.0 if m == k else 0.0
+    for k in range(d):
+        pivot = work[A + d * k + k]
+        negative += 0 if pivot > 0.0 else 1
+        inverse = 1.0 / pivot
+        for m in range(d):
+            work[column + m] = work[A + d * max(k, m) + min(k, m)]
+        for n in range(d):
+            if n != k:
+                f = work[column + n] * inverse
+                for m in range(n + 1):
+                    if m != k:
+                        work[A + d * n + m] -= f * work[column + m]
+        for m in range(d):
+            work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
+        work[A + d * k + k] = -inverse
+    for k in range(d):
+        if k < start or known[k, i]:
+            work[A + d * k + k] = 0.0
+    return negative
+
+
+@inlined
+def _store(unit, i, work, L, G):  # type: ignore[no-untyped-def]
+    """Keep G, minus matrix 1, and L, matrix 3."""
+    d = len(unit)
+    for k in range(d):
+        for m in range(d):
+            L[i, d * k + m] = work[3 * d * d + d * k + m]
+        for m in range(k + 1):
+            G[i, k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
+
+
+@embedded
+def _eliminate(unit, known, i, work):  # type: ignore[no-untyped-def]
+    """Pass an element: matrix 1 ← −inverse of itself, L ← K_OI G, D ← K_OO − L K_IO, component by component.
+
+    Not by products with the inverse: of a slender element with an r_y that has a condition of (l/h)², and what bends D
+    would be a difference of numbers that are wrong by as much. Returns the number of negative pivots.
+    """
+    d = len(unit)
+    A, K, L, column = d * d, 2 * d * d, 3 * d * d, 4 * d * d
+    negative = 0
+    for k in range(d):
+        if known[k, i]:
+            for m in range(d):
+                work[A + d * max(k, m) + min(k, m)] = work[K + d * m + k] = 0.0
+    for k in range(d):
+        if known[k, i]:
+            continue
+        pivot = work[A + d * k + k]
+        negative += 0 if pivot > 0.0 else 1
+        inverse = 1.0 / pivot
+        for m in range(d):
+            work[column + m] = work[A + d * max(k, m) + min(k, m)]
+            work[column + d + m] = work[K + d * m + k]
+        for n in range(d):
+            f, g = work[column + d + n] * inverse, work[column + n] * inverse
+            for m in range(n + 1):
+                work[d * n + m] -= f * work[column + d + m]
+                work[A + d * n + m] -= g * work[column + m]
+            for m in range(d):
+                work[K + d * n + m] -= f * work[column + m]
+        for m in range(d):  # column k, which the loops above need not spare
+            work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
+            work[K + d * m + k] = work[column + d + m] * inverse
+        work[A + d * k + k] = -inverse
+    for k in range(d * d):
+        work[L + k] = work[K + k]
+    return negative
+
+
+@embedded
+def _release(unit, pinned, work):  # type: ignore[no-untyped-def]
+    """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
+    d = len(unit)
+    A, L = d * d, 3 * d * d
+    for k in range(d * d):
+        work[L + k] = 0.0
+    if pinned:
+        for m in range(2):
+            work[L + d * m + m] = -1.0
+            for k in range(2, d):
+                s = 0.0
+                for n in range(2, d):
+                    s -= work[d * n + m] * work[A + d * max(n, k) + min(n, k)]
+                work[L + d * m + k] = s
+        for m in range(2):
+            for k in range(m + 1):
+                for n in range(2, d):
+                    work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
+
+
+@inlined
+def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
+    """Keep of D what goes on beyond a body: behind a pin that of r, else nothing."""
+    d = len(unit)
+    for m in range(d):
+        for k in range(m + 1):
+            if not pinned or m > 1:
+                work[d * m + k] = 0.0
+
+
+@embedded
+def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
+    """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
+    d = len(unit)
+    K, W = 2 * d * d, 3 * d * d
+    for k in range(d * d):
+        work[d * d + k] = work[W + k] = 0.0
+    for k in range(0, d, 2):
+        x, y = (1.0, 0.0) if k == 0 else (c, s)
+        work[W + d * k + k] = work[W + d * (k + 1) + k + 1] = -x
+        work[W + d * k + k + 1], work[W + d * (k + 1) + k] = y, -y
+    for m in range(d):
+        for k in range(d):
+            t = 0.0
+            for n in range(d):
+                t -= work[W + d * m + n] * work[d * max(n, k) + min(n, k)]
+            work[K + d * m + k] = t
+    for m in range(d):
+        for k in range(m + 1):
+            t = 0.0
+            for n in range(d):
+                t -= work[K + d * m + n] * work[W + d * k + n]
+            work[d * m + k] = t
+    _store(unit, i, work, L, G)
+
+
+@embedded
+def _add_torque_stiffness(unit, q, i, row, moment, D):  # type: ignore[no-untyped-def]
+    """Subtract the derivative of M (−g_y, g_x)/|g|² by g: a torque has the potential −M θ(g)."""
+    d = len(unit)
+    x, y = q[row, i], q[row + 1, i]
+    f = moment / (x * x + y * y) ** 2
+    D[d * row + row] -= f * 2.0 * x * y
+    D[d * (row + 1) + row] -= f * (y * y - x * x)
+    D[d * (row + 1) + row + 1] += f * 2.0 * x * y

@@ -1,0 +1,118 @@
+"""Measures of the difference of two histories."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import SolverError
+from anctmm.model.scene import Probe
+from anctmm.results.solution import Solution, Status
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Result of `compare`.
+
+    Parameters
+    ----------
+    error : float
+        Largest over the probes of RMS in time of |u − u_ref| over max in time of |u_ref|; NaN where the two
+        have no common times.
+    largest : float
+        Largest |u − u_ref| over probes and times, relative to the largest |u_ref| of all probes.
+    by_probe : dict of probe to float
+        The error of each probe.
+    cost_ratio : float
+        CPU time of the first over that of the second.
+    statuses : (Status, Status)
+    common : int
+        Number of output times both have.
+    """
+
+    error: float
+    largest: float
+    by_probe: dict[Probe, float]
+    cost_ratio: float
+    statuses: tuple[Status, Status]
+    common: int
+
+    @property
+    def complete(self) -> bool:
+        """Whether both runs are whole."""
+        return all(s.ok for s in self.statuses)
+
+
+def history_error(u: Array, reference: Array) -> float:
+    """RMS in time of |u − u_ref| over the maximum in time of |u_ref|; both (n, 2)."""
+    difference = np.linalg.norm(u - reference, axis=-1)
+    scale = np.linalg.norm(reference, axis=-1).max()
+    return float(np.sqrt(np.mean(difference**2)) / scale) if scale > 0.0 else float(difference.max())
+
+
+def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) -> Comparison:
+    """Compare two solutions of one scene at probes.
+
+    Parameters
+    ----------
+    solution, reference : Solution
+        Compared at the output times both have; a run cut short is compared up to its end.
+    probes : sequence
+        "body.end" or ("body", fraction).
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    SolverError
+        If both have histories but no common output times, or no probe is given.
+    UnknownNameError
+        If a probe is not of the scene.
+    """
+    if not probes:
+        raise SolverError("probes is empty; at least one probe is needed")
+    mine, theirs = common_times(solution.t, reference.t)
+    whole = solution.status.ok and reference.status.ok
+    if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
+        raise SolverError(
+            f"{solution.solver!r} and {reference.solver!r} have {mine.size} common output times; "
+            f"at least 2 are needed: use one output_dt"
+        )
+    by_probe: dict[Probe, float] = {}
+    largest, scale = 0.0, 0.0
+    for probe in probes:
+        solution.scene.probe(probe)
+        if mine.size == 0:
+            by_probe[probe] = float("nan")
+            continue
+        u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
+        by_probe[probe] = history_error(u, v)
+        largest = max(largest, float(np.abs(np.linalg.norm(u - v, axis=-1)).max()))
+        scale = max(scale, float(np.linalg.norm(v, axis=-1).max()))
+    return Comparison(
+        error=max(by_probe.values()),
+        largest=largest / scale if scale > 0.0 else float("nan"),
+        by_probe=by_probe,
+        cost_ratio=solution.cost.cpu_s / reference.cost.cpu_s if reference.cost.cpu_s > 0 else float("nan"),
+        statuses=(solution.status, reference.status),
+        common=int(mine.size),
+    )
+
+
+def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Places in both of the times that both have, to 1e-9 of the longer history."""
+    if a.size == 0 or b.size == 0:
+        return np.empty(0, np.intp), np.empty(0, np.intp)
+    tolerance = 1e-9 * max(float(a[-1]), float(b[-1]))
+    nearest = (
+        np.abs(a[:, None] - b[None, :]).argmin(axis=1)
+        if a.size * b.size < 4_000_000
+        else np.clip(np.searchsorted(b, a - tolerance), 0, b.size - 1)
+    )
+    match = np.abs(b[nearest] - a) <= tolerance
+    return np.flatnonzero(match), nearest[match]

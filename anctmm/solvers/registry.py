@@ -1,0 +1,148 @@
+"""Solvers by name: every installed package may add its own through the entry-point group `anctmm.solvers`.
+
+A package that cannot be loaded, or answers with nonsense, gives an error that names it; the others go on.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+import numpy as np
+
+from anctmm.errors import PluginError, UnknownSolverError
+from anctmm.model.scene import Scene
+from anctmm.results.solution import Solution, Status
+from anctmm.solvers.capabilities import Offer
+
+GROUP = "anctmm.solvers"
+#: The package whose names nobody else can take.
+OWN = "anctmm"
+
+Solver = Callable[..., Solution]
+
+
+def names() -> list[str]:
+    """Names of all registered solvers, sorted."""
+    return sorted({e.name for e in entry_points(group=GROUP)})
+
+
+def origins() -> list[tuple[str, str]]:
+    """Names of the registered solvers with the package and function each comes from; both, if two have one name."""
+    return sorted((e.name, f"{_package(e)}: {e.value}") for e in entry_points(group=GROUP))
+
+
+def solver(name: str) -> Solver:
+    """The solver of a name: (scene, discretisation) → Solution. Its answers are checked to be solutions.
+
+    Raises
+    ------
+    UnknownSolverError
+        If no package registers that name.
+    PluginError
+        If it cannot be loaded, or two packages register that name; when called, if it answers with nonsense.
+    """
+    return checked(name, load(name))
+
+
+def load(name: str) -> Solver:
+    """The solver of a name as its package made it, its answers unchecked; errors as for `solver`."""
+    found = [e for e in entry_points(group=GROUP) if e.name == name]
+    if not found:
+        raise UnknownSolverError(f"solver {name!r} is not registered; known are {', '.join(names())}")
+    entry = next((e for e in found if _package(e) == OWN), found[0])
+    if len(found) > 1 and _package(entry) != OWN:
+        raise PluginError(
+            f"solver {name!r} is registered by {' and '.join(map(_package, found))}; one of them must go"
+        )
+    try:
+        loaded = entry.load()
+    except Exception as error:  # whatever another's module does when imported
+        raise PluginError(
+            f"solver {name!r} of package {_package(entry)} ({entry.value}) cannot be loaded: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    if not callable(loaded):
+        raise PluginError(
+            f"solver {name!r} of package {_package(entry)} ({entry.value}) is {loaded!r}; "
+            f"a function (scene, run) is needed"
+        )
+    return loaded  # type: ignore[no-any-return]
+
+
+def static_of(name: str, solver: Solver) -> Solver:
+    """The `solve_static` that stands in the module of a solver; its answers are checked, too.
+
+    Raises
+    ------
+    PluginError
+        If there is none.
+    """
+    return checked(name, load_static(name, solver))
+
+
+def load_static(name: str, solver: Solver) -> Solver:
+    """The same as `static_of`, as its package made it."""
+    static = getattr(import_module(solver.__module__), "solve_static", None)
+    if static is None:
+        raise PluginError(f"solver {name!r} has no solve_static beside it; it runs dynamic scenes only")
+    return static  # type: ignore[no-any-return]
+
+
+def offer_of(solver: Solver) -> Offer:
+    """The `OFFER` that stands in the module of a solver; without one it is taken to offer everything.
+
+    Raises
+    ------
+    PluginError
+        If it is no Offer.
+    """
+    module = import_module(solver.__module__)
+    found = getattr(module, "OFFER", Offer())
+    if not isinstance(found, Offer):
+        raise PluginError(
+            f"OFFER of module {module.__name__!r} is {found!r}; an anctmm.solvers.capabilities.Offer is needed"
+        )
+    return found
+
+
+def checked(name: str, solve: Solver) -> Solver:
+    """The same solver, whose answers are solutions of the scene or a PluginError that names it."""
+
+    @wraps(solve)
+    def solver(scene: Scene, *arguments: Any, **options: Any) -> Solution:
+        answer = solve(scene, *arguments, **options)
+        if reason := flaw(scene, answer):
+            raise PluginError(f"solver {name!r} answers scene {scene.name!r} with {reason}")
+        return answer
+
+    return solver
+
+
+def flaw(scene: Scene, answer: object) -> str:
+    """What makes an answer no solution of a scene; nothing if it is one. Whether it is right is another matter."""
+    if not isinstance(answer, Solution):
+        return f"a {type(answer).__name__}; an anctmm.Solution is needed"
+    if not isinstance(answer.status, Status):
+        return f"the status {answer.status!r}; an anctmm.Status is needed"
+    t = np.asarray(answer.t)
+    if t.ndim != 1 or not np.issubdtype(t.dtype, np.number) or not np.isfinite(t).all():
+        return f"times of shape {t.shape} and type {t.dtype}; finite numbers (n,) are needed"
+    if not len(t):
+        return "no times and the status ok; a reason is needed" if answer.status.ok else ""
+    if (np.diff(t) <= 0.0).any():
+        return "times that do not grow"
+    for body in scene.bodies:
+        if body.name not in answer.fields:
+            return f"no field of body {body.name!r}; one for every body is needed"
+        places = np.asarray(answer.fields[body.name].position(1.0))
+        if places.shape != (len(t), 2):
+            return f"positions of body {body.name!r} of shape {places.shape}; {(len(t), 2)} is needed"
+        if not np.isfinite(places).all():
+            return f"positions of body {body.name!r} that are not finite; a history is kept up to its failure"
+    return ""
+
+
+def _package(entry: EntryPoint) -> str:
+    return entry.dist.name if entry.dist else "?"

@@ -1,0 +1,1 @@
+"""The same scenes in Exudyn."""

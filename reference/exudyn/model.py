@@ -1,0 +1,340 @@
+"""What both Exudyn peers need to build a model of a scene: a quiet import, nodes, joints, loads, sensors.
+
+Exudyn: Gerstmayr 2023, DOI 10.1007/s11044-023-09937-1. Its coordinates are displacements from the reference.
+"""
+
+import io
+import math
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stdout
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any, Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.drives import Angle, Pulse, Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.results.solution import Field
+
+Array = NDArray[np.float64]
+
+#: Inertia added to fixed coordinates in an explicit run, relative to the scene's mass, see `Model.hold`.
+HUGE = 1e12
+
+
+class Unsupported(Exception):
+    """A scene or discretisation that Exudyn cannot do, and why."""
+
+
+class Beams(Protocol):
+    """One kind of Exudyn beam element, meshed over a scene; a node has x, y and further coordinates."""
+
+    solver: str
+    width: int
+    """Coordinates of a node."""
+
+    def reference(self, body: Beam) -> Array:
+        """Reference coordinates, (nodes, width)."""
+        ...
+
+    def velocity(self, body: Beam) -> Array:
+        """Velocities of the coordinates at t = 0, (nodes, width)."""
+        ...
+
+    def weight(self, body: Beam) -> Array:
+        """Consistent forces of gravity, (nodes, width)."""
+        ...
+
+    def add(self, model: "Model", body: Beam) -> list[Any]:
+        """Add a body's nodes and elements; the nodes from its start to its end."""
+        ...
+
+    def welded(self, one: Beam, two: Beam) -> Array:
+        """Matrix that turns displacement coordinates of one's end into those of two's, (width, width)."""
+        ...
+
+    def turned(self, body: Beam) -> dict[int, Callable[[Any, Any], Any]]:
+        """Displacement of every coordinate a turning clamp drives, by (angle, module with sin and cos)."""
+        ...
+
+    def angle(self, coordinates: Array) -> Array:
+        """Continuous angle of a node, (n,), rad; `coordinates` (n, width) are absolute."""
+        ...
+
+    def field(self, body: Beam, coordinates: Array) -> Field:
+        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute."""
+        ...
+
+    def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
+        """Kinetic and strain energy, each (n,), J."""
+        ...
+
+    def stretched(self, body: Beam, coordinates: Array) -> Array:
+        """Largest gradient in each element, (n, elements); `coordinates` (n, nodes, width) are absolute."""
+        ...
+
+
+def load_exudyn() -> Any:
+    """Exudyn's fast module (no range checks), silent; raises Unsupported where it is not installed."""
+    if "exudyn" not in sys.modules:
+        sys.exudynFast = True  # type: ignore[attr-defined]
+    try:
+        with redirect_stdout(io.StringIO()):
+            exu = import_module("exudyn")
+            import_module("exudyn.itemInterface")
+            import_module("exudyn.advancedUtilities")
+    except ImportError as error:
+        raise Unsupported(f"exudyn is not installed; pip install exudyn ({error})") from error
+    return exu
+
+
+@contextmanager
+def silence(exu: Any) -> Iterator[None]:
+    """No output and no warnings of Exudyn inside; its switches are put back."""
+    before = exu.config.printToConsole, exu.config.suppressWarnings
+    exu.config.printToConsole, exu.config.suppressWarnings = False, True
+    try:
+        yield
+    finally:
+        exu.config.printToConsole, exu.config.suppressWarnings = before
+
+
+def clamped_rates(scene: Scene, body: Beam) -> dict[int, float]:
+    """Rates of turn at t = 0 that clamps give to a body's first (0) or last (-1) node, rad/s."""
+    rates = {}
+    for joint in scene.joints:
+        holder, side = scene.body_end(joint.ends[0])
+        if isinstance(joint, Clamp) and holder is body:
+            rates[-side] = float(joint.angle(0.0)[1]) if joint.angle else 0.0
+    return rates
+
+
+@dataclass
+class Model:
+    """A scene as an Exudyn system, not yet assembled.
+
+    Parameters
+    ----------
+    exu : module
+    scene : Scene
+    beams : Beams
+    static : bool
+        Whether loads are held at their values of t = 0 and drives at their start.
+    """
+
+    exu: Any
+    scene: Scene
+    beams: Beams
+    static: bool = False
+    nodes: dict[str, list[Any]] = field(default_factory=dict)
+    held: dict[int, set[int]] = field(default_factory=dict)
+    drives: list[tuple[str, int, int, Any]] = field(default_factory=list)
+    """Driven coordinates: body, side, coordinate and the sensor of its multiplier."""
+    symbolic: list[tuple[Any, str, Callable[..., Any]]] = field(default_factory=list)
+    kept: list[Any] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.items = self.exu.itemInterface
+        self.container = self.exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        ground = self.mbs.AddNode(self.items.NodePointGround())
+        self.ground = self.coordinate(ground, 0)
+        for body in self.scene.bodies:
+            self.nodes[body.name] = self.beams.add(self, body)
+            self._add_weight(body)
+        for joint in self.scene.joints:
+            self._add_joint(joint)
+        for load in self.scene.loads:
+            self._add_load(load)
+        kinds = self.exu.OutputVariableType.Coordinates, self.exu.OutputVariableType.Coordinates_t
+        self.sensors = {
+            name: [[self._sensor(node, kind) for node in nodes] for kind in kinds]
+            for name, nodes in self.nodes.items()
+        }
+
+    def assemble(self) -> None:
+        """Assemble, then put compiled expressions in the place of Python callables where they are known."""
+        self.mbs.Assemble()
+        make = self.exu.advancedUtilities.CreateSymbolicUserFunction
+        for item, name, function in self.symbolic:
+            compiled = make(self.mbs, function, name, item)
+            setter = self.mbs.SetLoadParameter if "oad" in name else self.mbs.SetObjectParameter
+            setter(item, name, compiled)
+            self.kept.append(compiled)  # it holds the expression tree that Exudyn only points to
+
+    def coordinate(self, node: Any, index: int) -> Any:
+        """Marker of one coordinate of a node."""
+        return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
+
+    def node(self, end: str) -> tuple[Beam, Any]:
+        """Body and node of an end."""
+        body, side = self.scene.body_end(end)
+        return body, self.nodes[body.name][-1 if side else 0]
+
+    def hold(self) -> None:
+        """Add a huge inertia to every fixed coordinate.
+
+        Exudyn's explicit solvers solve with the whole mass matrix and zero the fixed coordinates afterwards,
+        as if they were free while the others accelerate; the inertia keeps them still in the solve itself.
+        """
+        mass = sum(b.material.density * b.section.area * b.length for b in self.scene.bodies)
+        for node, coordinates in self.held.items():
+            diagonal = np.zeros(self.beams.width)
+            diagonal[list(coordinates)] = HUGE * mass
+            self.mbs.AddObject(
+                self.items.ObjectGenericODE2(
+                    nodeNumbers=[node],
+                    massMatrix=np.diag(diagonal),
+                    stiffnessMatrix=np.zeros((self.beams.width,) * 2),
+                    dampingMatrix=np.zeros((self.beams.width,) * 2),
+                )
+            )
+
+    def _sensor(self, node: Any, kind: Any) -> Any:
+        keep = {"storeInternal": True, "writeToFile": False}
+        return self.mbs.AddSensor(self.items.SensorNode(nodeNumber=node, outputVariableType=kind, **keep))
+
+    def _add_weight(self, body: Beam) -> None:
+        weight = self.beams.weight(body)
+        negligible = 1e-13 * np.abs(weight).max()  # gradients' forces cancel between equal elements
+        for node, forces in zip(self.nodes[body.name], weight, strict=True):
+            for index in np.flatnonzero(np.abs(forces) > negligible):
+                marker = self.coordinate(node, int(index))
+                self.mbs.AddLoad(self.items.LoadCoordinate(markerNumber=marker, load=float(forces[index])))
+
+    def _add_joint(self, joint: Pin | Weld | Clamp) -> None:
+        body, node = self.node(joint.ends[0])
+        width = self.beams.width
+        if isinstance(joint, Clamp) and joint.angle is not None and not self.static:
+            self._fix(node, range(2))
+            self._turn(joint, body, node)
+        elif isinstance(joint, Clamp):
+            self._fix(node, range(width))
+        elif len(joint.ends) == 1:
+            self._fix(node, range(2))
+        else:
+            other_body, other = self.node(joint.ends[1])
+            matrix = self.beams.welded(body, other_body) if isinstance(joint, Weld) else np.eye(2, width)
+            if joint.grounded:
+                self._fix(other, range(2))
+            self._tie(node, other, matrix)
+
+    def _fix(self, node: Any, coordinates: range) -> None:
+        self.held.setdefault(node, set()).update(coordinates)
+        for index in coordinates:
+            markers = [self.ground, self.coordinate(node, index)]
+            self.mbs.AddObject(self.items.CoordinateConstraint(markerNumbers=markers))
+
+    def _tie(self, one: Any, two: Any, matrix: Array) -> None:
+        """Tie the first coordinates of `two` to `matrix` times those of `one`."""
+        if np.array_equal(matrix, np.eye(*matrix.shape)):
+            for index in range(len(matrix)):
+                markers = [self.coordinate(one, index), self.coordinate(two, index)]
+                self.mbs.AddObject(self.items.CoordinateConstraint(markerNumbers=markers))
+            return
+        markers = [self.mbs.AddMarker(self.items.MarkerNodeCoordinates(nodeNumber=n)) for n in (one, two)]
+        self.mbs.AddObject(
+            self.items.ObjectConnectorCoordinateVector(
+                markerNumbers=markers,
+                scalingMarker0=matrix,
+                scalingMarker1=np.eye(*matrix.shape),
+                offset=np.zeros(len(matrix)),
+            )
+        )
+
+    def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
+        side, drive = self.scene.body_end(clamp.end)[1], cast(Angle, clamp.angle)
+        angle = _remembered(lambda t: float(drive(t)[0]))
+        for index, displacement in self.beams.turned(body).items():
+            function = _offset(angle, displacement)
+            constraint = self.mbs.AddObject(
+                self.items.CoordinateConstraint(
+                    markerNumbers=[self.ground, self.coordinate(node, index)], offsetUserFunction=function
+                )
+            )
+            if isinstance(drive, Quintic):
+                compiled = _symbolic_offset(self.exu.symbolic, drive, displacement)
+                self.symbolic.append((constraint, "offsetUserFunction", compiled))
+            sensor = self.items.SensorObject(
+                objectNumber=constraint,
+                outputVariableType=self.exu.OutputVariableType.Force,
+                storeInternal=True,
+                writeToFile=False,
+            )
+            self.drives.append((body.name, side, index, self.mbs.AddSensor(sensor)))
+
+    def _add_load(self, load: Force | Torque) -> None:
+        _, node = self.node(load.end)
+        items, value = self.items, load.value
+        if self.static and callable(value):
+            value = value(0.0)
+        history = value if callable(value) else None
+        if isinstance(load, Force):
+            marker = self.mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
+            vector = [0.0, 0.0, 0.0] if history else [float(value[0]), float(value[1]), 0.0]  # type: ignore[index]
+            item = items.LoadForceVector(markerNumber=marker, loadVector=vector)
+        else:
+            marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+            vector = [0.0, 0.0, 0.0 if history else float(value)]  # type: ignore[arg-type]
+            item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
+        if history is not None:
+            item.loadVectorUserFunction = _load_vector(history, isinstance(load, Torque))
+        number = self.mbs.AddLoad(item)
+        if isinstance(load, Torque) and isinstance(history, Pulse):
+            compiled = _symbolic_pulse(self.exu.symbolic, history)
+            self.symbolic.append((number, "loadVectorUserFunction", compiled))
+
+
+def _remembered(history: Callable[[float], Any]) -> Callable[[float], Any]:
+    """The same history, computed once for the many evaluations at one time of a Newton iteration."""
+    last: list[Any] = [None, None]
+
+    def value(t: float) -> Any:
+        if last[0] != t:
+            last[:] = t, history(t)
+        return last[1]
+
+    return value
+
+
+def _offset(angle: Callable[[float], float], displacement: Callable[[Any, Any], Any]) -> Callable[..., float]:
+    def offset(mbs: Any, t: float, number: Any, constant: float) -> float:
+        return float(displacement(angle(t), math))
+
+    return offset
+
+
+def _symbolic_offset(
+    esym: Any, drive: Quintic, displacement: Callable[[Any, Any], Any]
+) -> Callable[..., Any]:
+    real = esym.Real  # every number: a plain one in front of an expression is taken wrongly
+
+    def offset(mbs: Any, t: Any, number: Any, constant: Any) -> Any:
+        x = esym.min(t * real(1.0 / drive.duration), real(1.0))
+        angle = real(drive.turn) * x * x * x * (real(10.0) + x * (real(6.0) * x - real(15.0)))
+        return displacement(angle, esym)
+
+    return offset
+
+
+def _load_vector(history: Callable[[float], Any], torque: bool) -> Callable[..., list[float]]:
+    def plain(t: float) -> list[float]:
+        value = history(t)
+        return [0.0, 0.0, float(value)] if torque else [float(value[0]), float(value[1]), 0.0]
+
+    remembered = _remembered(plain)
+    return lambda mbs, t, constant: remembered(t)  # type: ignore[no-any-return]
+
+
+def _symbolic_pulse(esym: Any, pulse: Pulse) -> Callable[..., Any]:
+    real = esym.Real
+
+    def vector(mbs: Any, t: Any, constant: Any) -> Any:
+        x = esym.min(t * real(1.0 / pulse.duration), real(1.0))
+        wave = esym.sin(real(math.pi) * x)
+        return esym.Vector([real(0.0), real(0.0), real(pulse.amplitude) * wave * wave])
+
+    return vector

@@ -1,0 +1,323 @@
+"""Run an Exudyn model at its best, time it and read its history: what both Exudyn peers share.
+
+One thread, fixed steps, modified Newton, a sparse solver that keeps its pattern, no files, internal sensors.
+The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter, process_time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import DiscretisationError
+from anctmm.model.drives import tabulate
+from anctmm.model.scene import Clamp, Force, Load, Scene
+from anctmm.results.divergence_checks import sound
+from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.validation import positive
+from reference.exudyn.model import Beams, Model, Unsupported, load_exudyn, silence
+
+Array = NDArray[np.float64]
+
+#: Newton tolerances of the residual, relative and absolute (N), the latter where round-off allows it.
+#: Exudyn's own, 1e-8 and 1e-10, lie under round-off for 128 elements and for the four-bar.
+TOLERANCES = (1e-7, 1e-9)
+#: Those of statics, tried in turn: self-weight on fine meshes misses the first. None: what rounding leaves.
+STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
+#: Gradients above this, or not finite, mean that a run has diverged: no material stretches a hundredfold.
+STRETCH = 100.0
+#: Part of kinetic and strain energy that, come from nowhere, means that an explicit run has diverged.
+NOWHERE = 0.9
+#: Coordinates from which on the sparse solver is the faster one, as measured.
+SPARSE_FROM = {"generalized-alpha": 20, "static": 20, "zhai": 50}
+
+
+@dataclass(frozen=True)
+class History:
+    """What the sensors have kept: absolute coordinates and velocities by body, (n, nodes, width), and the
+    multipliers of the driven coordinates.
+    """
+
+    t: Array
+    coordinates: dict[str, Array]
+    velocities: dict[str, Array]
+    multipliers: list[Array]
+
+    def until(self, rows: int) -> "History":
+        """The first rows."""
+        q, v = ({n: a[:rows] for n, a in d.items()} for d in (self.coordinates, self.velocities))
+        return History(self.t[:rows], q, v, [m[:rows] for m in self.multipliers])
+
+
+def dynamics(
+    beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] | None = None
+) -> Solution:
+    """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
+    if tolerances is None:
+        tolerances = TOLERANCES[0], max(TOLERANCES[1], roundoff(beams, scene))
+    for name, value in zip(("relative", "absolute"), tolerances, strict=True):
+        positive(f"{name} tolerance", value, DiscretisationError)
+    times = run.times(run.output_steps)
+    loads = {load: _table(load, times) for load in scene.loads if callable(load.value)}
+    try:
+        _check_kinds(scene, run)
+        _check_integrator(scene, run)
+        exu = load_exudyn()
+    except Unsupported as why:
+        return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
+    with silence(exu):
+        model = Model(exu, scene, beams)
+        if run.integrator == "zhai":
+            model.hold()
+        model.assemble()
+        settings = _settings(exu, model, run, tolerances)
+        message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
+        history = _read(model, times)
+    rows, status = _verdict(model, run, history, loads, message)
+    it = model.mbs.sys["dynamicSolver"].it
+    counts = (0, 1) if run.integrator == "zhai" else (it.newtonStepsCount, it.newtonJacobiCount)
+    cost = Cost(cpu, wall, it.currentStepIndex - 1, *counts)
+    return _solution(model, run, history.until(rows), loads, cost, status)
+
+
+def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) -> Solution:
+    """Equilibrium of a scene by Exudyn, with loads and drives as they are at t = 0."""
+    positive("load_steps", load_steps, DiscretisationError)
+    try:
+        _check_kinds(scene, run)
+        exu = load_exudyn()
+    except Unsupported as why:
+        return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
+    for relative, absolute in STATIC_TOLERANCES:
+        with silence(exu):
+            model = Model(exu, scene, beams, static=True)
+            model.assemble()
+            tolerances = relative, absolute or roundoff(beams, scene)
+            settings = _static_settings(exu, model, load_steps, tolerances)
+            message, cpu, wall = _timed(exu, model.mbs.SolveStatic, settings)
+            history = _read(model, None)
+        if message is None:
+            break
+    it = model.mbs.sys["staticSolver"].it
+    looser = (relative, absolute) != STATIC_TOLERANCES[0]
+    status = Status("ok", f"Newton's tolerances {tolerances[0]:g}, {tolerances[1]:.1g} N" if looser else "")
+    if message is not None:
+        reached = float(history.t[-1])
+        told = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"
+        status = Status("failed", f"{told}; try more load_steps, and hold every body", reached)
+    cost = Cost(cpu, wall, it.currentStepIndex - 1, it.newtonStepsCount, it.newtonJacobiCount)
+    return _solution(model, run, history, {}, cost, status)
+
+
+def roundoff(beams: Beams, scene: Scene) -> float:
+    """Estimate of the residual's norm that rounding leaves, N; below it Newton was seen not to converge.
+
+    Positions in a scene of extent R are known to εR, which an interval of length l between nodes answers with
+    a force of (EA/l + 12EI/l³) εR.
+    """
+    ends = np.array([end for body in scene.bodies for end in (body.start, body.end)])
+    extent = float(np.hypot(*np.ptp(ends, axis=0)))
+    squares = 0.0
+    for body in scene.bodies:
+        intervals = len(beams.reference(body)) - 1
+        l, E = body.length / intervals, body.material.E  # noqa: E741
+        squares += intervals * (E * (body.section.area / l + 12.0 * body.section.second_moment / l**3)) ** 2
+    return float(2.0 * np.finfo(float).eps * extent * np.sqrt(squares))
+
+
+def _check_kinds(scene: Scene, run: Discretisation) -> None:
+    for name, (_, kind) in run.of(scene).items():
+        if kind == "rigid":
+            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
+
+
+def _check_integrator(scene: Scene, run: Discretisation) -> None:
+    if run.integrator != "zhai":
+        return
+    if (run.psi, run.phi) != (0.5, 0.5):
+        raise Unsupported(
+            f"Zhai's psi, phi are {run.psi!r}, {run.phi!r}; Exudyn has only VelocityVerlet, their case ½, ½"
+        )
+    for joint in scene.joints:
+        if len(joint.ends) == 2 or (isinstance(joint, Clamp) and joint.angle is not None):
+            raise Unsupported(
+                f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
+                f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
+            )
+
+
+def _common_settings(exu: Any, model: Model, solver: str) -> Any:
+    settings = exu.SimulationSettings()
+    settings.solution.file.write = False
+    settings.solution.restart.write = False
+    settings.parallel.numberOfThreads = 1
+    kinds = exu.LinearSolverType
+    sparse = model.mbs.systemData.ODE2Size() >= SPARSE_FROM[solver]
+    settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EXUdense
+    settings.linearSolver.reuseAnalyzedPattern = True
+    return settings
+
+
+def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float]) -> Any:
+    settings = _common_settings(exu, model, run.integrator)
+    settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
+    time, kinds = settings.timeIntegration, exu.DynamicSolverType
+    time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
+    time.solverType = kinds.VelocityVerlet if run.integrator == "zhai" else kinds.GeneralizedAlpha
+    time.newton.relativeTolerance, time.newton.absoluteTolerance = tolerances
+    time.newton.useModifiedNewton = True
+    time.generalizedAlpha.spectralRadius = run.spectral_radius
+    time.explicit.computeEndOfStepAccelerations = False
+    return settings
+
+
+def _static_settings(exu: Any, model: Model, load_steps: int, tolerances: tuple[float, float]) -> Any:
+    settings = _common_settings(exu, model, "static")
+    settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
+    static = settings.staticSolver
+    static.numberOfLoadSteps = int(load_steps)
+    static.newton.relativeTolerance, static.newton.absoluteTolerance = tolerances
+    return settings
+
+
+def _timed(exu: Any, solve: Callable[[Any], Any], settings: Any) -> tuple[str | None, float, float]:
+    """Reason of a failure, CPU and wall time of the solver alone, s."""
+    message = None
+    wall, cpu = perf_counter(), process_time()
+    try:
+        solve(settings)
+    except exu.SolverError as error:
+        lines = str(error).splitlines()
+        message = " ".join(" ".join(line for line in lines if "[Python file" not in line).split())
+    return message, process_time() - cpu, perf_counter() - wall
+
+
+def _read(model: Model, expected: Array | None) -> History:
+    """Sensor rows at the expected times; all rows without them. Missing rows can only be the last."""
+    stored = model.mbs.GetSensorStoredData
+    data = {name: [[stored(s) for s in kind] for kind in kinds] for name, kinds in model.sensors.items()}
+    t = next(iter(data.values()))[0][0][:, 0]
+    if expected is not None:
+        rows = min(len(t), len(expected))
+        late = np.flatnonzero(np.abs(t[:rows] - expected[:rows]) > 1e-6 * np.diff(expected).min())
+        rows = int(late[0]) if late.size else rows
+        t = expected[:rows]
+    q, v = ({n: np.stack([s[: len(t), 1:] for s in d[k]], axis=1) for n, d in data.items()} for k in (0, 1))
+    for body in model.scene.bodies:
+        q[body.name] += model.beams.reference(body)
+    return History(t, q, v, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
+
+
+def _verdict(
+    model: Model, run: Discretisation, history: History, loads: dict[Load, Array], message: str | None
+) -> tuple[int, Status]:
+    """Rows of the history that can be kept, and how the run ended."""
+    rows = _sound(model, history, loads, run.integrator == "zhai")
+    it = model.mbs.sys["dynamicSolver"].it
+    steps, expected = it.currentStepIndex - 1, len(run.output_steps)
+    if rows < len(history.t):
+        time, step = float(history.t[rows]), int(run.output_steps[rows])
+        body, element = _worst(model, history, rows)
+        why = (
+            f"gradients or energy grew without bounds before t = {time:.6g} s, most in element {element} of body "
+            f"{body!r}"
+        )
+        return rows, Status("diverged", f"{why}; a dt below {run.dt:g} s may help", time, step, body, element)
+    if message is not None or not (steps == run.steps and rows == expected):
+        time, least = float(it.currentTime), roundoff(model.beams, model.scene)
+        why = message or f"Exudyn took {steps} steps for {run.steps} and wrote {rows} of {expected} rows"
+        why = f"{why} (t = {time:.6g} s); a smaller dt may help, or an absolute tolerance above {least:.1g} N"
+        return rows, Status("failed", why, time, steps)
+    return rows, Status()
+
+
+def _sound(model: Model, history: History, loads: dict[Load, Array], explicit: bool) -> int:
+    """Rows before the first that shows divergence: a gradient that no material stands, or, in an explicit
+    run, energy from nowhere, since rotations may bound an instability.
+    """
+    bodies, beams = model.scene.bodies, model.beams
+    worst = np.max([beams.stretched(b, history.coordinates[b.name]).max(axis=1) for b in bodies], axis=0)
+    bad = np.flatnonzero(~(worst < STRETCH))
+    rows = int(bad[0]) if bad.size else len(history.t)
+    if explicit and rows:
+        energy = _energy(model, history.until(rows), loads)
+        present = np.maximum.accumulate(energy.kinetic + energy.strain)
+        bad = np.flatnonzero((np.abs(energy.balance) > NOWHERE * present) & (present > 0.0))
+        rows = int(bad[0]) if bad.size else rows
+    return rows
+
+
+def _worst(model: Model, history: History, row: int) -> tuple[str, int]:
+    """Body and element with the largest gradient at a row; what is not finite is larger than all."""
+    found = {}
+    for body in model.scene.bodies:
+        sizes = model.beams.stretched(body, history.coordinates[body.name][row : row + 1])[0]
+        sizes = np.where(np.isfinite(sizes), sizes, np.inf)
+        found[body.name] = float(sizes.max()), int(sizes.argmax())
+    name = max(found, key=lambda n: found[n][0])
+    return name, found[name][1]
+
+
+def _table(load: Load, t: Array) -> Array:
+    width = 2 if isinstance(load, Force) else 1
+    return tabulate(f"{type(load).__name__.lower()} on {load.end!r}", load.value, t, width)  # type: ignore[arg-type]
+
+
+def _solution(
+    model: Model, run: Discretisation, history: History, loads: dict[Load, Array], cost: Cost, status: Status
+) -> Solution:
+    scene, beams = model.scene, model.beams
+    fields = {name: beams.field(scene.body(name), q) for name, q in history.coordinates.items()}
+    found = Solution(
+        beams.solver, scene, run, history.t, fields, _energy(model, history, loads), cost, status,
+        model.mbs.systemData.ODE2Size(),
+    )  # fmt: skip
+    return sound(found, static=model.static, energies=False)
+
+
+def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy:
+    """Energies of the kept history.
+
+    The work of drives and of what varies in time is summed by the trapezoidal rule over the output times, so
+    it is as exact as these are dense. What damping takes is not known: there `work` is NaN.
+    """
+    n, scene = len(history.t), model.scene
+    kinetic, strain, potential, work = (np.zeros(n) for _ in range(4))
+    for body in scene.bodies:
+        q, v = history.coordinates[body.name], history.velocities[body.name]
+        T, U = model.beams.energies(body, q, v)
+        kinetic += T
+        strain += U
+        potential -= np.einsum("tij,ij->t", q - q[:1], model.beams.weight(body))
+    for load in scene.loads:
+        body, side = scene.body_end(load.end)
+        node = history.coordinates[body.name][:, -1 if side else 0]
+        if isinstance(load, Force) and load not in tables:
+            force = load.value(0.0) if callable(load.value) else load.value
+            potential -= (node[:, :2] - node[:1, :2]) @ np.array(force, dtype=float)
+        elif isinstance(load, Force):
+            work += _work(tables[load], node[:, :2])
+        else:
+            value = load.value(0.0) if callable(load.value) else load.value
+            moment = tables.get(load, np.full((n, 1), value))
+            work += _work(moment, model.beams.angle(node)[:, None])
+    for (name, side, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
+        work += _work(-multiplier[:, None], history.coordinates[name][:, -1 if side else 0, index, None])
+    nan = np.full(n, np.nan)
+    if model.static:
+        return Energy(kinetic, strain, nan, nan)
+    if any(body.material.damping for body in scene.bodies):
+        work = nan
+    return Energy(kinetic, strain, potential, work)
+
+
+def _work(force: Array, place: Array) -> Array:
+    """∫ force · d(place) by the trapezoidal rule, (n,)."""
+    work = np.zeros(len(place))
+    mean = 0.5 * (force[1 : len(place)] + force[: len(place) - 1])
+    work[1:] = np.cumsum((mean * np.diff(place, axis=0)).sum(axis=1))
+    return work

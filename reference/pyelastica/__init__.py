@@ -1,0 +1,348 @@
+"""PyElastica: Cosserat rods with shear, stepped by the explicit Verlet scheme of positions.
+
+Whatever element a discretisation asks for, this solver uses its own: a staggered grid of second order, which tends to
+Reissner's rod but for its law of stretch (forces are Sσ/e, moments Bκ/e³ at the stretch e). It knows no implicit step
+and no statics: equilibria are found by relaxation, a damped motion with fictitious masses. Its cost is that of the
+steps alone, each of them called from Python, in three dimensions. PyElastica is optional, the extra `peers`.
+"""
+
+from dataclasses import dataclass
+from importlib import import_module
+from math import ceil, pi, sqrt
+from time import perf_counter, process_time
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.errors import DiscretisationError, StabilityError
+from anctmm.model.scene import Clamp, Scene
+from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status, nothing
+from anctmm.solvers.capabilities import Offer
+from anctmm.validation import one_of, positive
+
+Array = NDArray[np.float64]
+
+NAME = "pyelastica"
+OFFER = Offer(
+    lacks=frozenset({"generalized-alpha", "joints", "drives", "varying-loads", "damping", "rigid"}),
+    element="reissner",
+    limits={"shear": "reissner"},
+)
+#: Stretch above which, or kinetic and strain energy of which a part from nowhere, means that a run has diverged.
+STRETCH, NOWHERE = 100.0, 0.9
+#: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
+LOWEST = {
+    ("clamp", "free"): 3.516,
+    ("clamp", "pin"): 15.418,
+    ("clamp", "clamp"): 22.373,
+    ("pin", "pin"): 9.870,
+}
+#: Of the stable step, taken while relaxing: a stretched rod is stiffer than a straight one.
+SAFETY = 0.8
+#: Periods of the lowest frequency after which relaxation is given up. Each should gain a factor of 500.
+PERIODS = 40
+
+
+class Unsupported(Exception):
+    """A scene or discretisation that PyElastica cannot do, and why."""
+
+
+def solve(
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    clamp: str = "half-element",
+    shear_factor: float = 1.0,
+    **options: Any,
+) -> Solution:
+    """Motion of a scene by PyElastica.
+
+    Parameters
+    ----------
+    scene : Scene
+        Beams without joints between them, each clamped, pinned or free at its ends; constant loads.
+    run : Discretisation, optional
+        "zhai" with ψ = φ = ½, which for rods without rotation has the positions of PyElastica's PositionVerlet;
+        two elements or more a body. `element` and `quadrature` are not used.
+    clamp : str
+        "half-element": the curvature between the clamp and the first director is that of the rod (second order).
+        "director": PyElastica's own, which holds the first director, half an element away (first order).
+    shear_factor : float
+        k of the shear stiffness kGA.
+    **options
+        The fields of the discretisation, in its place.
+
+    Returns
+    -------
+    Solution
+        With status "unsupported" where PyElastica is missing or cannot do the scene.
+
+    Raises
+    ------
+    StabilityError
+        If the step lies above the stability limit of the straight grid, and `check_stability` is set.
+    """
+    run = discretise(run, options)
+    _check(clamp, shear_factor)
+    try:
+        _check_run(run)
+        model = _model(scene, run)
+    except Unsupported as why:
+        return nothing(NAME, scene, run, Status("unsupported", str(why)))
+    system = System(model, scene, run, clamp, shear_factor)
+    limit = 2.0 / system.largest_frequency
+    if run.check_stability and run.dt > limit:
+        raise StabilityError(
+            f"dt (s) is {run.dt!r}; at most {limit:.6g} is stable for PyElastica's rods in scene {scene.name!r}: "
+            f"their sections' inertia bounds it, whatever the mesh"
+        )
+    return system.motion()
+
+
+def solve_static(
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    load_steps: int = 1,
+    rest: float = 1e-8,
+    clamp: str = "half-element",
+    shear_factor: float = 1.0,
+    **options: Any,
+) -> Solution:
+    """Equilibrium of a scene by relaxation with PyElastica; `t` of the solution are load factors.
+
+    Parameters
+    ----------
+    scene : Scene
+        As for `solve`, and every body held.
+    run : Discretisation, optional
+        Its mesh is used.
+    load_steps : int
+        Equal parts of the load, each relaxed.
+    rest : float
+        Motion left at the end, of the body's length: much less than the elements' own error.
+    clamp, shear_factor
+        As for `solve`.
+    **options
+        The fields of the discretisation, in its place.
+    """
+    run = discretise(run, options)
+    _check(clamp, shear_factor)
+    positive("rest", rest, DiscretisationError)
+    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
+        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
+    try:
+        system = System(_model(scene, run), scene, run, clamp, shear_factor, relaxed=True)
+        return system.equilibria(load_steps, rest)
+    except Unsupported as why:
+        return nothing(NAME, scene, run, Status("unsupported", str(why)))
+
+
+@dataclass
+class System:
+    """Rods in PyElastica's simulator, and the history kept of them.
+
+    Parameters
+    ----------
+    model : module
+        `reference.pyelastica.model`, which needs PyElastica.
+    scene : Scene
+    run : Discretisation
+    clamp : str
+    shear_factor : float
+    relaxed : bool
+        Whether masses are fictitious.
+    """
+
+    model: ModuleType
+    scene: Scene
+    run: Discretisation
+    clamp: str
+    shear_factor: float
+    relaxed: bool = False
+
+    def __post_init__(self) -> None:
+        self.rods = {
+            name: self.model.Rod(
+                self.scene, self.scene.body(name), count, self.shear_factor, self.clamp, self.relaxed
+            )
+            for name, (count, _) in self.run.of(self.scene).items()
+        }
+        self.simulator, self.stepper = self.model.Simulator(), self.model.ea.PositionVerlet()
+        self.positions: dict[str, list[Array]] = {name: [] for name in self.rods}
+        self.energies: list[tuple[float, ...]] = []
+        for rod in self.rods.values():
+            rod.add_to(self.simulator)
+
+    @property
+    def largest_frequency(self) -> float:
+        """Of all straight rods, rad/s."""
+        return max(rod.largest_frequency for rod in self.rods.values())
+
+    def motion(self) -> Solution:
+        """Step to the end, or until the motion has diverged."""
+        run, kept, status = self.run, 0, Status()
+        self.simulator.finalize()
+        cpu, wall, step = process_time(), perf_counter(), 0
+        for k in run.output_steps:
+            while step < k:
+                self.stepper.step(self.simulator, step * run.dt, run.dt)
+                step += 1
+            self._keep()
+            if self._diverged():
+                time = float(run.times(np.array([step]))[0])
+                why = f"the motion diverged before t = {time:.6g} s (step {step}); a dt below {run.dt:g} s may help"
+                status = Status("diverged", why, time, step, self._worst())
+                break
+            kept += 1
+        cost = Cost(process_time() - cpu, perf_counter() - wall, step)
+        return self._solution(run.times(run.output_steps[:kept]), cost, status)
+
+    def equilibria(self, load_steps: int, rest: float) -> Solution:
+        """Relax under growing parts of the load, until no more than `rest` moves."""
+        dt = SAFETY * 2.0 / self.largest_frequency
+        slowest = min(self._lowest_frequency(rod) for rod in self.rods.values())
+        for rod in self.rods.values():
+            self.simulator.dampen(rod.rod).using(
+                self.model.ea.AnalyticalLinearDamper, uniform_damping_constant=2.0 * slowest, time_step=dt
+            )
+        self.simulator.finalize()
+        factors = np.arange(load_steps + 1) / load_steps
+        cpu, wall, steps, status = process_time(), perf_counter(), 0, Status()
+        self._keep()
+        for k in range(1, load_steps + 1):
+            for rod in self.rods.values():
+                rod.factor = float(factors[k])
+            taken, left = self._relax(dt, slowest, rest)
+            steps += taken
+            if not left <= rest:
+                why = (
+                    f"relaxation left a motion of {left:.2g} of the length at {factors[k]:.6g} of the load; "
+                    f"more load_steps may help, or a `rest` above {rest:g}"
+                )
+                status = Status("diverged", why, float(factors[k]), body=self._worst())
+                break
+            self._keep()
+        cost = Cost(process_time() - cpu, perf_counter() - wall, steps)
+        return self._solution(factors[: len(self.energies)], cost, status)
+
+    def _relax(self, dt: float, slowest: float, rest: float) -> tuple[int, float]:
+        """Steps taken, and what still moves, of the length: places over a period, and speeds over the frequency."""
+        period, left = ceil(2.0 * pi / (slowest * dt)), np.inf
+        steps = 0
+        for _ in range(PERIODS):
+            before = {name: rod.rod.position_collection.copy() for name, rod in self.rods.items()}
+            for _ in range(period):
+                self.stepper.step(self.simulator, 0.0, dt)
+            steps += period
+            left = max(
+                max(
+                    float(np.abs(rod.rod.position_collection - before[name]).max()),
+                    float(np.abs(rod.rod.velocity_collection).max()) / slowest,
+                )
+                / rod.body.length
+                for name, rod in self.rods.items()
+            )
+            if not rest < left < STRETCH:
+                break
+        return steps, left
+
+    def _lowest_frequency(self, rod: Any) -> float:
+        held = tuple(sorted(rod.held.get(end, "free") for end in (0, -1)))
+        held = held if held in LOWEST else held[::-1]
+        if held not in LOWEST:
+            raise Unsupported(
+                f"body {rod.body.name!r} is {held[0]} at one end and {held[1]} at the other; "
+                f"relaxation needs a clamp, or two pins"
+            )
+        per_length = rod.mass / rod.stiffness.l
+        return LOWEST[held] * sqrt(rod.stiffness.EI / per_length) / rod.body.length**2
+
+    def _keep(self) -> None:
+        """Keep positions and energies."""
+        kinetic = strain = potential = work = 0.0
+        for name, rod in self.rods.items():
+            kept = self.positions[name]
+            kept.append(rod.rod.position_collection[:2].T.copy())
+            with np.errstate(all="ignore"):
+                T, U = rod.energies()
+                potential -= float(np.sum(rod.forces.T * (kept[-1] - kept[0])))
+                work += sum(moment * rod.angle(end) for end, (moment, _) in rod.moments.items())
+            kinetic, strain = kinetic + T, strain + U
+        self.energies.append((kinetic, strain, potential, work))
+
+    def _diverged(self) -> bool:
+        """Whether something is not finite, stretched beyond any material, or has energy from nowhere."""
+        last, first = self.energies[-1], self.energies[0]
+        if not np.isfinite(last).all() or not max(self._stretches().values()) < STRETCH:
+            return True
+        present = max(T + U for T, U, *_ in self.energies)
+        appeared = abs(sum(last[:3]) - last[3] - sum(first[:3]) + first[3])
+        return present > 0.0 and appeared > NOWHERE * present
+
+    def _stretches(self) -> dict[str, float]:
+        with np.errstate(all="ignore"):
+            return {
+                name: float(np.hypot(*np.diff(self.positions[name][-1], axis=0).T).max() / rod.stiffness.l)
+                for name, rod in self.rods.items()
+            }
+
+    def _worst(self) -> str:
+        """Body that is stretched most, or not finite."""
+        sizes = {n: s if np.isfinite(s) else np.inf for n, s in self._stretches().items()}
+        return max(sizes, key=sizes.__getitem__)
+
+    def _solution(self, t: Array, cost: Cost, status: Status) -> Solution:
+        n = len(t)
+        fields = {name: LagrangeField(np.array(kept[:n])) for name, kept in self.positions.items()}
+        energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
+        dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
+        return Solution(NAME, self.scene, self.run, t, fields, energy, cost, status, dofs)
+
+
+def _check(clamp: str, shear_factor: float) -> None:
+    one_of("clamp", clamp, ("half-element", "director"))
+    positive("shear_factor", shear_factor, DiscretisationError)
+
+
+def _check_run(run: Discretisation) -> None:
+    if run.integrator != "zhai":
+        raise Unsupported(
+            f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
+        )
+    if (run.psi, run.phi) != (0.5, 0.5):
+        raise Unsupported(
+            f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
+        )
+
+
+def _model(scene: Scene, run: Discretisation) -> ModuleType:
+    """The module that needs PyElastica, once it is known that PyElastica can do the scene."""
+    for joint in scene.joints:
+        if len(joint.ends) > 1:
+            raise Unsupported(
+                f"{joint!r} joins two ends; PyElastica's joints are penalty springs, another model: "
+                f"bodies held by the ground or free are allowed"
+            )
+        if isinstance(joint, Clamp) and joint.angle is not None:
+            raise Unsupported(f"{joint!r} turns; a fixed clamp is needed")
+    for load in scene.loads:
+        if callable(load.value):
+            raise Unsupported(f"{load!r} varies in time; a constant load is needed")
+    for body in scene.bodies:
+        if body.material.damping > 0.0:
+            raise Unsupported(
+                f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
+            )
+    for name, (count, kind) in run.of(scene).items():
+        if kind == "rigid":
+            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
+        if count < 2:
+            raise Unsupported(f"body {name!r} has {count} element; PyElastica needs 2 or more")
+    try:
+        return import_module("reference.pyelastica.model")
+    except ImportError as error:
+        raise Unsupported(f"PyElastica is not installed; pip install 'anctmm[peers]' ({error})") from error

@@ -1,0 +1,208 @@
+"""A scene as PyElastica has it: each body a Cosserat rod of its own, ends held by constraints and half-element springs.
+
+PyElastica: Gazzola et al. 2018, doi:10.1098/rsos.171628. Positions and masses stand at the nodes, directors at the
+elements between them, curvatures at the inner nodes. Its rods are round and move in space; here section and
+inertia are overwritten with the beam's own, and nothing drives a rod out of the plane.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import hypot, sqrt
+from typing import Any
+
+import elastica as ea
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.scene import Beam, Clamp, Force, Load, Scene, Torque
+
+Array = NDArray[np.float64]
+
+CLAMPS = ("half-element", "director")
+
+
+class Simulator(ea.BaseSystemCollection, ea.Constraints, ea.Forcing, ea.Damping):  # type: ignore[misc]
+    """PyElastica's collection of rods with what acts on them."""
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Of a rod cut into equal elements: EA, kGA (N), EI (N m²), and the elements' length (m)."""
+
+    EA: float
+    GA: float
+    EI: float
+    l: float  # noqa: E741
+
+    @classmethod
+    def of(cls, body: Beam, elements: int, shear_factor: float) -> "Stiffness":
+        """A beam's."""
+        (_, G), A = body.material.lame, body.section.area
+        E, I = body.material.E, body.section.second_moment  # noqa: E741
+        return cls(E * A, shear_factor * G * A, E * I, body.length / elements)
+
+    def largest_frequency(self, mass: float, inertia: float) -> float:
+        """Of the straight grid, rad/s, by inner nodes' mass (kg) and elements' inertia (kg m²).
+
+        The shortest wave, of two elements, has the axial frequency √(4EA/(l m)); across, w at the nodes and θ at the
+        elements are coupled by the shear strain (w₊ − w₋)/l − θ.
+        """
+        a, c = 4.0 * self.GA / (self.l * mass), 2.0 * self.GA / sqrt(mass * inertia)
+        d = (self.GA * self.l + 4.0 * self.EI / self.l) / inertia
+        across = 0.5 * (a + d + hypot(a - d, 2.0 * c))
+        return sqrt(max(across, 4.0 * self.EA / (self.l * mass)))
+
+
+class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
+    """Weight, dead forces and moments on the ends, and the springs of clamps.
+
+    A clamp holds the first director only, half an element away from the end, so that an element's rotation is lost
+    (first order). Instead the curvature of that half element acts, as any other of the rod: 2EI/l times its angle.
+    """
+
+    def __init__(self, rod: "Rod") -> None:
+        super().__init__()
+        self.rod = rod
+
+    def apply_forces(self, system: Any, time: Any = 0.0) -> None:
+        """Add the forces on nodes, N."""
+        system.external_forces[:2] += self.rod.factor * self.rod.forces
+
+    def apply_torques(self, system: Any, time: Any = 0.0) -> None:
+        """Add the moments on the outer elements, N m; the first director stands across the plane."""
+        for end, (moment, spring) in self.rod.moments.items():
+            angle = self.rod.angle(end) if spring else 0.0
+            system.external_torques[0, end] += self.rod.factor * moment - spring * angle
+
+
+@dataclass
+class Rod:
+    """One body as a Cosserat rod, with PyElastica's own (`rod`) inside.
+
+    Parameters
+    ----------
+    scene : Scene
+    body : Beam
+    elements : int
+    shear_factor : float
+    clamp : str
+    relaxed : bool
+        Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
+    """
+
+    scene: Scene
+    body: Beam
+    elements: int
+    shear_factor: float = 1.0
+    clamp: str = CLAMPS[0]
+    relaxed: bool = False
+    factor: float = 1.0
+    stiffness: Stiffness = field(init=False)
+    rod: Any = field(init=False)
+    forces: Array = field(init=False)
+    moments: dict[int, tuple[float, float]] = field(init=False)
+    held: dict[int, str] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.stiffness = Stiffness.of(self.body, self.elements, self.shear_factor)
+        self.held = {}
+        for joint in self.scene.joints:
+            body, side = self.scene.body_end(joint.ends[0])
+            if body is self.body:
+                self.held[-1 if side else 0] = "clamp" if isinstance(joint, Clamp) else "pin"
+        self.mass, self.inertia = self._inertias()
+        self.forces = self._weight() + self._end_forces()
+        self.moments = self._end_moments()
+        self.rod = self._straight()
+
+    @property
+    def largest_frequency(self) -> float:
+        """Of the straight grid, rad/s."""
+        return self.stiffness.largest_frequency(self.mass, self.inertia)
+
+    @property
+    def axis(self) -> Array:
+        """Direction of the undeformed rod, (2,)."""
+        return np.array([np.cos(self.body.angle), np.sin(self.body.angle)])
+
+    def angle(self, element: int) -> float:
+        """Turn of an element's section from the reference, rad."""
+        x, y = self.rod.director_collection[2, :2, element]
+        along, across = self.axis
+        return float(np.arctan2(along * y - across * x, along * x + across * y))
+
+    def add_to(self, simulator: Simulator) -> None:
+        """Put the rod, its supports and its loads into a simulator."""
+        simulator.append(self.rod)
+        for end, kind in self.held.items():
+            node = self.elements if end else 0
+            fixed = (self.elements - 1 if end else 0,) if kind == "clamp" and self.clamp == "director" else ()
+            simulator.constrain(self.rod).using(
+                ea.FixedConstraint, constrained_position_idx=(node,), constrained_director_idx=fixed
+            )
+        simulator.add_forcing_to(self.rod).using(EndsAndWeight, self)
+
+    def energies(self) -> tuple[float, float]:
+        """Kinetic and strain energy, J, by PyElastica's own rules, and that of the clamps' springs."""
+        rod = self.rod
+        kinetic = rod.compute_translational_energy() + rod.compute_rotational_energy()
+        springs = sum(0.5 * k * self.angle(end) ** 2 for end, (_, k) in self.moments.items() if k)
+        return float(kinetic), float(rod.compute_bending_energy() + rod.compute_shear_energy() + springs)
+
+    def _inertias(self) -> tuple[float, float]:
+        """Mass of an inner node (kg) and inertia of an element (kg m²)."""
+        s, density, section = self.stiffness, self.body.material.density, self.body.section
+        if self.relaxed:  # every diagonal of the stiffness over its inertia is at most 1 s⁻²
+            return 4.0 * max(s.EA, 2.0 * s.GA) / s.l, 2.0 * s.GA * s.l + 4.0 * s.EI / s.l
+        return density * section.area * s.l, density * section.second_moment * s.l
+
+    def _weight(self) -> Array:
+        nodal = np.full(self.elements + 1, self.stiffness.l)
+        nodal[[0, -1]] *= 0.5
+        nodal *= self.body.material.density * self.body.section.area
+        return np.outer(np.asarray(self.scene.gravity), nodal)
+
+    def _on_ends(self) -> Iterator[tuple[int, Load]]:
+        """Loads on the body, by the place of the end: 0 or −1."""
+        for load in self.scene.loads:
+            body, side = self.scene.body_end(load.end)
+            if body is self.body:
+                yield -1 if side else 0, load
+
+    def _end_forces(self) -> Array:
+        forces = np.zeros((2, self.elements + 1))
+        for end, load in self._on_ends():
+            if isinstance(load, Force):
+                forces[:, end] += np.asarray(load.value, dtype=float)
+        return forces
+
+    def _end_moments(self) -> dict[int, tuple[float, float]]:
+        """Moment (N m) and spring (N m/rad) of each end that has one."""
+        moments = {0: 0.0, -1: 0.0}
+        for end, load in self._on_ends():
+            if isinstance(load, Torque):
+                moments[end] += float(np.asarray(load.value, dtype=float))
+        spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0
+        springs = {end: spring if self.held.get(end) == "clamp" else 0.0 for end in moments}
+        return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}
+
+    def _straight(self) -> Any:
+        """PyElastica's rod, with the beam's stiffness and inertia about every axis of its section."""
+        body, s = self.body, self.stiffness
+        rod = ea.CosseratRod.straight_rod(
+            self.elements, np.array([*body.start, 0.0]), np.array([*self.axis, 0.0]), np.array([0.0, 0.0, 1.0]),
+            body.length, sqrt(body.section.area / np.pi), body.material.density,
+            youngs_modulus=body.material.E, shear_modulus=body.material.lame[1],
+        )  # fmt: skip
+        rod.shear_matrix[:] = np.diag([s.GA, s.GA, s.EA])[..., None]
+        rod.bend_matrix[:] = (s.EI * np.eye(3))[..., None]
+        rod.mass_second_moment_of_inertia[:] = (self.inertia * np.eye(3))[..., None]
+        rod.inv_mass_second_moment_of_inertia[:] = (np.eye(3) / self.inertia)[..., None]
+        rod.mass[:] = self.mass
+        rod.mass[[0, -1]] *= 0.5
+        if body.velocity is not None and not self.relaxed:
+            v = np.array([body.velocity_at(x) for x in np.linspace(0.0, 1.0, self.elements + 1)]).T
+            rod.velocity_collection[:2] = v
+            normal = np.array([-self.axis[1], self.axis[0]])
+            rod.omega_collection[0] = normal @ np.diff(v, axis=1) / s.l
+        return rod

@@ -1,0 +1,1 @@
+"""Do all solvers compute the same motion?"""

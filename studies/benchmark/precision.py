@@ -1,0 +1,319 @@
+"""What equal error costs: ANC-TMM and Exudyn, each at its best over mesh, step, quadrature, tolerance, integrator."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from math import ceil
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.results.metrics import compare
+from anctmm.results.solution import Solution
+from anctmm.solve import solve
+from reference import exudyn_cable
+from studies.benchmark.peers import EXUDYN, OURS, mesh_of
+from studies.engine.clock import Effort, Samples, figures, in_turn
+from studies.engine.pareto_front import NEAR, excess, front
+from studies.engine.runner import Mesh, mesh_label
+from studies.engine.setting import stable_step
+from studies.engine.tables import Table
+from studies.engine.timing import undisturbed
+from studies.scenes import BaseScene, cantilever_fall, four_bar
+
+#: Errors at which costs are compared.
+TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
+QUADRATURES = ("full", "reduced", "lobatto")
+#: Steps tried, s: whole parts of the scenes' output_dt, close enough for a front without large gaps.
+STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))
+#: Newton's tolerances: of ANC-TMM for corrections; of Exudyn for residuals, None its usual best.
+TOLERANCES: dict[str, tuple[Any, ...]] = {
+    OURS: (1e-7, 1e-5, 1e-3),
+    EXUDYN: (None, (1e-5, 1e-7), (1e-3, 1e-5)),
+}
+#: An explicit run is tried where elements times steps do not exceed this, some 30 ms of ANC-TMM.
+MOST_EXPLICIT = 1e6
+#: Settings tried with Exudyn: those predicted to cost up to this much more than the cheapest of the same error.
+SLACK = 2.0
+IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
+
+
+@dataclass(frozen=True)
+class Race:
+    """A scene with the meshes to try and its reference.
+
+    Parameters
+    ----------
+    base : BaseScene
+    meshes : tuple of Mesh
+        From coarse to fine.
+    explicit : tuple of str
+        Codes that can run it explicitly.
+    fine, less_fine : Mesh
+        Of the reference, and of the run that tells its uncertainty.
+    """
+
+    base: BaseScene
+    meshes: tuple[Mesh, ...]
+    explicit: tuple[str, ...]
+    fine: Mesh
+    less_fine: Mesh
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Everything that may be chosen of a run."""
+
+    code: str
+    integrator: str
+    mesh: Mesh
+    dt: float
+    quadrature: str
+    tolerance: Any
+
+    @property
+    def elements(self) -> int:
+        """Elements of all bodies."""
+        return sum(self.mesh)
+
+    @property
+    def label(self) -> str:
+        """As tables name it."""
+        tolerance = "" if self.integrator == EXPLICIT else f", tolerance {self.tolerance or 'default'}"
+        return f"{self.integrator} {mesh_label(self.mesh)} {self.quadrature} dt={self.dt:.3g}{tolerance}"
+
+
+@dataclass(frozen=True)
+class Point:
+    """A setting with what it gave: error and CPU time, s."""
+
+    setting: Setting
+    error: float
+    cpu_s: float
+    status: str
+    spread: float = float("nan")
+    repeats: int = 1
+
+
+def races(quick: bool) -> list[Race]:
+    """The two base scenes."""
+    beams: tuple[Mesh, ...] = ((4,), (6,), (8,), (12,), (16,), (24,), (32,), (48,), (64,))
+    bars: tuple[Mesh, ...] = (
+        (1, 3, 1), (1, 4, 1), (1, 6, 1), (2, 6, 2), (2, 8, 2), (2, 12, 2), (3, 10, 3), (4, 12, 4),
+        (4, 16, 4), (6, 24, 6), (8, 32, 8),
+    )  # fmt: skip
+    both = (OURS, EXUDYN)
+    if quick:
+        beams, bars = beams[::2], bars[::3]
+    return [
+        Race(cantilever_fall(), beams, both, (192,), (128,)),
+        Race(four_bar(), bars, (OURS,), (16, 64, 16), (12, 48, 12)),
+    ]
+
+
+def equal_error(effort: Effort, samples: Samples) -> tuple[Table, Table]:
+    """Tables of the best costs at equal errors, and of the runs they come from."""
+    rows: list[dict[str, Any]] = []
+    points: list[dict[str, Any]] = []
+    for race in races(effort.quick):
+        found, uncertainty = explore(race, effort, samples)
+        rows += [_at_error(race, found, target, uncertainty) for target in TARGETS]
+        points += [_point_row(race, p, uncertainty) for p in found]
+    return (
+        Table(
+            "equal_error", "Beside Exudyn, at equal error, both at their best", pd.DataFrame(rows), _notes()
+        ),
+        Table("work_precision", "The fronts of error and cost", pd.DataFrame(points), _notes()),
+    )
+
+
+def _notes() -> tuple[str, ...]:
+    return (
+        "Each code's front: no other of its settings has both a smaller error and a smaller cost. What came within "
+        f"{NEAR:g} times of it ran again, both codes in turn; costs are medians of these, interpolated between "
+        "neighbours on the front that they have, in "
+        "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
+        f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, "
+        "and three Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and "
+        f"elements × steps are at most {MOST_EXPLICIT:g} (they are far behind). Both codes "
+        "have the same elements and generalized-α (spectral radius 0.9) and so the same errors: Exudyn ran every "
+        f"setting whose elements × steps are within {SLACK:g}× of the fewest for its error, found with ANC-TMM.",
+        "Exudyn: fast module, one thread, modified Newton, the faster of its dense and sparse solvers, no files.",
+        "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
+        "mesh of the same cables; reference_error: its own uncertainty.",
+    )
+
+
+def explore(race: Race, effort: Effort, samples: Samples) -> tuple[list[Point], float]:
+    """Fronts of both codes, timed in turn, and the uncertainty of their errors."""
+    reference, uncertainty = reference_of(race, effort.quick)
+    ours = [try_out(race, s, reference) for s in settings(race, OURS, effort.quick)]
+    implicit = [p for p in ours if p.setting.integrator == IMPLICIT]
+    worth = promising(implicit)
+    theirs = [try_out(race, s, reference) for s in settings(race, EXUDYN, effort.quick) if _worth(s, worth)]
+    chosen: list[Point] = []
+    for points in (ours, theirs):
+        for kinds in ((IMPLICIT,), (IMPLICIT, EXPLICIT)):
+            chosen += contenders([p for p in points if p.setting.integrator in kinds])
+    chosen = list(dict.fromkeys(chosen))
+    return timed(race, chosen, 2 if effort.quick else 5, samples), uncertainty
+
+
+def reference_of(race: Race, quick: bool) -> tuple[Solution, float]:
+    """A fine run, and the sum of its differences to one of a coarser mesh and one of a coarser step."""
+    dt = 1e-4 if quick else 5e-5
+    fine = Setting(OURS, IMPLICIT, race.fine, dt, "lobatto", 1e-10)
+    best, coarser, slower = (
+        run_of(race, s) for s in (fine, replace(fine, mesh=race.less_fine), replace(fine, dt=2 * dt))
+    )
+    return best, sum(compare(other, best, race.base.probes).error for other in (coarser, slower))
+
+
+def settings(race: Race, code: str, quick: bool) -> list[Setting]:
+    """All settings of a code; of a quick run, those that are best in a whole one, more or less."""
+    steps, part = (STEPS[1::2], 1) if quick else (STEPS, 0)
+    chosen = [
+        Setting(code, IMPLICIT, mesh, dt, quadrature, tolerance)
+        for mesh, quadrature, dt, tolerance in product(
+            race.meshes, QUADRATURES[part:], steps, TOLERANCES[code][part:]
+        )
+    ]
+    if code in race.explicit:
+        marched = [_explicit(race, code, mesh, q) for mesh, q in product(race.meshes, QUADRATURES[part:])]
+        chosen += [s for s in marched if s.elements * race.base.t_end / s.dt <= MOST_EXPLICIT]
+    return chosen
+
+
+def _explicit(race: Race, code: str, mesh: Mesh, quadrature: str) -> Setting:
+    limit = stable_step(
+        race.base.scene, mesh_of(race.base, mesh), {"element": "cable", "quadrature": quadrature}
+    )
+    dt = race.base.output_dt / ceil(race.base.output_dt / limit)
+    return Setting(code, EXPLICIT, mesh, dt, quadrature, None)
+
+
+def run_of(race: Race, setting: Setting) -> Solution:
+    """Run a setting."""
+    base = race.base
+    tolerance = setting.tolerance if setting.code == OURS else None
+    run = Discretisation(
+        mesh=mesh_of(base, setting.mesh), element="cable", quadrature=setting.quadrature,
+        integrator=setting.integrator, dt=setting.dt, t_end=base.t_end, output_dt=base.output_dt,
+        check_stability=False, **({"newton_tolerance": tolerance} if tolerance else {}),
+    )  # fmt: skip
+    if setting.code == OURS:
+        return solve(base.scene, run)
+    return exudyn_cable.solve(base.scene, run, tolerances=setting.tolerance)
+
+
+def try_out(race: Race, setting: Setting, reference: Solution) -> Point:
+    """One run of a setting: its error and, roughly, its cost."""
+    with undisturbed():
+        solution = run_of(race, setting)
+    error = compare(solution, reference, race.base.probes).error if solution.status.ok else float("nan")
+    return Point(setting, error, solution.cost.cpu_s, str(solution.status))
+
+
+def promising(points: Iterable[Point]) -> set[tuple[Mesh, float, str]]:
+    """Meshes, steps and quadratures whose elements × steps are near the fewest for their error."""
+    best: dict[tuple[Mesh, float, str], float] = {}
+    for p in points:
+        key = (p.setting.mesh, p.setting.dt, p.setting.quadrature)
+        if np.isfinite(p.error):
+            best[key] = min(p.error, best.get(key, np.inf))
+
+    def work(key: tuple[Mesh, float, str]) -> float:
+        return sum(key[0]) / key[1]
+
+    return {
+        key
+        for key, error in best.items()
+        if work(key) <= SLACK * min(work(other) for other, e in best.items() if e <= error)
+    }
+
+
+def _worth(setting: Setting, worth: set[tuple[Mesh, float, str]]) -> bool:
+    return setting.integrator == EXPLICIT or (setting.mesh, setting.dt, setting.quadrature) in worth
+
+
+def contenders(points: Sequence[Point]) -> list[Point]:
+    """Points near the front, from its last one above the errors compared to its first one below, or no dearer."""
+    line = front(points)
+    above = [p.error for p in line if p.error > max(TARGETS)]
+    below = [p for p in line if p.error <= min(TARGETS)] or line[-1:]
+    dearest = NEAR * below[0].cpu_s if below else 0.0
+    found = pd.DataFrame({"error": [p.error for p in points], "cpu_s": [p.cpu_s for p in points]})
+    near = excess(found) <= NEAR
+    return [
+        p
+        for p, close in zip(points, near, strict=True)
+        if close and p.error <= min(above, default=np.inf) and p.cpu_s <= dearest
+    ]
+
+
+def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) -> list[Point]:
+    """Points with the medians of runs in turn."""
+    names = {f"{p.setting.code} {p.setting.label}": p for p in points}
+
+    def sampler(p: Point) -> Callable[[], float]:
+        return lambda: 1e9 * run_of(race, p.setting).cost.cpu_s
+
+    found = in_turn(
+        f"work-precision, {race.base.scene.name}", {n: sampler(p) for n, p in names.items()}, rounds, samples
+    )
+    return [_with_time(p, found[n]) for n, p in names.items()]
+
+
+def _with_time(p: Point, values: Sequence[float]) -> Point:
+    shown = figures(values)
+    return replace(p, cpu_s=1e-9 * shown["ns"], spread=shown["spread"], repeats=len(values))
+
+
+def cost_at(points: Iterable[Point], error: float) -> float:
+    """CPU time of the front at an error, s, interpolated in logarithms; NaN below its smallest error."""
+    line = front(points)
+    if not line or line[-1].error > error:
+        return float("nan")
+    x, y = np.log([p.error for p in line][::-1]), np.log([p.cpu_s for p in line][::-1])
+    return float(np.exp(np.interp(np.log(error), x, y)))
+
+
+def _at_error(race: Race, points: Sequence[Point], error: float, uncertainty: float) -> dict[str, Any]:
+    def cost(code: str, *kinds: str) -> float:
+        return cost_at((p for p in points if p.setting.code == code and p.setting.integrator in kinds), error)
+
+    def setting(code: str, *kinds: str) -> str:
+        able = [
+            p for p in points if p.setting.code == code and p.setting.integrator in kinds and p.error <= error
+        ]
+        return min(able, key=lambda p: p.cpu_s).setting.label if able else "none"
+
+    costs: Mapping[str, float] = {
+        "anctmm_implicit_s": cost(OURS, IMPLICIT),
+        "anctmm_best_s": cost(OURS, IMPLICIT, EXPLICIT),
+        "exudyn_implicit_s": cost(EXUDYN, IMPLICIT),
+        "exudyn_best_s": cost(EXUDYN, IMPLICIT, EXPLICIT),
+    }
+    return {
+        "scene": race.base.scene.name,
+        "error": error,
+        "reference_error": uncertainty,
+        **costs,
+        "ratio_implicit": costs["exudyn_best_s"] / costs["anctmm_implicit_s"],
+        "ratio_best": costs["exudyn_best_s"] / costs["anctmm_best_s"],
+        "anctmm_nearest": setting(OURS, IMPLICIT, EXPLICIT),
+        "exudyn_nearest": setting(EXUDYN, IMPLICIT, EXPLICIT),
+        "status": "ok" if np.isfinite(list(costs.values())).all() else "not reached by every code",
+    }
+
+
+def _point_row(race: Race, p: Point, uncertainty: float) -> dict[str, Any]:
+    s = p.setting
+    return {
+        "scene": race.base.scene.name, "code": s.code, "integrator": s.integrator, "elements": mesh_label(s.mesh),
+        "dt": s.dt, "quadrature": s.quadrature, "tolerance": str(s.tolerance or "default"), "error": p.error,
+        "reference_error": uncertainty, "cpu_s": p.cpu_s, "spread": p.spread, "repeats": p.repeats,
+        "status": p.status,
+    }  # fmt: skip

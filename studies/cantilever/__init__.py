@@ -1,0 +1,1 @@
+"""Large deflections against exact solutions; a fall under gravity."""

@@ -1,0 +1,160 @@
+"""Static cantilevers: convergence to the exact solutions of the continua the elements discretise."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from anctmm.errors import AnctmmError
+from anctmm.model.scene import Probe
+from anctmm.results.solution import Solution
+from anctmm.solvers import registry
+from anctmm.solvers.capabilities import Offer
+from reference.exact import solve_static
+from studies.engine.runner import (
+    STATIC,
+    Case,
+    Mesh,
+    Outcome,
+    Reference,
+    Runner,
+    element_of,
+    product,
+    row,
+    rows_frame,
+)
+from studies.engine.study import Options
+from studies.engine.tables import Table
+from studies.scenes import BaseScene
+
+#: Continua that have exact solutions, as `reference.exact` calls them.
+LIMITS = ("elastica", "reissner", "director")
+#: Errors below this are rounding, whatever the mesh: no order is read from them.
+ROUNDING = 1e-10
+
+
+@dataclass(frozen=True)
+class StaticScheme:
+    """Element and quadrature, with who runs them on which meshes."""
+
+    element: str
+    quadrature: str
+    solvers: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
+
+
+@dataclass(frozen=True)
+class StaticSweep:
+    """Outcomes of static runs with the exact solution of each."""
+
+    outcomes: tuple[Outcome, ...]
+    references: tuple[Reference, ...]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a run."""
+        return [row(o, r) for o, r in zip(self.outcomes, self.references, strict=True)]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows as a frame, with the number of elements as a number."""
+        return rows_frame(self.rows, self.outcomes, [_family(o.case) for o in self.outcomes])
+
+
+def rest_error(solution: Solution, exact: Solution, probes: Sequence[Probe]) -> float:
+    """Largest over the probes of |u − u_exact| / |u_exact| under the full load."""
+    pairs = [(solution.displacement(p)[-1], exact.displacement(p)[-1]) for p in probes]
+    return max(float(np.linalg.norm(u - v) / np.linalg.norm(v)) for u, v in pairs)
+
+
+def exact_reference(base: BaseScene, model: str) -> Reference:
+    """The exact solution of a continuum for a scene."""
+    exact = solve_static(base.scene, model)
+    smallest = min(float(np.linalg.norm(exact.displacement(p)[-1])) for p in base.probes)
+    shape = next(iter(exact.fields.values())).shape  # type: ignore[attr-defined]
+    return Reference(
+        f"exact: {model}", lambda s: rest_error(s, exact, base.probes), shape.uncertainty / smallest, exact
+    )
+
+
+def static_sweep(
+    bases: Iterable[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
+) -> StaticSweep:
+    """Run scenes × schemes, each solver measured against the continuum it says it tends to.
+
+    A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
+    whose element it offers in statics, on the full quadrature.
+    """
+    cases: list[Case] = []
+    references: list[Reference] = []
+    for base in bases:
+        exact = {limit: exact_reference(base, limit) for limit in LIMITS}
+        for scheme in schemes:
+            for solver in _contestants(scheme, schemes, options):
+                mine = product(
+                    base.scene, [solver], options.meshes or scheme.meshes, element=scheme.element,
+                    quadrature=scheme.quadrature, integrator=STATIC,
+                )  # fmt: skip
+                fresh = [case for case in mine if case not in cases]
+                cases += fresh
+                references += [exact[limit_of(solver, scheme.element)]] * len(fresh)
+    return StaticSweep(tuple(runner.sweep(cases)), tuple(references))
+
+
+def limit_of(solver: str, element: str) -> str:
+    """The continuum a solver's rest positions tend to; the element's own, if the solver is not there to say."""
+    try:
+        limits = registry.offer_of(registry.load(solver)).limits
+    except AnctmmError:
+        limits = {}
+    return limits.get(element) or Offer().limits[element]
+
+
+def _family(case: Case) -> str:
+    """Element among whose rows a case is shown."""
+    own = element_of(case.solver, case.element)
+    return own if limit_of(case.solver, case.element) == own else case.element
+
+
+def _contestants(scheme: StaticScheme, schemes: Iterable[StaticScheme], options: Options) -> list[str]:
+    if options.solvers is None:
+        return list(scheme.solvers)
+    listed = {solver for s in schemes for solver in s.solvers}
+    return [s for s in options.solvers if s in scheme.solvers or (s not in listed and _offers(s, scheme))]
+
+
+def _offers(solver: str, scheme: StaticScheme) -> bool:
+    """Whether another package's solver takes part; one that cannot be loaded does, to say so."""
+    try:
+        offer = registry.offer_of(registry.load(solver))
+    except AnctmmError:
+        offer = Offer()
+    return scheme.quadrature == "full" and "statics" not in offer.lacks and scheme.element in offer.limits
+
+
+def rates(frame: pd.DataFrame) -> Table:
+    """Observed orders: log₂ of the error's fall where a mesh was doubled."""
+    lines = []
+    keys = ["scene", "solver", "element", "quadrature"]
+    for values, line in frame[frame["error"] > 0].groupby(keys, sort=False):
+        line = line.sort_values("all_elements")
+        n, error = line["all_elements"].to_numpy(float), line["error"].to_numpy()
+        sound = (n[1:] == 2 * n[:-1]) & (error[1:] > 30 * ROUNDING)
+        # a solver's own tolerance may stop the fall long before rounding: nothing beyond is of the mesh
+        falling = np.logical_and.accumulate(error[1:] < 0.5 * error[:-1])
+        sound = np.flatnonzero(sound & falling)
+        orders = np.log2(error[sound] / error[sound + 1])
+        last = orders[-1] if orders.size else float("nan")
+        between = f"{n[sound[-1]]:g} → {n[sound[-1] + 1]:g}" if sound.size else ""
+        lines.append({**dict(zip(keys, values, strict=True)), "smallest_error": error.min(), "order": last,
+                      "between_elements": between})  # fmt: skip
+    columns = [*keys, "smallest_error", "order", "between_elements"]
+    notes = (
+        "order: of the last doubling of the mesh whose error is still above rounding. The cable tends to the "
+        "extensible elastica, the shear element to the director continuum of its own energy, the Reissner peers "
+        "to Reissner's rod.",
+    )
+    found = pd.DataFrame(lines, columns=columns)
+    return Table("rates", "Observed orders of the static cantilever", found, notes)

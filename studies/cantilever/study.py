@@ -1,0 +1,271 @@
+"""The cantilever: large deflections against exact solutions, and a fall under gravity."""
+
+import pandas as pd
+
+from anctmm.results.solution import Solution
+from studies.cantilever import pictures as cantilever_pictures
+from studies.cantilever.force_cost import force_cost
+from studies.cantilever.shear_limits import WARNING, shear_limits
+from studies.cantilever.statics import StaticScheme, StaticSweep, rates, static_sweep
+from studies.convergence.step_convergence import step_rates, step_sweep
+from studies.engine import tables
+from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.engine.runner import Mesh, Runner, mesh_label
+from studies.engine.study import Options, Result
+from studies.report import error_pictures
+from studies.report.animation import Film, film
+from studies.report.plots import Picture
+from studies.scenes import TIP_FORCES, BaseScene, cantilever_end_moment, cantilever_fall, cantilever_tip_force
+
+OURS = ("anctmm", "global-dae")
+ALL = (*OURS, "exudyn-cable")
+PEER_NOTE = (
+    "exudyn-reissner and pyelastica are rods of Reissner's kind, with shear and with EA, GA, EI as the other elements "
+    "have them: measured against Reissner's exact rod at rest, and Exudyn's finest when falling. PyElastica steps "
+    "explicitly, in three dimensions, each step called from Python; its equilibria are relaxed motions."
+)
+PICTURED = "cantilever-force-3"
+SNAPSHOTS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
+
+
+def implicit_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Steps of the implicit runs, s."""
+    return (2e-3, 1e-3, 5e-4)
+
+
+def cable_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Explicit steps of the cable, s: bounded by the axial wave, so they halve with the elements."""
+    largest = 5e-5 if max(mesh) <= 8 else 2.5e-5 if max(mesh) <= 16 else 1.25e-5
+    return (largest, largest / 2, largest / 4)
+
+
+def shear_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Explicit steps of the shear element, s: bounded by the thickness mode, whatever the mesh."""
+    return (2e-6, 1e-6, 5e-7)
+
+
+def peer_steps(mesh: Mesh) -> tuple[float, ...]:
+    """Steps of PyElastica, s: bounded by its sections' inertia, whatever the mesh."""
+    return (5e-6, 2.5e-6)
+
+
+CABLE_MESHES: tuple[Mesh, ...] = ((8,), (16,), (32,))
+#: The shear element needs many more elements for this thin beam: second order only.
+SHEAR_MESHES: tuple[Mesh, ...] = ((16,), (32,), (64,))
+#: Statics; the cable is at rounding where the shear element begins to converge.
+CABLE_REST: tuple[Mesh, ...] = ((4,), (8,), (16,), (32,), (64,), (128,))
+SHEAR_REST: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,), (256,))
+#: Rods of Reissner's kind; PyElastica's relaxation of so thin a beam takes a hundred thousand steps on the coarsest.
+REISSNER_REST: tuple[Mesh, ...] = ((4,), (8,), (16,), (32,))
+PEERS = ("exudyn-reissner", "pyelastica")
+STATIC_SCHEMES = (
+    StaticScheme("cable", "full", ALL, CABLE_REST),
+    StaticScheme("cable", "reduced", ALL, CABLE_REST),
+    StaticScheme("cable", "lobatto", ALL, CABLE_REST),
+    StaticScheme("shear", "full", OURS, SHEAR_REST),
+    StaticScheme("shear", "full", PEERS, REISSNER_REST),
+)
+QUICK_STATIC_SCHEMES = (
+    StaticScheme("cable", "full", ALL, CABLE_REST[:4]),
+    StaticScheme("shear", "full", OURS, SHEAR_REST[:4]),
+    StaticScheme("shear", "full", PEERS, REISSNER_REST[:2]),
+)
+FULL = Plan(
+    schemes=(
+        Scheme("cable", "full", "zhai", ALL, CABLE_MESHES, cable_steps),
+        Scheme(
+            "cable", "full", "generalized-alpha", (*ALL, "global-dae-dense"), CABLE_MESHES, implicit_steps
+        ),
+        Scheme("cable", "reduced", "generalized-alpha", ALL, CABLE_MESHES, implicit_steps),
+        Scheme("shear", "full", "zhai", OURS, SHEAR_MESHES, shear_steps),
+        Scheme(
+            "shear",
+            "full",
+            "generalized-alpha",
+            (*OURS, "global-dae-dense", "exudyn-reissner"),
+            SHEAR_MESHES,
+            implicit_steps,
+        ),
+        Scheme("shear", "full", "zhai", ("pyelastica",), CABLE_MESHES, peer_steps),
+    ),
+    references={
+        "cable": Fine(("exudyn-cable", "global-dae", "anctmm"), (128,), (64,), 2e-6, 4e-6),
+        "shear": Fine(("global-dae", "anctmm"), (512,), (256,), 1.25e-4, 2.5e-4, "generalized-alpha"),
+        "reissner": Fine(("exudyn-reissner",), (128,), (64,), 1.25e-4, 2.5e-4, "generalized-alpha"),
+    },
+)
+QUICK = Plan(
+    schemes=(
+        Scheme("cable", "full", "zhai", ("anctmm",), CABLE_MESHES[:2], lambda mesh: (2e-5,)),
+        Scheme("cable", "full", "generalized-alpha", ALL, CABLE_MESHES[:2], lambda mesh: (2e-3, 1e-3)),
+        Scheme(
+            "shear", "full", "generalized-alpha", ("anctmm",), SHEAR_MESHES[:2], lambda mesh: (2e-3, 1e-3)
+        ),
+    ),
+    references={
+        "cable": Fine(("anctmm",), (64,), (32,), 2.5e-4, 5e-4, "generalized-alpha"),
+        "shear": Fine(("anctmm",), (256,), (128,), 5e-4, 1e-3, "generalized-alpha"),
+    },
+)
+
+#: The step's error alone is shown on one mesh; by whether the run is quick.
+STEP_MESH: Mesh = (16,)
+STEP_FINE = {False: {"cable": 1.25e-6, "shear": 1e-6}, True: {"cable": 1e-5}}
+STEP_SCHEMES = {
+    False: (
+        Scheme(
+            "cable", "full", "generalized-alpha", ALL, (), lambda mesh: (1e-2, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4)
+        ),
+        Scheme("cable", "full", "zhai", ALL, (), lambda mesh: (2e-5, 1e-5, 5e-6)),
+        Scheme(
+            "shear",
+            "full",
+            "generalized-alpha",
+            OURS,
+            (),
+            lambda mesh: (1e-2, 5e-3, 2.5e-3, 1.25e-3, 6.25e-4),
+        ),
+    ),
+    True: (Scheme("cable", "full", "generalized-alpha", ALL, (), lambda mesh: (5e-3, 2.5e-3, 1.25e-3)),),
+}
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study."""
+    bases = [cantilever_tip_force(load) for load in TIP_FORCES] + [cantilever_end_moment()]
+    if options.quick:
+        rest = static_sweep([bases[2], bases[4]], QUICK_STATIC_SCHEMES, options, runner)
+    else:
+        rest = static_sweep(bases, STATIC_SCHEMES, options, runner)
+    fall_base = cantilever_fall()
+    fallen = sweep(fall_base, QUICK if options.quick else FULL, options, runner)
+    timed = step_sweep(
+        fall_base, STEP_MESH, STEP_FINE[options.quick], STEP_SCHEMES[options.quick], options, runner
+    )
+    limits, orders, cost = shear_limits(options, runner), rates(rest.frame), force_cost(runner, 5)
+    rows = rest.rows + fallen.rows
+    static_note = "Static rows: one load case each, |u − u_exact| / |u_exact|, the largest over the probes."
+    return Result(
+        name="cantilever",
+        title="The cantilever",
+        question="Do the elements tend to what theory says, how fast, and what does a fall cost?",
+        findings=tuple(findings(rest.frame, orders.frame, limits.frame, fallen.frame, cost.frame)),
+        assumptions=tuple(dict.fromkeys(a for b in (*bases, fall_base) for a in b.assumptions)),
+        tables=(
+            tables.accuracy(rows, (static_note, WARNING, PEER_NOTE)), tables.cpu_time(rows, (WARNING,)), orders, limits,
+            cost, step_rates(timed),
+            samples(rest.outcomes + fallen.outcomes),
+        ),
+        pictures=tuple(pictures(bases, rest, fallen, timed)),
+        films=films(fallen),
+    )  # fmt: skip
+
+
+def films(fallen: Sweep) -> tuple[Film, ...]:
+    """The fall, and behind it that of the coarsest mesh."""
+    caption = "A soft beam, clamped on the left, released straight and at rest. Behind: the coarsest mesh of the sweep."
+    reference = fallen.references.get("cable") or next(iter(fallen.references.values()), None)
+    coarse = {o.case.mesh for o in fallen.outcomes if o.case.element == "shear" and o.solution.status.ok}
+    layers = {f"reference: {reference.name}": reference.solution} if reference else {}
+    if coarse:
+        mesh = min(coarse)
+        layers[f"{mesh_label(mesh)} shear"] = fallen.solution(element="shear", mesh=mesh)
+    found = film("The falling cantilever", caption, {k: s for k, s in layers.items() if s is not None})
+    return (found,) if found else ()
+
+
+def findings(
+    rest: pd.DataFrame, orders: pd.DataFrame, limits: pd.DataFrame, fallen: pd.DataFrame, cost: pd.DataFrame
+) -> list[str]:
+    """Sentences from the tables."""
+    said = []
+    for element in ("cable", "shear"):
+        mine = orders[(orders["element"] == element) & orders["order"].notna()]
+        errors = rest[(rest["element"] == element) & (rest["error"] > 0)].sort_values("error")
+        if len(mine):
+            said.append(
+                f"At rest, {element} elements tend to their continuum with orders {mine['order'].min():.2f} "
+                f"to {mine['order'].max():.2f}; smallest error {errors['error'].iloc[0]:.1e} with "
+                f"{errors['elements'].iloc[0]} elements."
+            )
+    for case, lines in limits[limits["measured"] > 0].groupby("case", sort=False):
+        last = lines.iloc[-1]
+        said.append(
+            f"Shear element, {case}: tip over {last['tip_over']} is {last['measured']:.4f} "
+            f"with {last['elements']} elements; theory ({last['theory']}) says {last['predicted']:.4f}."
+        )
+    said.append(WARNING)
+    ns = {
+        line["evaluation"]: line["ns_per_element"]
+        for line in cost.to_dict("records")
+        if line["form"] == "compiled"
+    }
+    said.append(
+        f"The paper's invariant matrices take {ns['invariant matrices']:.3g} ns an element force, "
+        f"the quadrature {ns['quadrature, 5 points']:.3g} ns."
+    )
+    if failures := len(tables.failed(fallen)):
+        said.append(f"{failures} of {len(fallen)} falls did not end well; their rows say why.")
+    return said
+
+
+def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sweep) -> list[Picture]:
+    """Shapes, convergence and cost."""
+    drawn = []
+    if pairs := _rest_pairs(bases, rest):
+        drawn.append(cantilever_pictures.rest_shapes(pairs))
+    if (rest.frame["error"] > 0).any():
+        drawn.append(_static_convergence(rest.frame))
+    element, reference = next(
+        ((e, r.solution) for e, r in fallen.references.items() if r.solution), ("", None)
+    )
+    if reference is not None:
+        drawn.append(cantilever_pictures.fall(reference, SNAPSHOTS))
+        curves = _curves(fallen, element)
+        drawn += [cantilever_pictures.tip_errors(curves, reference)] if curves else []
+    frame = fallen.frame
+    if (frame["error"] > 0).any():
+        drawn += [
+            error_pictures.over_mesh(frame),
+            error_pictures.over_step(timed.frame, mesh_label(STEP_MESH)),
+        ]
+        drawn += [error_pictures.against_cost(frame)]
+    return drawn
+
+
+def _static_convergence(frame: pd.DataFrame) -> Picture:
+    caption = (
+        f"Static convergence to the exact continuum of each element ({PICTURED}): extensible elastica for the cable, "
+        "director continuum of Green strains for the shear element, which needs many elements for so thin a beam, "
+        "Reissner's rod for the peers of its kind."
+    )
+    return error_pictures.over_mesh(frame[frame["scene"] == PICTURED], "static_convergence", caption)
+
+
+def _rest_pairs(bases: list[BaseScene], rest: StaticSweep) -> list[tuple[str, Solution, Solution | None]]:
+    pairs: list[tuple[str, Solution, Solution | None]] = []
+    for base in bases:
+        mine = [
+            (o, r) for o, r in zip(rest.outcomes, rest.references, strict=True)
+            if o.case.scene == base.scene and o.case.element == "cable" and o.solution.status.ok
+        ]  # fmt: skip
+        if mine:
+            outcome, reference = max(mine, key=lambda pair: pair[0].case.mesh)
+            assert reference.solution is not None
+            pairs.append(
+                (base.assumptions[-1].rstrip(".").split(", ")[-1], reference.solution, outcome.solution)
+            )
+    return pairs
+
+
+def _curves(fallen: Sweep, element: str) -> dict[str, Solution]:
+    found = [o for o in fallen.outcomes if o.case.element == element and len(o.solution.t) > 1]
+    curves = {}
+    for mesh in dict.fromkeys(o.case.mesh for o in found):
+        # whole runs first; of those the smallest step
+        mine = [o for o in found if o.case.mesh == mesh]
+        case, solution = min(
+            ((o.case, o.solution) for o in mine), key=lambda pair: (not pair[1].status.ok, pair[0].dt)
+        )
+        curves[f"{case.solver}, {mesh_label(mesh)} {element}, dt = {case.dt:g} s"] = solution
+    return curves

@@ -1,0 +1,1 @@
+"""How does an error fall with mesh and step?"""

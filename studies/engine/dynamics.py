@@ -1,0 +1,202 @@
+"""One dynamic scene over solvers, elements, integrators, meshes and steps, a reference for each element."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from anctmm.discretise.discretisation import ELEMENTS
+from anctmm.model.scene import Scene
+from anctmm.results.solution import Solution
+from studies.engine.runner import (
+    Case,
+    Mesh,
+    Outcome,
+    Reference,
+    Runner,
+    element_of,
+    mesh_label,
+    product,
+    refined_reference,
+    row,
+    rows_frame,
+    sample_rows,
+)
+from studies.engine.study import Options, StudyError
+from studies.engine.tables import Table
+from studies.scenes import BaseScene
+
+REISSNER = (
+    "exudyn-reissner is measured against the shear element's reference: its error contains the difference of two "
+    "models (Reissner's strains against Green's), which no mesh removes."
+)
+
+
+@dataclass(frozen=True)
+class Scheme:
+    """Element, quadrature and integrator, with who runs them, on which meshes and by which steps.
+
+    Parameters
+    ----------
+    element, quadrature, integrator : str
+    solvers : tuple of str
+    meshes : tuple of tuple of int
+    steps : callable
+        Mesh → time steps, s: an explicit scheme's must shrink with the elements.
+    options : tuple of (str, value)
+        Further options of the discretisation. With a `tolerance` the error drives the step, and `steps` is not used.
+    """
+
+    element: str
+    quadrature: str
+    integrator: str
+    solvers: tuple[str, ...]
+    meshes: tuple[Mesh, ...]
+    steps: Callable[[Mesh], tuple[float, ...]]
+    options: tuple[tuple[str, Any], ...] = ()
+
+    def steps_on(self, mesh: Mesh, wanted: tuple[float, ...] | None) -> tuple[float, ...]:
+        """Steps on a mesh, s: those the user wants, or its own; one NaN where a tolerance drives them."""
+        return (float("nan"),) if "tolerance" in dict(self.options) else wanted or self.steps(mesh)
+
+
+@dataclass(frozen=True)
+class Fine:
+    """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order.
+
+    Without a coarser mesh the reference is one of the step alone.
+    """
+
+    solvers: tuple[str, ...]
+    mesh: Mesh
+    coarser_mesh: Mesh | None
+    dt: float
+    coarser_dt: float
+    integrator: str = "zhai"
+    quadrature: str = "full"
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A sweep: its schemes, and the reference of each element.
+
+    A solver that uses an element of its own is measured against that element's reference, where there is one, or else
+    against that of the element asked for.
+    `budget_s`: no further sample is taken of a run once its samples have taken that long; the
+    runner's own limit without it.
+    """
+
+    schemes: tuple[Scheme, ...]
+    references: Mapping[str, Fine]
+    budget_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """What a sweep gave."""
+
+    base: BaseScene
+    outcomes: tuple[Outcome, ...]
+    references: Mapping[str, Reference]
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """A row a run."""
+        return [row(o, self.references[_measured_by(o.case, self.references)]) for o in self.outcomes]
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The rows as a frame, with the number of all elements and the element whose reference they have."""
+        families = [_measured_by(o.case, self.references) for o in self.outcomes]
+        return rows_frame(self.rows, self.outcomes, families)
+
+    def solution(self, **wanted: Any) -> Solution | None:
+        """The whole solution with the smallest step among the cases with these values; None without one."""
+        found = [
+            o for o in self.outcomes
+            if o.solution.status.ok and all(getattr(o.case, k) == v for k, v in wanted.items())
+        ]  # fmt: skip
+        return min(found, key=lambda o: o.case.dt).solution if found else None
+
+    def history(self, **wanted: Any) -> Solution | None:
+        """The whole solution as above, or else the longest that was cut; None where nothing moved."""
+        if whole := self.solution(**wanted):
+            return whole
+        cut = [
+            o.solution for o in self.outcomes
+            if len(o.solution.t) > 1 and all(getattr(o.case, k) == v for k, v in wanted.items())
+        ]  # fmt: skip
+        return max(cut, key=lambda s: float(s.t[-1]), default=None)
+
+
+def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Sweep:
+    """Run a plan, narrowed by the user's options."""
+    cases = cases_of(base, plan, options)
+    elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
+    references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
+    return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
+
+
+def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
+    """All cases of a plan as the user narrowed it.
+
+    A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
+    runs them all.
+
+    Raises
+    ------
+    StudyError
+        If a mesh asked for has neither one number nor one for each body.
+    """
+    for mesh in options.meshes or ():
+        check_mesh(base.scene, mesh)
+    cases = []
+    listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
+    for scheme in plan.schemes:
+        wanted = scheme.solvers if options.solvers is None else options.solvers
+        solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
+        for mesh in options.meshes or scheme.meshes:
+            cases += product(
+                base.scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
+                quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.t_end,
+                output_dt=base.output_dt, options=scheme.options,
+            )  # fmt: skip
+    return cases
+
+
+def check_mesh(scene: Scene, mesh: Mesh) -> None:
+    """Refuse a mesh that fits neither all bodies nor each."""
+    names = [body.name for body in scene.bodies]
+    if len(mesh) not in (1, len(names)):
+        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
+        raise StudyError(
+            f"--elements has {mesh_label(mesh)!r}; scene {scene.name!r} needs {allowed} numbers, "
+            f"for {'/'.join(names)}"
+        )
+
+
+def samples(outcomes: tuple[Outcome, ...]) -> Table:
+    """All raw time samples."""
+    return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
+
+
+def _measured_by(case: Case, references: Mapping[str, Any]) -> str:
+    """Element whose reference a case is measured against."""
+    own = element_of(case.solver, case.element)
+    return own if own in references else case.element
+
+
+def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
+    asked = element if element in ELEMENTS else "shear"  # a solver with an element of its own does not mind
+
+    def case(mesh: Mesh, dt: float) -> Case:
+        return Case(
+            base.scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
+            dt=dt, t_end=base.t_end, output_dt=base.output_dt,
+        )  # fmt: skip
+
+    coarser = [case(fine.mesh, fine.coarser_dt)]
+    if fine.coarser_mesh is not None:
+        coarser.append(case(fine.coarser_mesh, fine.dt))
+    return refined_reference(runner, case(fine.mesh, fine.dt), coarser, base.probes, fine.solvers)

@@ -1,0 +1,73 @@
+"""Where a number comes from: the machine, the versions and the source that made it."""
+
+import hashlib
+import os
+import platform
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from importlib.util import find_spec
+from pathlib import Path
+
+LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica")
+#: Of this package only what takes part in a run: editing a picture must not repeat an hour of runs.
+#: (A scene is part of a run's key by its value.)
+RUN_MODULES = ("engine/runner.py", "engine/timing.py")
+
+
+@cache
+def machine() -> dict[str, str]:
+    """Processor, cores, system and interpreter."""
+    return {
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+    }
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of the libraries that compute; "missing" where one is not installed."""
+    found = {}
+    for name in LIBRARIES:
+        try:
+            found[name] = version(name)
+        except PackageNotFoundError:
+            found[name] = "missing"
+    return found
+
+
+def stamp() -> str:
+    """Machine and versions in one line."""
+    m = machine()
+    parts = [m["processor"], f"{m['cores']} cores", m["system"], f"Python {m['python']}"]
+    return ", ".join(parts + [f"{name} {v}" for name, v in versions().items()])
+
+
+@cache
+def source_hash() -> str:
+    """Hash of the source a run's result depends on."""
+    digest = hashlib.sha256()
+    for package in ("anctmm", "reference"):
+        root = _root(package)
+        for path in sorted(root.rglob("*.py")):
+            digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
+    for name in RUN_MODULES:
+        digest.update((_root("studies") / name).read_bytes())
+    return digest.hexdigest()
+
+
+def _root(package: str) -> Path:
+    spec = find_spec(package)
+    assert spec is not None
+    assert spec.submodule_search_locations is not None
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def _processor() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or "unknown processor"
+    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.processor() or "unknown processor"

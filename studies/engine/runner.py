@@ -1,0 +1,432 @@
+"""From a product of lists to solutions and rows, cached run by run: a sweep goes on where it stopped."""
+
+import hashlib
+import inspect
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, is_dataclass, replace
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import AnctmmError, SolverError
+from anctmm.jit import cache_dir as storage
+from anctmm.model.scene import Probe, Scene
+from anctmm.results.metrics import compare
+from anctmm.results.solution import Cost, Solution, Status, nothing
+from anctmm.solvers import registry
+from anctmm.solvers.registry import Solver, static_of
+from studies.engine import provenance
+from studies.engine.store import Store
+from studies.engine.timing import summarise, undisturbed
+
+STATIC = "static"
+#: Of a run's row.
+COLUMNS = (
+    "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
+    "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "wall_s", "repeats",
+    "status",
+)  # fmt: skip
+Mesh = tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : str
+        Registered name.
+    mesh : tuple of int
+        Elements of each body in the scene's order, or one number for all.
+    element, quadrature, integrator : str
+        As in Discretisation; `integrator` "static" asks for the rest position.
+    dt, t_end, output_dt : float
+        s; of no meaning for statics.
+    options : tuple of (str, value)
+        Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
+        of `dt`, which is then NaN.
+    """
+
+    scene: Scene
+    solver: str
+    mesh: Mesh
+    element: str = "cable"
+    quadrature: str = "full"
+    integrator: str = "generalized-alpha"
+    dt: float = float("nan")
+    t_end: float = 0.0
+    output_dt: float = 0.0
+    options: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def by_body(self) -> int | dict[str, int]:
+        """The mesh as the discretisation wants it."""
+        if len(self.mesh) == 1:
+            return self.mesh[0]
+        names = [body.name for body in self.scene.bodies]
+        if len(names) != len(self.mesh):
+            raise SolverError(
+                f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "
+                f"1 or {len(names)}, for {'/'.join(names)}"
+            )
+        return dict(zip(names, self.mesh, strict=True))
+
+    @property
+    def error_controlled(self) -> bool:
+        """Whether a tolerance drives the step."""
+        return "tolerance" in dict(self.options)
+
+    def run(self) -> Discretisation:
+        """The discretisation of a dynamic case; raises what Discretisation raises."""
+        step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
+        return Discretisation(
+            mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
+            t_end=self.t_end, output_dt=self.output_dt, **step, **dict(self.options),
+        )  # fmt: skip
+
+    def solve(self, solver: Solver) -> Solution:
+        """Run it with a solver already found by name."""
+        if self.integrator != STATIC:
+            return solver(self.scene, self.run())
+        return static_of(self.solver, solver)(
+            self.scene,
+            mesh=self.by_body,
+            element=self.element,
+            quadrature=self.quadrature,
+            **dict(self.options),
+        )
+
+    def warm_up(self, solver: Solver) -> None:
+        """Two steps (or the statics) unmeasured: whatever compiles or loads does it here."""
+        step = self.output_dt if self.error_controlled else self.dt
+        short = replace(self, t_end=2 * step, output_dt=step) if self.integrator != STATIC else self
+        short.solve(solver)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A case, its solution (of the first sample) and the cost of every sample."""
+
+    case: Case
+    solution: Solution
+    costs: tuple[Cost, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What errors are measured against.
+
+    Parameters
+    ----------
+    name : str
+        Solver and settings, or the exact solution.
+    error_of : callable
+        Solution → error.
+    uncertainty : float
+        The reference's own, in the unit of the error.
+    solution : Solution, optional
+    """
+
+    name: str
+    error_of: Callable[[Solution], float]
+    uncertainty: float
+    solution: Solution | None = None
+
+
+def element_of(solver: str, asked: str) -> str:
+    """Name of the element a solver uses for one asked for; that asked for, if the solver is not there."""
+    try:
+        return registry.offer_of(registry.load(solver)).element_of(asked)
+    except AnctmmError:
+        return asked
+
+
+@dataclass
+class Runner:
+    """Runs cases, remembers them, and reports progress.
+
+    Parameters
+    ----------
+    cache : Path or None
+        Directory of finished runs; None: nothing is kept.
+    repeats : int
+        Samples of each run's time.
+    budget_s : float
+        No further sample is taken of a run once its samples have taken that long.
+    resolve : callable
+        Name → solver.
+    on_done : callable
+        Told after each case: (case, number done, number of all).
+    note : callable
+        Told what the user should know, such as a finished run that is not readable.
+    heading : str
+        What the runs are for: stands before them where progress is shown.
+    on_job : callable
+        Told after each job: (label, number done, number of all).
+    """
+
+    cache: Path | None
+    repeats: int = 3
+    budget_s: float = 10.0
+    resolve: Callable[[str], Solver] = registry.solver
+    on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
+    note: Callable[[str], None] = storage.note
+    heading: str = ""
+    on_job: Callable[[str, int, int], None] = lambda label, done, total: None
+    computed: int = 0
+    _warm: set[tuple[Any, ...]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self._store = Store(self.cache, self.note)
+
+    def sweep(self, cases: Iterable[Case], budget_s: float | None = None) -> list[Outcome]:
+        """Run cases; those that differ in the solver only take their samples in turn.
+
+        Parameters
+        ----------
+        cases : iterable of Case
+        budget_s : float, optional
+            In place of the runner's own.
+
+        Returns
+        -------
+        list of Outcome
+            In the order of the cases, sorted so that contestants stand together.
+        """
+        ordered = list(dict.fromkeys(cases))
+        groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
+        outcomes: list[Outcome] = []
+        for group in groups:
+            for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s):
+                outcomes.append(outcome)
+                self.on_done(outcome.case, len(outcomes), len(ordered))
+        place = {case: i for i, case in enumerate(ordered)}
+        return sorted(outcomes, key=lambda o: place[o.case])
+
+    def solve(self, case: Case) -> Outcome:
+        """One case."""
+        return self.sweep([case])[0]
+
+    def remember(self, key: str, compute: Callable[[], Any]) -> Any:
+        """Result of any computation, cached under a key, the source and the versions."""
+        return self._store.remember(_stamped(key), compute)
+
+    def jobs(
+        self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
+    ) -> list[Any]:
+        """Results of computations that are no runs of one case each, every one kept when it is done.
+
+        Parameters
+        ----------
+        jobs : sequence of (str, callable, callable)
+            Label, which tells a job from every other of the same code; what computes it; and what takes its place,
+            unremembered, if that raises an error of the solvers or of linear algebra.
+        code : str
+            Text that tells the code of the jobs from every other.
+        """
+        results = []
+        for done, (label, compute, otherwise) in enumerate(jobs, 1):
+            try:
+                results.append(self.remember(f"{label}|{code}", compute))
+            except (AnctmmError, np.linalg.LinAlgError) as error:
+                results.append(otherwise(error))
+            self.on_job(label, done, len(jobs))
+        return results
+
+    def attempt(self, case: Case) -> Solution:
+        """Run a case now, unremembered; whatever fails is a solution with that status."""
+        return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
+
+    def key(self, case: Case) -> str:
+        """Text that tells a case and the code of its solver from every other."""
+        try:
+            code = origin(self.resolve(case.solver))
+        except Exception as error:  # a solver that cannot be loaded now may be mended later
+            code = f"{type(error).__name__}: {error}"
+        return f"{case_key(case)}|{code}"
+
+    def _contest(self, group: Sequence[Case], budget_s: float) -> Iterator[Outcome]:
+        first = {case: self._sample(case, 0) for case in group}
+        costs = {case: [s.cost] if s.status.ok else [] for case, s in first.items()}
+        for k in range(1, self.repeats):
+            for case in group:
+                if costs[case] and sum(c.wall_s for c in costs[case]) < budget_s:
+                    costs[case].append(self._sample(case, k).cost)
+        for case in group:
+            yield Outcome(case, first[case], tuple(costs[case]))
+
+    def _sample(self, case: Case, k: int) -> Solution:
+        """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
+
+        def solution() -> Solution:
+            solver = self.resolve(case.solver)
+            if not reproducible(case):
+                return self._run(case, solver, k)
+            return self.remember(f"{self.key(case)}|sample {k}", lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
+
+        return guarded(case.solver, case.scene, solution)
+
+    def _run(self, case: Case, solver: Solver, k: int) -> Solution:
+        try:
+            kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator)
+            with undisturbed():
+                if kind not in self._warm:
+                    case.warm_up(solver)
+                    self._warm.add(kind)
+                solution = case.solve(solver)
+            if not isinstance(solution, Solution):
+                raise SolverError(f"solver {case.solver!r} answered {solution!r}; a Solution is needed")
+        except AnctmmError as error:
+            return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
+        self.computed += 1
+        # Only the first sample's history is wanted; of the others the cost.
+        return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
+
+
+def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
+    """What `solve` returns; whatever it raises becomes a solution with that status."""
+    try:
+        return solve()
+    except AnctmmError as error:
+        return nothing(solver, scene, None, Status("refused", _one_line(error)))
+    except Exception as error:  # one broken solver must not end a sweep
+        reason = f"{type(error).__name__}: {_one_line(error)}"
+        return nothing(solver, scene, None, Status("failed", reason))
+
+
+def product(
+    scene: Scene,
+    solvers: Iterable[str],
+    meshes: Iterable[Mesh],
+    steps: Iterable[float] = (float("nan"),),
+    **common: Any,
+) -> list[Case]:
+    """Cases of solver × mesh × step, the rest in common."""
+    steps, solvers = tuple(steps), tuple(solvers)
+    return [Case(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
+
+
+def refined_reference(
+    runner: Runner, fine: Case, coarser: Sequence[Case], probes: Sequence[Probe], solvers: Sequence[str]
+) -> Reference:
+    """The finest run of the first of several solvers that can do it.
+
+    Parameters
+    ----------
+    runner : Runner
+        Runs them.
+    fine : Case
+        Its `solver` does not matter.
+    coarser : sequence of Case
+        The same with a coarser mesh, and with a coarser step: the reference's uncertainty is the sum of its
+        differences to them.
+    probes : sequence
+        Where to compare.
+    solvers : sequence of str
+        Names in the order of preference.
+    """
+    reason = "no solver given"
+    for name in solvers:
+        best, *others = (runner.solve(replace(c, solver=name)).solution for c in (fine, *coarser))
+        bad = [s.status for s in (best, *others) if not s.status.ok]
+        if bad:
+            reason = f"{name} {bad[0]}"
+            continue
+        uncertainty = sum(compare(other, best, probes).error for other in others)
+        label = f"{name} {fine.integrator} {mesh_label(fine.mesh)} dt={fine.dt:g}"
+        return Reference(label, lambda s, best=best: compare(s, best, probes).error, uncertainty, best)  # type: ignore[misc]
+    return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))
+
+
+def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
+    """The tidy row of a run. A run cut short has no error."""
+    case, solution, timing = outcome.case, outcome.solution, summarise(outcome.costs)
+    return {
+        "scene": case.scene.name,
+        "solver": case.solver,
+        "element": element_of(case.solver, case.element),
+        "quadrature": case.quadrature if case.element == "cable" else "-",
+        "integrator": case.integrator,
+        "elements": mesh_label(case.mesh),
+        "dofs": solution.dofs,
+        "dt": case.dt,
+        "t_end": case.t_end if case.integrator != STATIC else float("nan"),
+        "steps": solution.cost.steps,
+        "newton_iterations": solution.cost.newton_iterations,
+        "error": reference.error_of(solution) if solution.status.ok else float("nan"),
+        "reference_error": reference.uncertainty,
+        "reference": reference.name,
+        "cpu_s": timing.cpu_s,
+        "cpu_spread": timing.cpu_spread,
+        "wall_s": timing.wall_s,
+        "repeats": timing.repeats,
+        "status": str(solution.status),
+    }
+
+
+def rows_frame(
+    rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome], families: Sequence[str]
+) -> pd.DataFrame:
+    """Rows as a frame, with the number of all elements and the element whose reference they have."""
+    return pd.DataFrame(rows, columns=list(COLUMNS)).assign(
+        all_elements=[sum(o.case.mesh) for o in outcomes],
+        family=list(families),
+    )
+
+
+def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
+    """The raw time samples of a run."""
+    case = outcome.case
+    names = ("solver", "element", "quadrature", "integrator")
+    about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
+    about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
+    return [{**about, "sample": k, "cpu_s": c.cpu_s, "wall_s": c.wall_s} for k, c in enumerate(outcome.costs)]
+
+
+def mesh_label(mesh: Mesh) -> str:
+    """2/8/2 of (2, 8, 2)."""
+    return "/".join(map(str, mesh))
+
+
+def case_key(case: Case) -> str:
+    """Text that tells a case from every other, with every digit of every number."""
+    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
+        return repr(case)
+
+
+def reproducible(value: Any) -> bool:
+    """Whether a value is told by its text: data only, no plain function, whose text is an address."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return all(reproducible(getattr(value, f.name)) for f in fields(value) if f.repr)
+    if isinstance(value, Mapping):
+        return all(map(reproducible, value.values()))
+    if isinstance(value, tuple | list | set | frozenset):
+        return all(map(reproducible, value))
+    return value is None or isinstance(value, str | bytes | int | float | complex | np.generic | np.ndarray)
+
+
+def origin(solver: Solver) -> str:
+    """Name of a solver with a hash of its module, which may be another package's."""
+    path = inspect.getsourcefile(inspect.unwrap(solver))
+    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if path and Path(path).exists() else ""
+    return f"{solver.__module__}.{getattr(solver, '__qualname__', '?')} {digest}"
+
+
+def _stamped(key: str) -> str:
+    return f"{key}|{provenance.source_hash()}|{provenance.stamp()}"
+
+
+def _contest(case: Case) -> str:
+    """What the cases of one contest share: everything but the solver."""
+    return case_key(replace(case, solver=""))
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

@@ -1,0 +1,132 @@
+"""Finished runs on disk: a file each, whole or not there, written by one process at a time."""
+
+import hashlib
+import pickle
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from anctmm.errors import OutputError
+from anctmm.jit import cache_dir as storage
+from studies.engine.files import atomic_write
+
+MAGIC = b"anctmm run 1\n"
+
+
+class Unreadable(Exception):
+    """A file is no whole entry."""
+
+
+@dataclass
+class Store:
+    """Results of computations by their keys.
+
+    A process that is killed leaves whole entries only, and its lock dies with it. Two processes that want one
+    result compute it once: the second waits for the first.
+
+    Parameters
+    ----------
+    directory : Path or None
+        Where entries lie; None: nothing is kept.
+    note : callable
+        Told what a user should know: an entry that is not readable, a disk that is full.
+    """
+
+    directory: Path | None
+    note: Callable[[str], None] = storage.note
+    _said: set[str] = field(default_factory=set)
+
+    def remember(self, key: str, compute: Callable[[], Any]) -> Any:
+        """The result kept under a key, or else the computed one, which is then kept.
+
+        Parameters
+        ----------
+        key : str
+            Tells this computation from every other.
+        compute : callable
+            What it raises is passed on, and nothing is kept.
+        """
+        if self.directory is None:
+            return compute()
+        path = self.directory / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
+        try:
+            return self._read(path)
+        except (OSError, Unreadable):
+            pass  # told below, under the lock: another process may be at it
+        with self._locked(path):
+            try:
+                return self._read(path)
+            except FileNotFoundError:
+                pass
+            except (OSError, Unreadable) as error:
+                self.note(f"finished run {path} is not readable ({error}); it is computed again")
+            result = compute()
+            self._write(path, result)
+            return result
+
+    @staticmethod
+    def _read(path: Path) -> Any:
+        content = path.read_bytes()
+        digest, data = content[len(MAGIC) : len(MAGIC) + 32], content[len(MAGIC) + 32 :]
+        if not content.startswith(MAGIC) or hashlib.sha256(data).digest() != digest:
+            raise Unreadable("truncated or of another make")
+        try:
+            return pickle.loads(data)
+        except Exception as error:  # whole, but of a class that is no more
+            raise Unreadable(f"{type(error).__name__}: {error}") from error
+
+    def _write(self, path: Path, result: Any) -> None:
+        try:
+            data = pickle.dumps(result)
+        except (
+            Exception
+        ) as error:  # pickling runs code of what it pickles: whatever it raises, the result stands
+            self._once(
+                "result",
+                f"a result cannot be kept ({type(error).__name__}: {error}); it is computed each time",
+            )
+            return
+        try:
+            atomic_write(path, MAGIC + hashlib.sha256(data).digest() + data)
+        except OutputError as error:
+            self._once("room", f"finished runs cannot be kept: {error}; the sweep goes on without")
+
+    @contextmanager
+    def _locked(self, path: Path) -> Iterator[None]:
+        """Hold a result's lock; where none can be had, two processes may compute it, each for itself."""
+        lock = FileLock(path.with_suffix(".lock"))
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            try:
+                lock.acquire(timeout=0)
+            except Timeout:
+                self._once(
+                    "wait", "another session is at a run wanted here, too; this one waits for its result"
+                )
+                lock.acquire()
+        except (OSError, NotImplementedError) as error:
+            self._once(
+                "lock",
+                f"finished runs cannot be locked in {path.parent} ({error}); two sessions may repeat runs",
+            )
+            yield
+            return
+        try:
+            for orphan in path.parent.glob(f".{path.name}.*"):  # of a process killed while it wrote
+                orphan.unlink(missing_ok=True)
+            yield
+            # whoever waits for this very file looks for the result first: no lock is needed any more
+            with suppress(OSError):
+                path.with_suffix(".lock").unlink()
+        finally:
+            lock.release()
+
+    def _once(self, about: str, text: str) -> None:
+        """Note what is true of many runs, once."""
+        if about not in self._said:
+            self._said.add(about)
+            self.note(text)

@@ -1,0 +1,122 @@
+"""What every study is asked and answers, and the list of studies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from anctmm.errors import AnctmmError
+from studies.engine.tables import Table, write_machine, write_table
+
+if TYPE_CHECKING:
+    from studies.engine.runner import Mesh, Runner
+    from studies.report.animation import Film
+    from studies.report.plots import Picture
+
+#: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
+STUDIES = {
+    "four-bar": (
+        "studies.four_bar.study",
+        "the paper's crank mechanism: accuracy and cost over meshes and steps",
+    ),
+    "cantilever": (
+        "studies.cantilever.study",
+        "large deflections against exact solutions; a fall under gravity",
+    ),
+    "agreement": (
+        "studies.agreement.study",
+        "every pair of solvers on both scenes: do they compute the same motion",
+    ),
+    "trade": ("studies.trade.study", "which solver, element, mesh and step an error costs least with"),
+    "extremes": (
+        "studies.extremes.study",
+        "what holds at the extremes of length, step, parameters, time and deformation",
+    ),
+    "fidelity": ("studies.fidelity.study", "which body may be a cable or rigid, and what that saves"),
+}
+
+
+class StudyError(AnctmmError, ValueError):
+    """A study or one of its options is unknown."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the user may narrow; None means the study's own choice.
+
+    Parameters
+    ----------
+    quick : bool
+        The smallest sweep that still shows the study's point.
+    meshes : tuple of tuple of int, optional
+    steps : tuple of float, optional
+        s.
+    solvers : tuple of str, optional
+        Registered names.
+    """
+
+    quick: bool = False
+    meshes: "tuple[Mesh, ...] | None" = None
+    steps: tuple[float, ...] | None = None
+    solvers: tuple[str, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Result:
+    """A study's answer.
+
+    Parameters
+    ----------
+    name, title, question : str
+    findings : tuple of str
+        Sentences with numbers taken from the tables.
+    assumptions : tuple of str
+    tables : tuple of Table
+    pictures : tuple of Picture
+    films : tuple of Film
+        Motions to be played on the page.
+    answers : tuple of str
+        The findings that the page begins with: one or two sentences.
+    """
+
+    name: str
+    title: str
+    question: str
+    findings: tuple[str, ...]
+    assumptions: tuple[str, ...]
+    tables: tuple[Table, ...]
+    pictures: "tuple[Picture, ...]" = field(default=())
+    films: "tuple[Film, ...]" = ()
+    answers: tuple[str, ...] = ()
+
+    def table(self, name: str) -> Table:
+        """The table of a name."""
+        return next(t for t in self.tables if t.name == name)
+
+
+def find(name: str) -> "Callable[[Options, Runner], Result]":
+    """The `run` of a study.
+
+    Raises
+    ------
+    StudyError
+        If there is no such study.
+    """
+    if name not in STUDIES:
+        raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
+    return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]
+
+
+def write(result: Result, out: Path) -> Path:
+    """Write a result's tables and pictures to `<out>/<study>/` and return that directory."""
+    from studies.report.plots import write_picture
+
+    folder = out / result.name
+    folder.mkdir(parents=True, exist_ok=True)
+    for table in result.tables:
+        write_table(table, folder)
+    for picture in result.pictures:
+        write_picture(picture, folder)
+    write_machine(folder)
+    return folder

@@ -1,0 +1,78 @@
+"""Measuring fairly: one thread, no garbage collection, after a warm-up, alternating, raw samples kept."""
+
+import gc
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from anctmm.results.solution import Cost, Solution
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Summary of repeated measurements.
+
+    Parameters
+    ----------
+    cpu_s, wall_s : float
+        Medians, s.
+    cpu_spread : float
+        (largest − smallest) / median of the CPU time; NaN for one sample.
+    repeats : int
+    """
+
+    cpu_s: float
+    wall_s: float
+    cpu_spread: float
+    repeats: int
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """One thread in every numerical library, and no garbage collection."""
+    was_on = gc.isenabled()
+    gc.disable()  # without a collection first: behind a compiler's garbage it takes a third of a second
+    try:
+        with threadpool_limits(limits=1):
+            yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+def summarise(costs: Sequence[Cost]) -> Timing:
+    """Median and spread of the samples of one run."""
+    cpu = np.array([c.cpu_s for c in costs])
+    if not cpu.size:
+        return Timing(np.nan, np.nan, np.nan, 0)
+    median = float(np.median(cpu))
+    spread = float((cpu.max() - cpu.min()) / median) if cpu.size > 1 and median > 0.0 else float("nan")
+    return Timing(median, float(np.median([c.wall_s for c in costs])), spread, len(cpu))
+
+
+def alternate(calls: Mapping[str, Callable[[], Solution]], repeats: int) -> dict[str, list[Solution]]:
+    """Run several contestants in turn, after one unmeasured round, so that they share the machine's moods.
+
+    Parameters
+    ----------
+    calls : mapping of name to callable
+        Each runs one solver.
+    repeats : int
+        Measured rounds.
+
+    Returns
+    -------
+    dict of name to list of Solution
+        One for each round; times are in their `cost`.
+    """
+    rounds: dict[str, list[Solution]] = {name: [] for name in calls}
+    with undisturbed():
+        for k in range(repeats + 1):
+            for name, call in calls.items():
+                solution = call()
+                if k > 0:
+                    rounds[name].append(solution)
+    return rounds

@@ -1,0 +1,1 @@
+"""What holds at the extremes of length, step, parameters, time and deformation?"""

@@ -1,0 +1,43 @@
+"""What holds at the extremes: of length, step, parameters, time and deformation, each beside its theory."""
+
+from collections.abc import Callable
+
+from studies.engine.runner import Runner
+from studies.engine.study import Options, Result
+from studies.extremes.damping import damping
+from studies.extremes.deformation import deformation
+from studies.extremes.length import length
+from studies.extremes.parameters import parameters
+from studies.extremes.parts import Part
+from studies.extremes.places import places
+from studies.extremes.plane import plane
+from studies.extremes.step import step
+from studies.extremes.time import time
+
+#: Each answers (quick, runner) with its tables, pictures and sentences.
+PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
+    length,
+    step,
+    plane,
+    damping,
+    parameters,
+    places,
+    time,
+    deformation,
+)
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study; meshes, steps and solvers are its own."""
+    parts = [part(options.quick, runner) for part in PARTS]
+    learned = tuple(sentence for part in parts for sentence in part.learned)
+    return Result(
+        name="extremes",
+        title="Extremes",
+        question="How long, stiff, slender, small, far away, bent and lasting may a scene be before digits are lost?",
+        findings=learned,
+        assumptions=(),
+        tables=tuple(table for part in parts for table in part.tables),
+        pictures=tuple(shown for part in parts for shown in part.pictures),
+        answers=learned[:1],
+    )

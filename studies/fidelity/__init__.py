@@ -1,0 +1,1 @@
+"""Which body may be a cable or rigid, and what does that save?"""

@@ -1,0 +1,1 @@
+"""Do scenes still move as their stored histories say?"""

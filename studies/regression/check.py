@@ -1,0 +1,373 @@
+"""Do the solvers still move as they did? Histories against stored ones: the heart of `anctmm check`.
+
+Every run is compared with its own stored history (like with like), and a peer that solves the same discrete
+equations also with what ANC-TMM has stored, within both their tolerances.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from fnmatch import fnmatch
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from anctmm.errors import PluginError
+from anctmm.results.solution import Status
+from anctmm.solvers import registry
+from studies.engine.files import check_writable
+from studies.engine.provenance import stamp
+from studies.regression.history import Baseline, Column, History, is_ours, read_baseline, write_baseline
+from studies.regression.scenes import CheckError, Static, Task, Watch
+from studies.regression.tolerance import simulate, tolerances_of
+
+__all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "select", "update"]
+
+#: Stored histories of the base scenes: package data, so that an installed package has them, too.
+BASELINES = Path(__file__).parent / "baselines"
+OURS = "anctmm"
+#: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable, stepped implicitly or at rest (its
+#: explicit clamps are large inertias).
+SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable")
+#: Growth of the number of Newton corrections that is told. Turning a scene changes it by up to a third (statics) or a
+#: fiftieth (dynamics), a wrong tangent doubles it.
+MORE_WORK = 0.5
+
+SAME, DIFFERS, SETTINGS, MISSING, UNREADABLE, FAILED, NOT_RUN, UNASKED = (
+    "same", "differs", "other settings", "no baseline", "unreadable", "failed", "not run", "unasked",
+)  # fmt: skip
+NEW, RENEWED, UNCHANGED = "new", "renewed", "unchanged"
+GOOD = {SAME, NOT_RUN, NEW, RENEWED, UNCHANGED}
+
+
+@dataclass(frozen=True)
+class Worst:
+    """Where two histories are farthest apart, in units of the tolerance."""
+
+    column: Column
+    time: float
+    difference: float
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of one comparison.
+
+    Parameters
+    ----------
+    name : str
+        scene/run/solver.
+    verdict : str
+    reason : str
+        Whatever the numbers do not say.
+    against : str
+        Whose stored history it was compared with.
+    worst : Worst, optional
+    computed, stored : optional
+        What was compared.
+    wall_s : float
+        Of the run.
+    """
+
+    name: str
+    verdict: str
+    reason: str = ""
+    against: str = ""
+    worst: Worst | None = None
+    computed: History | None = None
+    stored: Baseline | None = None
+    wall_s: float = 0.0
+
+    @property
+    def scene(self) -> str:
+        """Name of the scene."""
+        return self.name.split("/")[0]
+
+    @property
+    def run(self) -> str:
+        """Name of the run."""
+        return self.name.split("/")[1]
+
+    @property
+    def solver(self) -> str:
+        """Name of the solver."""
+        return self.name.split("/")[2]
+
+    @property
+    def good(self) -> bool:
+        """Whether it lets a check pass."""
+        return self.verdict in GOOD
+
+
+@dataclass(frozen=True)
+class Done:
+    """A task that was run: how it ended, and its history if it is whole."""
+
+    task: Task
+    status: Status
+    history: History | None
+    wall_s: float
+
+
+def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -> tuple[Task, ...]:
+    """Tasks whose name has one of the texts (or fits one of the patterns), of these solvers.
+
+    A solver that no task has (another package's) gets every run.
+
+    Raises
+    ------
+    CheckError
+        If a solver is neither asked for nor installed, or nothing is left.
+    """
+    asked = {task.solver for task in tasks}
+    for solver in solvers:
+        if solver not in asked and solver not in registry.names():
+            known = sorted(asked | set(registry.names()))
+            raise CheckError(f"--solver has {solver!r}; allowed are {', '.join(known)}")
+        if solver not in asked:
+            runs = {(task.scene.name, task.run_name): task for task in tasks}
+            tasks = (*tasks, *(replace(task, solver=solver) for task in runs.values()))
+    chosen = [
+        task
+        for task in tasks
+        if (not solvers or task.solver in solvers)
+        and (not only or any(o in task.name or fnmatch(task.name, o) for o in only))
+    ]
+    if not chosen:
+        names = ", ".join(dict.fromkeys(f"{t.scene.name}/{t.run_name}" for t in tasks))
+        raise CheckError(
+            f"--only {','.join(only)!r} with --solver {','.join(solvers) or 'any'!r} leaves nothing; "
+            f"allowed are parts or patterns of {names}"
+        )
+    return tuple(chosen)
+
+
+def check(tasks: Sequence[Task], baselines: Path, whole: bool = False) -> Iterator[tuple[Finding, ...]]:
+    """Run tasks and compare, one after another.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    baselines : Path
+        Directory of the stored histories.
+    whole : bool
+        Whether these are all tasks there are: then a stored history that none of them asks for is a finding.
+
+    Yields
+    ------
+    tuple of Finding
+        Of each task, and at last of what nobody asked for.
+
+    Raises
+    ------
+    CheckError
+        At once, if there is no such directory.
+    """
+    if not baselines.is_dir():
+        raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
+    for task in tasks:
+        done = _done(task)
+        found = [_own(done, baselines), *_like(done, baselines)]
+        yield tuple(replace(f, wall_s=done.wall_s) for f in found)
+    if whole:
+        yield _unasked(tasks, baselines)
+
+
+def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ...]]:
+    """Run tasks and store what is new or differs; a history within its tolerance is left as it is.
+
+    Yields
+    ------
+    tuple of Finding
+        Of each task: what changed and by how much. A run that is not whole is not stored.
+
+    Raises
+    ------
+    OutputError
+        At once, if the directory cannot be written.
+    """
+    check_writable(baselines, "--baselines")
+    for task in tasks:
+        done = _done(task)
+        yield (replace(_renewed(done, baselines), wall_s=done.wall_s),)
+
+
+def passed(findings: Sequence[Finding]) -> bool:
+    """Whether all is well, and anything was compared at all."""
+    return all(f.good for f in findings) and any(f.verdict != NOT_RUN for f in findings)
+
+
+def _done(task: Task) -> Done:
+    """Run a task; an answer that cannot be read is a failure of that solver, not of the check."""
+    begun = perf_counter()
+    solution = simulate(task)
+    status, history = solution.status, None
+    if status.ok:
+        try:
+            history = History.of(solution, task)
+        except Exception as error:
+            reason = f"its answer cannot be read: {type(error).__name__}: {error}"
+            status = Status("failed", reason)
+    return Done(task, status, history, perf_counter() - begun)
+
+
+def _own(done: Done, baselines: Path) -> Finding:
+    """A run against its own stored history."""
+    task, path = done.task, done.task.path(baselines)
+    if done.history is None:
+        return _not_whole(task, done.status, path.exists())
+    try:
+        stored = read_baseline(path)
+    except FileNotFoundError:
+        return Finding(task.name, MISSING, f"{path} is not there; --update makes it")
+    except CheckError as error:
+        return Finding(task.name, UNREADABLE, str(error))
+    return _compared(task, done.history, stored, task.solver)
+
+
+def _like(done: Done, baselines: Path) -> Iterator[Finding]:
+    """A peer's run against what ANC-TMM has stored, if both solve the same equations and both are stored."""
+    task = done.task
+    explicit = not isinstance(task.run, Static) and task.run.integrator == "zhai"
+    if task.solver not in SAME_EQUATIONS or (task.solver == "exudyn-cable" and explicit):
+        return
+    if done.history is None:
+        return
+    try:
+        own = read_baseline(task.path(baselines))
+        ours = read_baseline(replace(task, solver=OURS).path(baselines))
+    except (FileNotFoundError, CheckError):
+        return  # told by the row of that history
+    if not task.settings == own.settings == ours.settings:
+        return
+    both = {
+        "displacement": replace(
+            ours.tolerances["displacement"],
+            value=ours.tolerances["displacement"].value + own.tolerances["displacement"].value,
+        )
+    }
+    yield _compared(
+        task,
+        _displacements(done.history),
+        Baseline(ours.settings, both, _displacements(ours.history)),
+        OURS,
+    )
+
+
+def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
+    found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
+    if stored.settings != task.settings:
+        return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
+    if computed.columns != stored.history.columns:
+        labels = ([c.label for c in h.columns] for h in (stored.history, computed))
+        return replace(found, verdict=DIFFERS, reason="stored are {}; now there are {}".format(*labels))
+    times = stored.history.t
+    if computed.t.shape != times.shape or np.abs(computed.t - times).max() > 1e-9 * max(times[-1], 1e-300):
+        told = (f"{len(t)} up to {t[-1]:g}" for t in (times, computed.t))
+        return replace(found, verdict=DIFFERS, reason="stored times are {}; now there are {}".format(*told))
+    worst = _worst(computed, stored)
+    if not worst.difference <= worst.tolerance:
+        return replace(found, verdict=DIFFERS, worst=worst)
+    before, now = stored.history.corrections, computed.corrections
+    if against == task.solver and now > (1.0 + MORE_WORK) * before:
+        reason = f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
+        return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
+    return replace(found, worst=worst)
+
+
+def _worst(computed: History, stored: Baseline) -> Worst:
+    """The sample farthest off in units of its tolerance; what is no number is farther than all others."""
+    difference = np.abs(computed.values - stored.history.values)
+    tolerance = np.array([stored.tolerances[c.quantity].value for c in computed.columns])
+    parts = np.nan_to_num(difference / tolerance, nan=np.inf)
+    i, k = np.unravel_index(int(parts.argmax()), parts.shape)
+    return Worst(computed.columns[k], float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
+
+
+def _renewed(done: Done, baselines: Path) -> Finding:
+    """Store a run's history if it is new or differs."""
+    task, computed, path = done.task, done.history, done.task.path(baselines)
+    if computed is None:
+        bad = _not_whole(task, done.status, path.exists())
+        return replace(bad, reason=f"{bad.reason} (what was stored is kept)") if path.exists() else bad
+    if path.exists() and not is_ours(path):
+        reason = f"{path} is no history stored by anctmm check and is not overwritten; move it away"
+        return Finding(task.name, UNREADABLE, reason)
+    before = _own(done, baselines)
+    if before.verdict == SAME:
+        return replace(before, verdict=UNCHANGED)
+    if not np.isfinite(computed.values).all():
+        return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
+    try:
+        stored = Baseline(task.settings, tolerances_of(task, computed), computed)
+    except CheckError as error:
+        return Finding(task.name, FAILED, str(error))
+    write_baseline(path, task, stored, stamp())
+    if before.verdict == MISSING:
+        return Finding(task.name, NEW, computed=computed)
+    worst = before.worst or _change(computed, before.stored)
+    return replace(before, verdict=RENEWED, worst=worst, reason=before.reason or _tolerances(before, stored))
+
+
+def _change(computed: History, before: Baseline | None) -> Worst | None:
+    """How far a history with other settings lies from the old one, where they can be compared at all."""
+    if before is None or before.history.values.shape != computed.values.shape:
+        return None
+    return _worst(computed, before) if before.history.columns == computed.columns else None
+
+
+def _tolerances(before: Finding, stored: Baseline) -> str:
+    """What became of the tolerances."""
+    old = {} if before.stored is None else before.stored.tolerances
+    changed = [
+        f"{name} {old[name].value:.1e} → {new.value:.1e}"
+        for name, new in stored.tolerances.items()
+        if name in old and not 0.5 < new.value / old[name].value < 2.0
+    ]
+    return f"tolerance of {', '.join(changed)}" if changed else ""
+
+
+def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
+    """A finding for a run that did not end well."""
+    absent = _absent(task.solver)
+    if absent is not None or "not installed" in status.message:
+        return Finding(task.name, NOT_RUN, absent or str(status))
+    # What was stored could be run once: that the solver now says it cannot is a change.
+    unable = status.code == "unsupported" and not stored
+    return Finding(task.name, NOT_RUN if unable else FAILED, str(status))
+
+
+def _absent(solver: str) -> str | None:
+    """Why a solver is not here; None if it is."""
+    if solver not in registry.names():
+        return f"solver {solver!r} is not installed; installed are {', '.join(registry.names())}"
+    try:
+        registry.solver(solver)
+    except PluginError as error:
+        return str(error)
+    return None
+
+
+def _unasked(tasks: Sequence[Task], baselines: Path) -> tuple[Finding, ...]:
+    """Stored histories that no task asks for: a net with a hole in it."""
+    asked = {task.path(baselines) for task in tasks}
+    found = []
+    for path in sorted(baselines.glob("*/*/*.csv")):
+        if path not in asked and is_ours(path):
+            name = path.relative_to(baselines).with_suffix("").as_posix()
+            found.append(Finding(name, UNASKED, f"no run asks for {path}; delete it, or ask for it"))
+    return tuple(found)
+
+
+def _displacements(history: History) -> History:
+    keep = [c.quantity == "displacement" for c in history.columns]
+    columns = tuple(c for c, kept in zip(history.columns, keep, strict=True) if kept)
+    return replace(history, columns=columns, values=history.values[:, keep])
+
+
+def _changes(before: str, now: str) -> str:
+    """Settings that are not what they were."""
+    old, new = before.split(", "), now.split(", ")
+    gone, come = [o for o in old if o not in new], [n for n in new if n not in old]
+    return f"stored with {', '.join(gone) or 'fewer settings'}; now {', '.join(come) or 'fewer'}"

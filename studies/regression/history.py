@@ -1,0 +1,221 @@
+"""Stored histories: small CSV files with a head that tells what they are, readable in a diff."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import ceil, log10
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.results.metrics import common_times
+from anctmm.results.solution import Solution
+from studies.engine.tables import atomic_write
+from studies.regression.scenes import CheckError, Static, Task
+
+Array = NDArray[np.float64]
+
+FIRST, LAST = "# anctmm history 1", "# end"
+#: Of the quantities, each with one tolerance.
+UNITS = {
+    "displacement": "m",
+    "kinetic energy": "J",
+    "strain energy": "J",
+    "potential energy": "J",
+    "work": "J",
+}
+#: Digits kept below the tolerance.
+SPARE_DIGITS = 2
+
+
+@dataclass(frozen=True)
+class Column:
+    """One quantity at one place."""
+
+    quantity: str
+    where: str = ""
+
+    @property
+    def label(self) -> str:
+        """Head of the column, with its unit."""
+        return f"{self.quantity} {self.where}".strip() + f" ({UNITS[self.quantity]})"
+
+
+@dataclass(frozen=True)
+class History:
+    """Few samples of few quantities.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        s, or the load factor.
+    axis : str
+        Which of the two, with its unit.
+    columns : tuple of Column
+    values : ndarray, shape (n, columns)
+    corrections : int
+        Newton corrections of the whole run: a wrong tangent leaves the history as it is, but takes more of them.
+    """
+
+    t: Array
+    axis: str
+    columns: tuple[Column, ...]
+    values: Array
+    corrections: int = 0
+
+    @classmethod
+    def of(cls, solution: Solution, task: Task) -> "History":
+        """Displacements of the probes, and the energies that the solver gives, at the times wanted.
+
+        A solver may take more samples (smaller load steps), or have fewer (a run cut short). An energy that is zero
+        throughout (kinetic in statics) or that the solver does not give is left out.
+        """
+        mine, _ = common_times(solution.t, task.times)
+        columns, values = [], []
+        for probe in task.probes:
+            body, fraction = solution.scene.probe(probe)
+            u = solution.displacement(probe)
+            for direction, series in zip("xy", u.T, strict=True):
+                columns.append(Column("displacement", f"{body} at {fraction:g} {direction}"))
+                values.append(series)
+        for name, series in vars(solution.energy).items():
+            if np.any(series != 0.0) and np.isfinite(series).all():
+                columns.append(Column("work" if name == "work" else f"{name} energy"))
+                values.append(series)
+        axis = "load factor" if isinstance(task.run, Static) else "t (s)"
+        table = np.column_stack(values)[mine]
+        return cls(solution.t[mine], axis, tuple(columns), table, solution.cost.newton_iterations)
+
+    def of_quantity(self, quantity: str) -> Array:
+        """The columns of a quantity, (n, m)."""
+        return self.values[:, [c.quantity == quantity for c in self.columns]]
+
+    @property
+    def quantities(self) -> list[str]:
+        """Those it has, in order."""
+        return list(dict.fromkeys(c.quantity for c in self.columns))
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """How far a quantity may lie from what is stored, and why."""
+
+    value: float
+    reason: str
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """A stored history with the settings it belongs to and its tolerance of each quantity."""
+
+    settings: str
+    tolerances: Mapping[str, Tolerance]
+    history: History
+
+
+def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
+    """Write a baseline, whole or not at all."""
+    history = stored.history
+    decimals = [_decimals(stored.tolerances[c.quantity].value) for c in history.columns]
+    lines = [
+        FIRST,
+        f"# scene: {task.scene.name}",
+        *(f"# physics: {part}" for part in _physics(task)),
+        f"# run: {task.run_name}",
+        f"# solver: {task.solver}",
+        f"# settings: {stored.settings}",
+        f"# made by (shown, not compared): {made_by}",
+        *(
+            f"# tolerance of {name}: {t.value:.1e} {UNITS[name]}, {t.reason}"
+            for name, t in stored.tolerances.items()
+        ),
+        f"# Newton corrections: {history.corrections}",
+        f"# rows: {len(history.t)}",
+        ",".join([history.axis, *(c.label for c in history.columns)]),
+    ]
+    for t, row in zip(history.t, history.values, strict=True):
+        lines.append(",".join([f"{t:.9g}", *(f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True))]))
+    atomic_write(path, "\n".join([*lines, LAST, ""]))
+
+
+def read_baseline(path: Path) -> Baseline:
+    """Read a baseline.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is none.
+    CheckError
+        If the file is none of ours, or not whole, naming the line.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8").split("\n")
+    except FileNotFoundError:
+        raise
+    except UnicodeDecodeError:
+        lines = [""]
+    except OSError as error:
+        raise CheckError(f"{path} cannot be read: {error.strerror}; a file is needed") from None
+    if lines[0] != FIRST:
+        raise CheckError(f"{path} does not begin with {FIRST!r}: it is no history stored by anctmm check")
+    head = [line for line in lines if line.startswith("# ")]
+    body = [line.split(",") for line in lines[1:] if line and not line.startswith("#")]
+    rows = _after(head, "# rows: ")
+    if lines[-2:] != [LAST, ""] or rows != str(len(body) - 1):
+        raise CheckError(
+            f"{path} is cut short or edited: {len(body) - 1} rows and {lines[-2] if len(lines) > 1 else ''!r} at "
+            f"its end; {rows or 'a number of'} rows and {LAST!r} are needed; renew it with --update"
+        )
+    try:
+        table = np.array(body[1:], dtype=float)
+        columns = tuple(map(_column, body[0][1:]))
+        corrections = int(_after(head, "# Newton corrections: "))
+        tolerances = dict(_tolerance(line) for line in head if line.startswith("# tolerance of "))
+        if table.shape[1] != len(columns) + 1 or {c.quantity for c in columns} - set(tolerances):
+            raise ValueError("a column or a tolerance is missing")
+    except (ValueError, KeyError, IndexError) as error:
+        raise CheckError(f"{path} cannot be read: {error}; renew it with --update") from None
+    settings = _after(head, "# settings: ")
+    history = History(table[:, 0], body[0][0], columns, table[:, 1:], corrections)
+    return Baseline(settings, tolerances, history)
+
+
+def is_ours(path: Path) -> bool:
+    """Whether a file was written by `write_baseline`, whole or not."""
+    try:
+        with path.open("rb") as file:
+            return file.read(len(FIRST)) == FIRST.encode()
+    except OSError:
+        return False
+
+
+def _physics(task: Task) -> list[str]:
+    """The scene in words; functions by their names, whose addresses say nothing."""
+    scene = task.scene
+    parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads)), f"gravity {scene.gravity}"]
+    return [re.sub(r" at 0x[0-9a-f]+", "", " ".join(part.split())) for part in parts]
+
+
+def _decimals(tolerance: float) -> int:
+    return max(0, ceil(-log10(tolerance))) + SPARE_DIGITS
+
+
+def _after(head: Sequence[str], start: str) -> str:
+    return next((line.removeprefix(start) for line in head if line.startswith(start)), "")
+
+
+def _column(label: str) -> Column:
+    quantity = next((q for q in UNITS if label.startswith(q)), "work")
+    where = label.removeprefix(quantity).removesuffix(f"({UNITS[quantity]})").strip()
+    if Column(quantity, where).label != label:
+        raise ValueError(f"column {label!r} is unknown")
+    return Column(quantity, where)
+
+
+def _tolerance(line: str) -> tuple[str, Tolerance]:
+    name, _, rest = line.removeprefix("# tolerance of ").partition(": ")
+    value, _, reason = rest.partition(f" {UNITS[name]}, ")
+    if not 0.0 < float(value) < float("inf"):
+        raise ValueError(f"tolerance of {name} is {value}")
+    return name, Tolerance(float(value), reason)

@@ -1,0 +1,300 @@
+"""Which histories `anctmm check` watches: those of the base scenes, or those a user's file declares."""
+
+import re
+import runpy
+import sys
+from collections.abc import Mapping
+from dataclasses import MISSING, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import AnctmmError
+from anctmm.model.scene import Probe, Scene
+from studies import scenes
+from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
+
+#: What a user's file must define.
+DECLARED = "WATCHED"
+#: Names of scenes, runs and solvers become names of directories and files.
+PLAIN = re.compile(r"\w[\w.+-]*")
+#: Always told of a run; of what else it sets, only what is not a default.
+ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
+
+
+class CheckError(AnctmmError, ValueError):
+    """What is to be checked, or against what, cannot be told."""
+
+
+@dataclass(frozen=True)
+class Static:
+    """A rest position as a history over the load factor.
+
+    Parameters
+    ----------
+    mesh, element, quadrature, newton_tolerance
+        As in Discretisation.
+    load_steps : int
+        Equal parts of the load; a sample after each.
+    """
+
+    mesh: Any
+    element: Any = "cable"
+    quadrature: str = "full"
+    newton_tolerance: float = 1e-12
+    load_steps: int = 4
+
+    @property
+    def discretisation(self) -> Discretisation:
+        """What a static solver wants to know; raises what Discretisation raises."""
+        return Discretisation(
+            mesh=self.mesh,
+            element=self.element,
+            quadrature=self.quadrature,
+            newton_tolerance=self.newton_tolerance,
+        )
+
+
+Run = Discretisation | Static
+
+
+@dataclass(frozen=True)
+class Watch:
+    """A scene, how it is run, by whom, and where it is looked at.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its name becomes a directory's.
+    probes : iterable
+        "body.end" or ("body", fraction).
+    runs : mapping of str to Discretisation or Static
+        By a short name, which becomes a directory's. Few output times, so that the stored history can be read.
+    solvers : iterable of str
+        Registered names; one that is not installed becomes a row that says so.
+
+    Raises
+    ------
+    CheckError
+        If something is missing, of another kind, or its name is no file name.
+    UnknownNameError
+        If a probe is not of the scene.
+    """
+
+    scene: Scene
+    probes: tuple[Probe, ...]
+    runs: Mapping[str, Run]
+    solvers: tuple[str, ...] = ("anctmm",)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.scene, Scene):
+            raise CheckError(f"Watch scene is {self.scene!r}; a Scene is needed")
+        _plain("scene name", self.scene.name)
+        for name in ("probes", "solvers"):
+            value = getattr(self, name)
+            if isinstance(value, str) or not (value := tuple(value)):
+                raise CheckError(
+                    f"Watch of {self.scene.name!r} has {name} {value!r}; a list of at least one is needed"
+                )
+            object.__setattr__(self, name, value)
+        for probe in self.probes:
+            self.scene.probe(probe)
+        for solver in self.solvers:
+            _plain("solver", solver)
+        if not isinstance(self.runs, Mapping) or not self.runs:
+            raise CheckError(
+                f"Watch of {self.scene.name!r} has runs {self.runs!r}; "
+                f"a mapping of at least one name to a Discretisation or a Static is needed"
+            )
+        for name, run in self.runs.items():
+            _plain("run name", name)
+            if not isinstance(run, Run):
+                raise CheckError(
+                    f"run {name!r} of {self.scene.name!r} is {run!r}; a Discretisation or a Static is needed"
+                )
+
+
+@dataclass(frozen=True)
+class Task:
+    """One solver's run of one watched scene."""
+
+    scene: Scene
+    probes: tuple[Probe, ...]
+    run_name: str
+    run: Run
+    solver: str
+
+    @property
+    def name(self) -> str:
+        """scene/run/solver: also its place below the baselines."""
+        return f"{self.scene.name}/{self.run_name}/{self.solver}"
+
+    def path(self, baselines: Path) -> Path:
+        """The file of its stored history."""
+        return baselines / f"{self.name}.csv"
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """When samples are wanted: s, or load factors."""
+        run = self.run
+        if isinstance(run, Static):
+            return np.arange(run.load_steps + 1) / run.load_steps
+        return run.times(run.output_steps)
+
+    @property
+    def settings(self) -> str:
+        """The run in words: a history is compared with one of the same settings only."""
+        told = {
+            f.name: getattr(self.run, f.name)
+            for f in fields(self.run)
+            if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(self.run, f.name) != f.default)
+        }
+        return ", ".join(f"{name}={_words(value)}" for name, value in told.items())
+
+
+def tasks_of(watches: tuple[Watch, ...]) -> tuple[Task, ...]:
+    """Every solver of every run of every scene.
+
+    Raises
+    ------
+    CheckError
+        If two would share a file.
+    """
+    tasks = tuple(
+        Task(watch.scene, watch.probes, name, run, solver)
+        for watch in watches
+        for name, run in watch.runs.items()
+        for solver in watch.solvers
+    )
+    names = [task.name for task in tasks]
+    if twice := next((n for n in names if names.count(n) > 1), None):
+        raise CheckError(f"{twice!r} is watched {names.count(twice)} times; once is allowed")
+    return tasks
+
+
+def declared_in(path: Path) -> tuple[Watch, ...]:
+    """What a user's Python file declares as WATCHED; it may import its neighbours.
+
+    Raises
+    ------
+    CheckError
+        If the file is not there, does not run, or declares nothing of that kind.
+    """
+    if not path.is_file():
+        raise CheckError(f"--scenes {path}: no such file; a Python file that defines {DECLARED} is needed")
+    places = list(sys.path)
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        found = runpy.run_path(str(path)).get(DECLARED)
+    except AnctmmError:
+        raise
+    except Exception as error:
+        raise CheckError(f"--scenes {path} does not run: {type(error).__name__}: {error}") from error
+    finally:
+        sys.path[:] = places
+    watches = tuple(found) if isinstance(found, list | tuple) else ()
+    if not watches or not all(isinstance(w, Watch) for w in watches):
+        raise CheckError(
+            f"--scenes {path} defines {DECLARED} = {found!r}; a list of at least one Watch is needed"
+        )
+    return watches
+
+
+# --- the base scenes ---------------------------------------------------------------------------------------
+
+#: Coarse meshes and steps: what is watched is the code, not its accuracy, and it should not take long.
+FOUR_BAR_MESH = {"crank": 2, "coupler": 8, "follower": 2}
+TIGHT = 1e-12
+OURS, ALL = ("anctmm", "global-dae"), ("anctmm", "global-dae", "global-dae-dense")
+
+
+def base_watches() -> tuple[Watch, ...]:
+    """Base scenes × elements × integrators × the solvers that have them."""
+    statics = [scenes.cantilever_tip_force(load) for load in TIP_FORCES]
+    statics.append(scenes.cantilever_end_moment(END_MOMENT))
+    mechanisms = [scenes.four_bar(), scenes.four_bar_moment()]
+    return (
+        *(watch for base in mechanisms for watch in _mechanism(base)),
+        *_fall(scenes.cantilever_fall()),
+        *(watch for base in statics for watch in _rest(base)),
+    )
+
+
+def _mechanism(base: BaseScene) -> tuple[Watch, ...]:
+    """Explicit runs are cut short: the dense solver takes 60 µs a step. Exudyn has no explicit joints."""
+
+    def explicit(element: str) -> Run:
+        return Discretisation(
+            FOUR_BAR_MESH, element=element, integrator="zhai", dt=2.5e-5, t_end=0.6, output_dt=0.05
+        )
+
+    def implicit(element: str) -> Run:
+        return Discretisation(
+            FOUR_BAR_MESH,
+            element=element,
+            dt=5e-3,
+            t_end=base.t_end,
+            output_dt=base.t_end / 12,
+            newton_tolerance=TIGHT,
+        )
+
+    return (
+        Watch(base.scene, base.probes, {f"{e}-zhai": explicit(e) for e in ("cable", "shear")}, ALL),
+        Watch(base.scene, base.probes, {"cable-implicit": implicit("cable")}, (*ALL, "exudyn-cable")),
+        Watch(base.scene, base.probes, {"shear-implicit": implicit("shear")}, (*ALL, "exudyn-reissner")),
+    )
+
+
+def _fall(base: BaseScene) -> tuple[Watch, ...]:
+    """The thin section's thickness mode asks for small steps of explicit shear elements: a shorter run."""
+
+    def explicit(element: str, dt: float, t_end: float) -> Run:
+        return Discretisation(8, element, integrator="zhai", dt=dt, t_end=t_end, output_dt=t_end / 10)
+
+    def implicit(element: str, quadrature: str = "full") -> Run:
+        return Discretisation(
+            8, element, quadrature, dt=2e-3, t_end=1.0, output_dt=0.1, newton_tolerance=TIGHT
+        )
+
+    def watch(runs: dict[str, Run], solvers: tuple[str, ...]) -> Watch:
+        return Watch(base.scene, base.probes, runs, solvers)
+
+    rules = {f"cable-{rule}-implicit": implicit("cable", rule) for rule in ("reduced", "lobatto")}
+    return (
+        watch({"cable-zhai": explicit("cable", 5e-5, 1.0)}, (*ALL, "exudyn-cable")),
+        watch({"shear-zhai": explicit("shear", 2.5e-6, 0.2)}, OURS),
+        watch({"cable-implicit": implicit("cable")}, (*ALL, "exudyn-cable")),
+        watch(rules, (*OURS, "exudyn-cable")),
+        watch({"shear-implicit": implicit("shear")}, (*ALL, "exudyn-reissner")),
+        watch(
+            {
+                "cable-adaptive": Discretisation(
+                    8, tolerance=1e-4, t_end=0.4, output_dt=0.05, newton_tolerance=TIGHT
+                )
+            },
+            ("anctmm",),
+        ),
+    )
+
+
+def _rest(base: BaseScene) -> tuple[Watch, ...]:
+    return (
+        Watch(base.scene, base.probes, {"cable-static": Static(8)}, (*OURS, "exudyn-cable")),
+        Watch(base.scene, base.probes, {"shear-static": Static(8, "shear")}, (*OURS, "exudyn-reissner")),
+    )
+
+
+def _plain(what: str, name: object) -> None:
+    if not isinstance(name, str) or not PLAIN.fullmatch(name):
+        raise CheckError(
+            f"{what} is {name!r}; letters, digits and _ . + - are allowed: it becomes a file's name"
+        )
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "/".join(f"{v} {k}" for k, v in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,173 @@
+"""How far a history may lie from the stored one: measured on the history itself, not guessed.
+
+Two things move a history although nothing has changed. Rounding: another processor, another BLAS or another order of
+the same sums rounds otherwise at every step, and the motion makes of it what it makes of any disturbance. And the
+iteration: Newton stops somewhere below its tolerance, and another sequence of corrections stops elsewhere. Both
+are measured when a baseline is made, by runs that answer the same question with every rounding different:
+
+- the scene is turned in the plane by angles of no meaning; the displacements, turned back, would be equal in exact
+  arithmetic, and the energies are;
+- the iteration is stopped at a tolerance ten times as large; in statics, it also gets there by twice the load steps.
+
+The largest difference of these runs, but no less than what a single rounding or a single iteration may leave, times
+MARGIN, is the tolerance. It stands in the file with its reason, so that one that grows is seen in a diff.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from math import cos, hypot, sin
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import SolverError
+from anctmm.model.scene import Beam, Force, Load, Point, Scene
+from anctmm.results.solution import Solution
+from anctmm.solvers import registry
+from studies.engine.runner import guarded, static_of
+from studies.engine.timing import undisturbed
+from studies.regression.history import History, Tolerance
+from studies.regression.scenes import CheckError, Run, Static, Task
+
+Array = NDArray[np.float64]
+
+#: Angles by which a scene is turned, rad.
+ANGLES = (0.7, 2.0, 4.1)
+#: Three samples of a distance say little of a fourth, and a sum in another order may round worse still. Seen: kernels
+#: compiled for a processor without vectors or fused products use at most 0.13 of the tolerance, uncompiled ones 0.03.
+MARGIN = 16.0
+#: Rounding of one stored number, relative: a few of the last digits.
+EPSILON = 4.0 * float(np.finfo(float).eps)
+#: How much larger the tolerance of an iteration is made.
+LOOSER = 10.0
+ROUNDING, ITERATION = "rounding (scene turned)", f"iteration ({LOOSER:g} x looser)"
+LOAD_STEPS = "iteration (twice the load steps)"
+#: Exudyn bounds residuals, relative and absolute (N): its own are 1e-7 and, where rounding allows it, 1e-9; in
+#: statics 1e-10, which is taken as the least one iteration leaves.
+EXUDYN = {"tolerances": (1e-6, 1e-7)}
+EXUDYN_STATIC = 1e-10
+OPTIONS = {"exudyn-cable": EXUDYN, "exudyn-reissner": EXUDYN}
+
+
+def simulate(task: Task, **options: Any) -> Solution:
+    """Run a task; whatever is raised becomes a status."""
+
+    def solve() -> Solution:
+        solver, run = registry.solver(task.solver), task.run
+        if isinstance(run, Static):
+            static = static_of(task.solver, solver)
+            answer = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
+        else:
+            answer = solver(task.scene, run, **options)
+        if not isinstance(answer, Solution):
+            raise SolverError(f"solver {task.solver!r} answers {answer!r}; a Solution is needed")
+        return answer
+
+    with undisturbed():
+        return guarded(task.solver, task.scene, solve)
+
+
+def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
+    """Tolerance of every quantity of a history.
+
+    Raises
+    ------
+    CheckError
+        If a run that measures it fails, or gives other quantities.
+    """
+    moved: dict[str, dict[str, float]] = {}
+    for cause, angle, other, options in _disturbed(task):
+        solution = simulate(other, **options)
+        if not solution.status.ok:
+            raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {solution.status}")
+        found = _turned_back(History.of(solution, task), angle)
+        if found.columns != history.columns or found.t.shape != history.t.shape:
+            raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
+        for quantity in history.quantities:
+            distance = np.abs(found.of_quantity(quantity) - history.of_quantity(quantity)).max()
+            by_cause = moved.setdefault(quantity, {})
+            by_cause[cause] = max(by_cause.get(cause, 0.0), float(distance))
+    cause, relative = _least(task)
+    scales = _scales(task, history)
+    for quantity, by_cause in moved.items():
+        by_cause[cause] = relative * scales[quantity]
+    return {quantity: _tolerance(by_cause) for quantity, by_cause in moved.items()}
+
+
+def turned(scene: Scene, angle: float) -> Scene:
+    """The same scene in the plane turned about the origin: bodies, their velocities, forces and gravity."""
+
+    def turn(point: Point) -> Point:
+        c, s = cos(angle), sin(angle)
+        return c * point[0] - s * point[1], s * point[0] + c * point[1]
+
+    def body(b: Beam) -> Beam:
+        v = b.velocity
+        velocity = None if v is None else lambda fraction: turn(v(fraction))
+        return replace(b, start=turn(b.start), end=turn(b.end), velocity=velocity)
+
+    def load(force: Load) -> Load:
+        if not isinstance(force, Force):
+            return force
+        value = force.value
+        return replace(force, value=(lambda t: turn(value(t))) if callable(value) else turn(value))
+
+    return Scene(
+        scene.name,
+        tuple(map(body, scene.bodies)),
+        scene.joints,
+        tuple(map(load, scene.loads)),
+        turn(scene.gravity),
+    )
+
+
+def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
+    """Cause, angle by which the scene is turned, task and options of the runs that measure the sensitivity."""
+    for angle in ANGLES:
+        yield ROUNDING, angle, replace(task, scene=turned(task.scene, angle)), {}
+    run = task.run
+    if isinstance(run, Static):
+        yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps)), {}
+    if task.solver in OPTIONS:
+        if not isinstance(run, Static) and _iterates(run):
+            yield ITERATION, 0.0, task, OPTIONS[task.solver]
+    elif _iterates(run):
+        looser = replace(run, newton_tolerance=min(LOOSER * run.newton_tolerance, 1e-2))
+        yield ITERATION, 0.0, replace(task, run=looser), {}
+
+
+def _iterates(run: Run) -> bool:
+    return isinstance(run, Static) or run.integrator == "generalized-alpha"
+
+
+def _turned_back(history: History, angle: float) -> History:
+    """Displacements as they would be had the scene not been turned; they stand in pairs x, y."""
+    values = history.values.copy()
+    pairs = [k for k, c in enumerate(history.columns) if c.quantity == "displacement"][::2]
+    for k in pairs:
+        x, y = history.values[:, k], history.values[:, k + 1]
+        values[:, k], values[:, k + 1] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
+    return replace(history, values=values)
+
+
+def _least(task: Task) -> tuple[str, float]:
+    """What a history can never be asked to keep, relative: one rounding, or one Newton iteration's bound."""
+    if not _iterates(task.run):
+        return "one rounding", EPSILON
+    bound = EXUDYN_STATIC if task.solver in OPTIONS else task.run.newton_tolerance
+    return "one iteration's bound", max(bound, EPSILON)
+
+
+def _scales(task: Task, history: History) -> dict[str, float]:
+    """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest."""
+    ends = [end for body in task.scene.bodies for end in (body.start, body.end)]
+    farthest = max(hypot(*end) for end in ends)
+    energy = max((float(np.abs(history.of_quantity(q)).max()) for q in history.quantities[1:]), default=0.0)
+    moved = float(np.abs(history.of_quantity("displacement")).max())
+    return {q: farthest + moved if q == "displacement" else energy for q in history.quantities}
+
+
+def _tolerance(causes: dict[str, float]) -> Tolerance:
+    told = ", ".join(f"{cause} {distance:.1e}" for cause, distance in causes.items())
+    return Tolerance(MARGIN * max(causes.values()), f"{MARGIN:g} times the largest of: {told}")

@@ -1,0 +1,164 @@
+"""The motion of a scene in a few kilobytes: each body by few cubic pieces, as whole numbers, differences in time.
+
+A piece is a Hermite cubic, which an SVG path draws exactly as a Bézier curve: the bent axis of an ANCF body.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.scene import Clamp, Scene
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+#: Numbers of pieces tried for a body, and the part of the picture's size that its axis may be wrong by.
+PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
+SMOOTH = 1e-3
+#: Most pictures of a film: what lies between is interpolated.
+FRAMES = 61
+#: Whole numbers across the picture.
+GRAIN = 2000
+
+
+@dataclass(frozen=True)
+class Film:
+    """A motion to be played.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene.
+    title, caption : str
+    labels : tuple of str
+        Of the layers: the motion itself, and others drawn behind it.
+    t_end : float
+        s.
+    box : (int, int, int, int)
+        Left, top, width and height in whole numbers, y downwards.
+    supports : tuple of (str, int, int)
+        "pin" or "clamp", and where.
+    data : str
+        JSON: for each layer and body the numbers of all frames, see `encoded`.
+    """
+
+    name: str
+    title: str
+    caption: str
+    labels: tuple[str, ...]
+    t_end: float
+    box: tuple[int, int, int, int]
+    supports: tuple[tuple[str, int, int], ...]
+    data: str
+
+
+def film(title: str, caption: str, layers: Mapping[str, Solution]) -> Film | None:
+    """A film of solutions of one scene; None if none of them is whole.
+
+    Parameters
+    ----------
+    title, caption : str
+    layers : mapping of label to Solution
+        The first is the motion, others are drawn behind it.
+    """
+    whole = {label: s for label, s in layers.items() if s.status.ok and s.fields}
+    if not whole:
+        return None
+    scene, first = next(iter(whole.values())).scene, next(iter(whole.values()))
+    frames = np.unique(np.linspace(0, len(first.t) - 1, min(FRAMES, len(first.t))).round().astype(int))
+    paths = {label: [body_curve(s, b.name, frames, 0) for b in scene.bodies] for label, s in whole.items()}
+    corners = np.concatenate([c[:, :, :2].reshape(-1, 2) for curves in paths.values() for c in curves])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    size = float((high - low).max())
+    fine = {
+        label: [body_curve(s, b.name, frames, SMOOTH * size) for b in scene.bodies]
+        for label, s in whole.items()
+    }
+    unit = size / GRAIN
+    data = [[encoded(curve / unit) for curve in curves] for curves in fine.values()]
+    margin = round(0.06 * GRAIN)
+    left, top = round(low[0] / unit) - margin, round(-high[1] / unit) - margin
+    width, height = ((high - low) / unit).round().astype(int) + 2 * margin
+    return Film(
+        scene.name, title, caption, tuple(whole), float(first.t[-1]), (left, top, int(width), int(height)),
+        supports(scene, unit), json.dumps({"frames": len(frames), "layers": data}, separators=(",", ":")),
+    )  # fmt: skip
+
+
+def body_curve(solution: Solution, body: str, frames: NDArray[Any], wrong: float) -> Array:
+    """A body's axis as Hermite pieces, few but no further than `wrong` (m) from the solution's axis.
+
+    Returns
+    -------
+    ndarray, shape (frames, pieces + 1, 4)
+        x, y, and a third of the tangent over a piece: what the control points of a Bézier curve are away. With
+        `wrong` zero as many pieces as there can be.
+    """
+    for pieces in PIECES if wrong > 0.0 else PIECES[-1:]:
+        curve = _pieces(solution, body, frames, pieces)
+        if wrong == 0.0 or _distance(solution, body, frames, curve) <= wrong:
+            break
+    return curve
+
+
+def encoded(curve: Array) -> list[Any]:
+    """Whole numbers: the number of nodes, the first frame, the first step, then changes of the step: mostly small.
+
+    y is turned downwards, as pictures have it.
+    """
+    flipped = curve * np.array([1.0, -1.0, 1.0, -1.0])
+    whole = np.rint(flipped).astype(int).reshape(len(curve), -1)
+    steps = np.diff(whole, axis=0, prepend=np.zeros_like(whole[:1]))
+    changes = np.concatenate([steps[:1], np.diff(steps[1:], axis=0, prepend=np.zeros_like(whole[:1]))])
+    return [curve.shape[1], changes.ravel().tolist()]
+
+
+def decoded(nodes: int, numbers: list[int]) -> NDArray[np.int64]:
+    """What `encoded` wrote, (frames, nodes, 4): the page's script does the same."""
+    changes = np.array(numbers).reshape(-1, nodes * 4)
+    steps = np.concatenate([changes[:1], np.cumsum(changes[1:], axis=0)])
+    return np.cumsum(steps, axis=0).reshape(-1, nodes, 4)
+
+
+def supports(scene: Scene, unit: float) -> tuple[tuple[str, int, int], ...]:
+    """Where the scene is held by the ground."""
+    found = []
+    for joint in scene.joints:
+        clamp = isinstance(joint, Clamp)
+        ends = [joint.end] if isinstance(joint, Clamp) else list(joint.ends)
+        if clamp or getattr(joint, "grounded", False):
+            name, fraction = scene.probe(ends[0])
+            body = scene.body(name)
+            x, y = (a + fraction * (b - a) for a, b in zip(body.start, body.end, strict=True))
+            found.append(("clamp" if clamp else "pin", round(x / unit), round(-y / unit)))
+    return tuple(found)
+
+
+def _pieces(solution: Solution, body: str, frames: NDArray[Any], pieces: int) -> Array:
+    fractions = np.linspace(0.0, 1.0, pieces + 1)
+    d = 1e-4
+    nodes = []
+    for s in fractions:
+        side = -1.0 if s > 1.0 - 2 * d else 1.0  # one-sided: the next piece begins at a node
+        a, b, c = (solution.position(body, s + side * k * d)[frames] for k in (0, 1, 2))
+        slope = side * (4.0 * b - 3.0 * a - c) / (2.0 * d)
+        nodes.append(np.concatenate([a, slope / (3.0 * pieces)], axis=1))
+    return np.stack(nodes, axis=1)
+
+
+def _distance(solution: Solution, body: str, frames: NDArray[Any], curve: Array) -> float:
+    """Largest distance of the pieces from the axis, at three places in each, m."""
+    pieces, worst = curve.shape[1] - 1, 0.0
+    for i in range(pieces):
+        a, b = curve[:, i], curve[:, i + 1]
+        control = (a[:, :2], a[:, :2] + a[:, 2:], b[:, :2] - b[:, 2:], b[:, :2])
+        for x in (0.25, 0.5, 0.75):
+            weights = ((1 - x) ** 3, 3 * x * (1 - x) ** 2, 3 * x * x * (1 - x), x**3)
+            drawn = sum(w * c for w, c in zip(weights, control, strict=True))
+            true = solution.position(body, (i + x) / pieces)[frames]
+            worst = max(worst, float(np.linalg.norm(drawn - true, axis=1).max()))
+    return worst

@@ -1,0 +1,53 @@
+"""What a study prints: a narrow table of its runs, the reasons of those that failed, and its findings."""
+
+import pandas as pd
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from studies.engine.study import Result
+from studies.engine.tables import failed, text
+
+SHORT = {"generalized-alpha": "gen-alpha"}
+#: Heads and whether they hold numbers.
+HEADS = (
+    ("solver", False), ("element", False), ("integrator", False), ("elements", False), ("dt", True),
+    ("error", True), ("cpu (s)", True),
+)  # fmt: skip
+
+
+def glance(result: Result, console: Console) -> None:
+    """Print the runs of each scene, why some failed, and the findings."""
+    if any(t.name == "accuracy" for t in result.tables):
+        _accuracy(result.table("accuracy").frame, console)
+    for finding in result.findings:
+        console.print(f"• {finding}", highlight=False)
+
+
+def _accuracy(frame: pd.DataFrame, console: Console) -> None:
+    for scene, runs in frame.groupby("scene", sort=False):
+        console.print(_runs(str(scene), runs))
+        for reference, known in runs.drop_duplicates("reference")[
+            ["reference", "reference_error"]
+        ].itertuples(index=False):
+            console.print(f"reference: {reference}, known to {known:.1g}", style="dim", highlight=False)
+        console.print()
+    for status, runs in failed(frame).groupby("status", sort=False):
+        solvers = ", ".join(dict.fromkeys(runs["solver"]))
+        console.print(f"{len(runs)} of {solvers}: {status}", style="yellow", highlight=False, markup=False)
+
+
+def _runs(scene: str, runs: pd.DataFrame) -> RichTable:
+    shown = RichTable(title=scene, title_justify="left", title_style="bold", box=None, padding=(0, 1, 0, 0))
+    for head, numeric in HEADS:
+        shown.add_column(head, justify="right" if numeric else "left", header_style="dim", no_wrap=True)
+    for run in runs.to_dict("records"):
+        rule = "" if run["quadrature"] in ("full", "-") else f" {run['quadrature']}"
+        integrator = SHORT.get(run["integrator"], run["integrator"])
+        whole = run["status"].split(":")[0] == "ok"
+        # a failed run shows what became of it where its error would stand
+        error = f"{run['error']:.3g}" if whole else run["status"].split(":")[0]
+        shown.add_row(
+            run["solver"], run["element"] + rule, integrator, run["elements"], text(run["dt"]), error,
+            f"{run['cpu_s']:.3g}" if whole else "",
+        )  # fmt: skip
+    return shown

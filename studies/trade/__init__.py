@@ -1,0 +1,1 @@
+"""Which solver, element, mesh and step costs least for an error?"""

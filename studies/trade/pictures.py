@@ -1,0 +1,154 @@
+"""Pictures of the trade: every setting with the front, and which error comes from the mesh and which from the step."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from studies.engine.tables import text
+from studies.report.error_pictures import ELEMENT_TITLES, RULE_COLOURS, SHORT
+from studies.report.plots import (
+    INK,
+    ON_DARK,
+    ON_PALE,
+    Picture,
+    floor,
+    front_line,
+    legend_below,
+    picture,
+    solver_colour,
+    solver_marker,
+    work_precision,
+)
+
+SIGNS = {"mesh": "m", "step": "s", "both": "="}
+
+
+def pictures(scene: str, frame: pd.DataFrame) -> list[Picture]:
+    """All pictures of one scene's points."""
+    sound = frame[(frame["error"] > 0) & (frame["cpu_s"] > 0)]
+    if sound.empty:
+        return []
+    return [fronts(scene, sound), *([split_map(scene, sound)] if len(_grid_rows(sound)) else [])]
+
+
+def fronts(scene: str, sound: pd.DataFrame) -> Picture:
+    """Error against CPU time of all settings with the front; a panel an element."""
+    lines = _styled(sound)
+    best = sound[sound["excess"] == 1.0].sort_values("cpu_s")
+
+    def draw(figure: Figure) -> None:
+        families = [e for e in ELEMENT_TITLES if (lines["family"] == e).any()]
+        panels = figure.subplots(1, len(families), squeeze=False, sharey=True, sharex=True)[0]
+        for axes, family in zip(panels, families, strict=True):
+            work_precision(axes, lines[lines["family"] == family], ELEMENT_TITLES[family], bounded=False)
+            front_line(axes, best["cpu_s"], best["error"])
+        known = sound["reference_error"].min()
+        panels[0].set_ylim(bottom=min(panels[0].get_ylim()[0], 0.4 * known))
+        for axes, family in zip(panels, families, strict=True):
+            floor(axes, sound.loc[sound["family"] == family, "reference_error"])
+        for axes in panels[1:]:
+            axes.set_ylabel("")
+        legend_below(figure, list(panels), 3)
+
+    caption = (
+        f"{scene}: error against CPU time of all {len(sound)} settings that ended well; left and down is better. "
+        "Line: the front of both elements together. Hollow: explicit. Grey: the reference's own "
+        "uncertainty, below which an error says "
+        "nothing. Point at a marker for its setting."
+    )
+    return picture(f"front_{scene}", caption, draw, (7.6, 5.0))
+
+
+def _styled(sound: pd.DataFrame) -> pd.DataFrame:
+    """Points with a look and a text: colour and marker tell the solver, hollow the explicit runs."""
+    controlled = sound["tolerance"] > 0
+    rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_COLOURS)), "")
+    kind = sound["integrator"].map(lambda i: SHORT.get(i, i)).mask(controlled, "error-controlled")
+    return sound.assign(
+        label=sound["solver"] + ", " + kind,
+        colour=["#8c6d5a" if c else solver_colour(s) for s, c in zip(sound["solver"], controlled, strict=True)],
+        marker=["X" if c else solver_marker(s) for s, c in zip(sound["solver"], controlled, strict=True)],
+        hollow=sound["integrator"] == "zhai",
+        tip=[_tip(line, str(r)) for line, r in zip(sound.to_dict("records"), rule, strict=True)],
+    )  # fmt: skip
+
+
+def _tip(line: Mapping[Any, Any], rule: str) -> str:
+    step = f"Δt {text(line['dt'])} s" if line["dt"] == line["dt"] else f"tolerance {text(line['tolerance'])}"
+    element = " ".join(p for p in (str(line["element"]), rule) if p)
+    return (
+        f"{line['solver']}, {SHORT.get(str(line['integrator']))}, {line['elements']} {element}, {step}: "
+        f"error {line['error']:.2g} (from {line['error_from']}), {1e3 * float(str(line['cpu_s'])):.3g} ms"
+    )
+
+
+def _grid_rows(sound: pd.DataFrame) -> pd.DataFrame:
+    """Our implicit runs of fixed step and strictest Newton; of each element the quadrature most on the front."""
+    ours = sound[
+        (sound["solver"] == "anctmm") & (sound["integrator"] == "generalized-alpha") & (sound["dt"] > 0)
+    ]
+    kept = []
+    for _, rows in ours.groupby("family", sort=False):
+        near = rows[rows["excess"] <= max(1.0, rows["excess"].min())]
+        counts = near["quadrature"].value_counts()
+        chosen = rows[rows["quadrature"] == counts.index[0]]
+        kept.append(chosen.sort_values("newton_tolerance").drop_duplicates(["elements", "dt"], keep="first"))
+    return pd.concat(kept) if kept else ours
+
+
+def split_map(scene: str, sound: pd.DataFrame) -> Picture:
+    """Error over mesh and step, and which of the two it comes from; a panel an element."""
+    rows = _grid_rows(sound)
+    families = [e for e in ELEMENT_TITLES if (rows["family"] == e).any()]
+    low, high = rows["error"].min(), rows["error"].max()
+    norm = LogNorm(low, max(high, 1.01 * low))
+    tall = [rows[rows["family"] == f]["elements"].nunique() for f in families]
+
+    def draw(figure: Figure) -> None:
+        panels = figure.subplots(1, len(families), squeeze=False)[0]
+        for axes, family in zip(panels, families, strict=True):
+            _map(axes, rows[rows["family"] == family], norm)
+            mine = rows[rows["family"] == family].iloc[0]
+            rule = "" if mine["quadrature"] in ("-", "full") else f", {mine['quadrature']}"
+            axes.set_title(f"{ELEMENT_TITLES[family]}{rule}")
+
+    caption = (
+        f"{scene}: error of implicit ANC–TMM (Newton to 1e-7) over mesh and step, and below it the CPU time in ms. "
+        "m: from the mesh (refine it), s: from the step (shorten it), =: from both. "
+        "The cheapest way to an error is where m meets s."
+    )
+    return picture(f"mesh_step_{scene}", caption, draw, (7.6, 1.2 + 0.36 * max(tall)))
+
+
+def _ms(cpu_s: float) -> str:
+    return f"{1e3 * cpu_s:.2g}" if cpu_s < 0.0995 else f"{1e3 * cpu_s:.0f}"
+
+
+def _map(axes: Axes, rows: pd.DataFrame, norm: LogNorm) -> None:
+    meshes, steps = (
+        list(dict.fromkeys(rows.sort_values("dofs")["elements"])),
+        sorted(rows["dt"].unique(), reverse=True),
+    )
+    grid = rows.pivot(index="elements", columns="dt", values="error").reindex(index=meshes, columns=steps)
+    colours = mpl.colormaps["viridis"]
+    axes.pcolormesh(grid.to_numpy(float), norm=norm, cmap=colours, edgecolor=INK, linewidth=0.4)
+    for line in rows.to_dict("records"):
+        x, y = steps.index(line["dt"]) + 0.5, meshes.index(line["elements"]) + 0.5
+        red, green, blue, _ = colours(norm(line["error"]))
+        ink = ON_PALE if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else ON_DARK
+        words = f"{line['error']:.0e}".replace("e-0", "e−")
+        sign = SIGNS.get(line["error_from"], "")
+        axes.text(x, y - 0.16, f"{words} {sign}", ha="center", va="center", fontsize=7.5, color=ink)
+        axes.text(x, y + 0.22, _ms(line["cpu_s"]), ha="center", va="center", fontsize=7, color=ink)
+    axes.set_xticks(np.arange(len(steps)) + 0.5, [f"{1e3 * s:g}" for s in steps])
+    axes.set_yticks(np.arange(len(meshes)) + 0.5, meshes)
+    axes.set(xlabel="time step (ms)", ylabel="elements")
+    axes.grid(False)
+    axes.invert_yaxis()  # as a table: finer downwards, shorter to the right
+    axes.tick_params(length=0)

@@ -1,0 +1,183 @@
+"""What the trade of error for time is measured over: elements, quadratures, integrators, meshes, steps, tolerances."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import ceil
+
+from studies.engine.dynamics import Fine, Plan, Scheme
+from studies.engine.runner import Mesh
+from studies.engine.setting import stable_step
+from studies.scenes import BaseScene, cantilever_fall, four_bar
+
+QUADRATURES = ("full", "reduced", "lobatto")
+STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
+#: Of the slower solvers the finest step is left out: their errors are those of ours.
+PEER_STEPS = STEPS[:-1]
+#: Newton's tolerances: one that stops as soon as the step's error allows, and one near rounding.
+LOOSE, TIGHT = 1e-3, 1e-7
+#: Errors in time asked of the error-controlled steps.
+TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+#: An explicit run is tried where elements times steps do not exceed this: some 0.3 s of ANC-TMM, 1 s of a peer.
+MOST_EXPLICIT, MOST_EXPLICIT_PEER = 4e6, 1e6
+IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
+#: No further sample of a run is taken in the sweep after that long, s: what is near the front runs again anyway.
+SAMPLED = 0.1
+#: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
+FINE_STEP = {False: 6.25e-5, True: 2.5e-4}
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """A base scene with the meshes to try, from coarse to fine, and its references.
+
+    Parameters
+    ----------
+    base : BaseScene
+    cable, shear, dense : tuple of Mesh
+        Meshes of cables, of shear elements, and of the solver with a dense matrix.
+    explicit_peers : tuple of str
+        Solvers other than ours that can run it explicitly.
+    references : dict of element to Fine
+    """
+
+    base: BaseScene
+    cable: tuple[Mesh, ...]
+    shear: tuple[Mesh, ...]
+    dense: tuple[Mesh, ...]
+    explicit_peers: tuple[str, ...]
+    references: dict[str, Fine]
+
+    def plan(self, quick: bool) -> Plan:
+        """Schemes and references."""
+        return Plan(self._few() if quick else self._all(), self.references, SAMPLED)
+
+    def _all(self) -> tuple[Scheme, ...]:
+        schemes: list[Scheme] = []
+        for quadrature in QUADRATURES:
+            schemes += self._implicit("cable", quadrature, self.cable, ("exudyn-cable",))
+            schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
+            schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
+        schemes += self._implicit("shear", "full", self.shear, ("exudyn-reissner",))
+        schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
+        schemes += self._explicit("shear", "full", self.shear, ("global-dae",))
+        dense = ("global-dae-dense",)
+        schemes.append(_scheme("cable", "lobatto", IMPLICIT, dense, self.dense, (1e-2, 2e-3, 1e-3), TIGHT))
+        return tuple(schemes)
+
+    def _implicit(
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], exudyn: tuple[str, ...]
+    ) -> list[Scheme]:
+        return [
+            *(
+                _scheme(element, quadrature, IMPLICIT, (solver,), meshes, steps, newton)
+                for solver, steps in (("anctmm", STEPS), ("global-dae", PEER_STEPS))
+                for newton in (LOOSE, TIGHT)
+            ),
+            # Exudyn bounds residuals by tolerances of its own
+            Scheme(element, quadrature, IMPLICIT, exudyn, meshes, lambda mesh: PEER_STEPS),
+        ]
+
+    def _controlled(
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], tolerances: tuple[float, ...]
+    ) -> list[Scheme]:
+        return [
+            Scheme(
+                element, quadrature, IMPLICIT, ("anctmm",), meshes, lambda mesh: (),
+                (("tolerance", tolerance), ("newton_tolerance", LOOSE)),
+            )
+            for tolerance in tolerances
+        ]  # fmt: skip
+
+    def _explicit(
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], peers: tuple[str, ...]
+    ) -> list[Scheme]:
+        return [
+            Scheme(element, quadrature, EXPLICIT, solvers, meshes, self._stable(element, quadrature, most))
+            for solvers, most in ((("anctmm",), MOST_EXPLICIT), (peers, MOST_EXPLICIT_PEER))
+        ]
+
+    def _stable(self, element: str, quadrature: str, most: float) -> Callable[[Mesh], tuple[float, ...]]:
+        """The largest safe explicit step that divides the output's interval, and half of it: it hardly matters."""
+
+        def steps(mesh: Mesh) -> tuple[float, ...]:
+            base, options = self.base, {"element": element, "quadrature": quadrature}
+            names = [body.name for body in base.scene.bodies]
+            by_body = mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
+            limit = stable_step(base.scene, by_body, options)
+            largest = base.output_dt / ceil(base.output_dt / limit)
+            work = sum(mesh) * base.t_end / largest
+            return tuple(largest / k for k in (1, 2) if k * work <= most)
+
+        return steps
+
+    def _few(self) -> tuple[Scheme, ...]:
+        steps = (5e-3, 2e-3, 1e-3)
+        peers = ("global-dae", "exudyn-cable")
+        return (
+            _scheme("cable", "lobatto", IMPLICIT, ("anctmm",), self.cable, steps, LOOSE),
+            _scheme("cable", "lobatto", IMPLICIT, ("anctmm", *peers), self.cable[:2], (5e-3,), TIGHT),
+            *self._controlled("cable", "lobatto", self.cable[1:2], (3e-3,)),
+            Scheme(
+                "cable",
+                "reduced",
+                EXPLICIT,
+                ("anctmm",),
+                self.cable[:1],
+                self._stable("cable", "reduced", 1e6),
+            ),
+            _scheme("shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], steps[:1], LOOSE),
+        )
+
+
+def _scheme(
+    element: str, quadrature: str, integrator: str, solvers: tuple[str, ...], meshes: tuple[Mesh, ...],
+    steps: tuple[float, ...], newton: float,
+) -> Scheme:  # fmt: skip
+    return Scheme(
+        element, quadrature, integrator, solvers, meshes, lambda mesh: steps, (("newton_tolerance", newton),)
+    )
+
+
+def ladders(quick: bool) -> list[Ladder]:
+    """The two base scenes."""
+    return [_four_bar(quick), _cantilever(quick)]
+
+
+def _four_bar(quick: bool) -> Ladder:
+    cable: tuple[Mesh, ...] = (
+        (1, 3, 1), (1, 4, 1), (1, 6, 1), (2, 6, 2), (2, 8, 2), (2, 12, 2), (3, 10, 3), (4, 12, 4), (4, 16, 4),
+        (6, 24, 6),
+    )  # fmt: skip
+    shear: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8), (16, 64, 16))
+    references = {
+        "cable": _fine((16, 64, 16), (12, 48, 12), 5e-5, "lobatto"),
+        "shear": _fine((32, 128, 32), (16, 64, 16), 2.5e-4, "full"),
+    }
+    if quick:
+        cable = ((1, 3, 1), (2, 6, 2), (3, 10, 3))
+        references = {
+            "cable": _fine((8, 32, 8), (6, 24, 6), 2.5e-4, "lobatto"),
+            "shear": _fine((16, 64, 16), (8, 32, 8), 1e-3, "full"),
+        }
+    return Ladder(four_bar(), cable, shear, ((1, 4, 1), (2, 8, 2)), ("global-dae",), references)
+
+
+def _cantilever(quick: bool) -> Ladder:
+    cable: tuple[Mesh, ...] = ((4,), (6,), (8,), (12,), (16,), (24,), (32,), (48,), (64,))
+    shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
+    references = {
+        "cable": _fine((192,), (128,), 5e-5, "lobatto"),
+        "shear": _fine((512,), (256,), 1.25e-4, "full"),
+    }
+    if quick:
+        cable = ((8,), (16,), (32,))
+        references = {
+            "cable": _fine((64,), (48,), 2.5e-4, "lobatto"),
+            "shear": _fine((256,), (128,), 1e-3, "full"),
+        }
+    peers = ("global-dae", "exudyn-cable")
+    return Ladder(cantilever_fall(), cable, shear, ((8,), (16,)), peers, references)
+
+
+def _fine(mesh: Mesh, coarser: Mesh, dt: float, quadrature: str) -> Fine:
+    return Fine(("anctmm", "global-dae"), mesh, coarser, dt, 2 * dt, IMPLICIT, quadrature)

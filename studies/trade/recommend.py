@@ -1,0 +1,281 @@
+"""The cheapest measured setting for a wished error, or the best within a budget: chosen from the trade's table."""
+
+from collections.abc import Mapping
+from contextlib import redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from anctmm.errors import AnctmmError
+from anctmm.results.metrics import history_error
+from studies.engine.runner import Case
+from studies.engine.study import Result
+from studies.engine.timing import undisturbed
+from studies.scenes import base_of, moving_scenes
+from studies.trade.choice import kinds_of, milliseconds, reaching, setting_of
+from studies.trade.snippet import snippet
+
+#: Runs of a rerun; its time is their median.
+REPEATS = 3
+#: A rerun without a wish that was met must give the measured error to this factor: it is the same computation.
+SAME = 1.01
+NEEDED = {
+    "points": ("scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance",
+               "newton_tolerance", "error", "reference_error", "mesh_error", "step_error", "cpu_s", "status", "family"),
+    "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
+    "references": ("scene", "element", "from_cable"),
+}  # fmt: skip
+
+
+class RecommendError(AnctmmError, ValueError):
+    """A wish, a scene or a table cannot be used."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The trade's tables of points, of reference histories and of references, and where they come from."""
+
+    points: pd.DataFrame
+    histories: pd.DataFrame
+    references: pd.DataFrame
+    origin: str
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is recommended.
+
+    Parameters
+    ----------
+    line : mapping
+        Row of the points.
+    runners_up : DataFrame
+        The cheapest of other kinds, with their cost over the chosen one's, "ratio".
+    reached : bool
+        Whether the wish is met.
+    remarks : tuple of str
+        What to know of it: why the wish is not met, or that it is met with luck.
+    """
+
+    line: Mapping[Any, Any]
+    runners_up: pd.DataFrame
+    reached: bool
+    remarks: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """A chosen setting run again from its script."""
+
+    error: float
+    cpu_s: float
+    status: str
+    met: bool
+
+
+def read(folder: Path) -> Measured:
+    """The tables that `anctmm study trade` left in a directory.
+
+    Raises
+    ------
+    RecommendError
+        If a table is missing, cannot be read or is another one.
+    """
+    frames = {}
+    for name, needed in NEEDED.items():
+        path = folder / f"{name}.csv"
+        try:
+            frames[name] = pd.read_csv(path)
+        except (OSError, ValueError) as error:
+            raise RecommendError(
+                f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
+            ) from None
+        if missing := [c for c in needed if c not in frames[name].columns]:
+            raise RecommendError(
+                f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
+            )
+    return Measured(**frames, origin=str(folder))
+
+
+def of_result(result: Result) -> Measured:
+    """The tables of a trade that was measured just now."""
+    return Measured(**{name: result.table(name).frame for name in NEEDED}, origin="measured now")
+
+
+def models_apart(measured: Measured, scene: str, error: float | None) -> str:
+    """A warning where the wish is finer than the distance of the two models; empty where it is not."""
+    known = measured.references[measured.references["scene"] == scene]["from_cable"].max()
+    if error is None or not known > error:
+        return ""
+    return (
+        f"cable and shear elements are two models, {known:.2g} apart on this scene: an error of {error:g} is that of "
+        "computing the model named, and --element chooses it"
+    )
+
+
+def choose(
+    points: pd.DataFrame, scene: str, error: float | None, budget_s: float | None, element: str | None = None
+) -> Choice:
+    """The cheapest setting of a scene that surely meets an error, or the best within a budget.
+
+    Parameters
+    ----------
+    points : DataFrame
+        Of the trade.
+    scene : str
+    error : float, optional
+        Wished; met by a setting whose error and whose reference's uncertainty together are no larger.
+    budget_s : float, optional
+        CPU time, s.
+    element : str, optional
+        Kind of element; any without it.
+
+    Raises
+    ------
+    RecommendError
+        If neither is given, or one is not positive, or nothing of the scene, or of the element, was measured.
+    """
+    if error is None and budget_s is None:
+        raise RecommendError("neither error nor budget is given; at least one of them is needed")
+    for name, value in (("error", error), ("budget (s)", budget_s)):
+        if value is not None and not 0.0 < value < np.inf:
+            raise RecommendError(f"{name} is {value!r}; a positive number is needed")
+    mine = points[(points["scene"] == scene) & (points["error"] > 0) & (points["cpu_s"] > 0)]
+    if mine.empty:
+        names = ", ".join(dict.fromkeys(points["scene"]))
+        raise RecommendError(f"scene {scene!r} has no measured setting; those of the table are {names}")
+    if element is not None:
+        allowed = ", ".join(sorted(set(mine["element"])))
+        mine = mine[mine["element"] == element]
+        if mine.empty:
+            raise RecommendError(f"element is {element!r}; measured on scene {scene!r} are {allowed}")
+    mine = mine.assign(sure=mine["error"] + mine["reference_error"]).sort_values("cpu_s", kind="stable")
+    affordable = mine if budget_s is None else mine[mine["cpu_s"] <= budget_s]
+    if affordable.empty:
+        first = mine.iloc[0]
+        remark = f"nothing measured is that cheap: the cheapest setting takes {first['cpu_s']:.2g} s"
+        return Choice(first.to_dict(), _others(mine.iloc[1:], first), False, (remark,))
+    if error is None:
+        best = affordable.sort_values(["sure", "cpu_s"]).iloc[0]
+        return Choice(best.to_dict(), _others(affordable.sort_values("sure").iloc[1:], best), True)
+    able = reaching(affordable, error)
+    if len(able):
+        return Choice(able.iloc[0].to_dict(), _others(able.iloc[1:], able.iloc[0]), True, _luck(able, error))
+    best = affordable.sort_values(["sure", "cpu_s"]).iloc[0]
+    return Choice(best.to_dict(), _others(affordable.iloc[:0], best), False, _why_not(mine, error, budget_s))
+
+
+def _luck(able: pd.DataFrame, error: float) -> tuple[str, ...]:
+    """Whether the first setting meets the error only because those of mesh and step cancel in part."""
+    both = able["mesh_error"] + able["step_error"] + able["reference_error"]
+    if not both.iloc[0] > error:
+        return ()
+    said = "its errors of mesh and step cancel in part, which another motion may not repay"
+    safe = able[both <= error]
+    if safe.empty:
+        return (f"{said}; no measured setting meets {error:g} without",)
+    first = safe.iloc[0]
+    return (f"{said}; without, {setting_of(first.to_dict())} takes {milliseconds(first['cpu_s'])}",)
+
+
+def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[str, ...]:
+    able = reaching(mine, error)
+    if budget_s is not None and len(able):
+        needs = able["cpu_s"].iloc[0]
+        return (f"an error of {error:g} takes {needs:.2g} s; this is the best within {budget_s:g} s",)
+    best = mine.sort_values("sure").iloc[0]
+    said = [
+        f"the measured range does not reach {error:g}: it ends at {best['error']:.2g} ± {best['reference_error']:.1g}"
+    ]
+    floor = mine["reference_error"].min()
+    if error <= floor:
+        said.append(f"{error:g} is below the reference's own uncertainty, {floor:.1g}: no run can promise it")
+    return tuple(said)
+
+
+def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
+    """The first row of each other kind, and the next of the same kind."""
+    kind = kinds_of(rows)
+    shown = rows.assign(kind=kind, ratio=rows["cpu_s"] / chosen["cpu_s"]).drop_duplicates("kind")
+    return shown.sort_values("ratio").head(5)
+
+
+# --- running it ----------------------------------------------------------------------------------------------
+
+
+def scene_name(given: str) -> str:
+    """The base scene a user means by its name or the beginning of it.
+
+    Raises
+    ------
+    RecommendError
+        If there is none, or more than one.
+    """
+    names = [base.scene.name for base in moving_scenes()]
+    found = [n for n in names if n == given] or [n for n in names if n.startswith(given)]
+    if len(found) != 1:
+        raise RecommendError(f"scene {given!r} is unknown; allowed are {', '.join(names)}")
+    return found[0]
+
+
+def case_of(line: Mapping[Any, Any]) -> Case:
+    """The case of a row of the points."""
+    base = base_of(str(line["scene"]))
+    options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
+    dt = float(line["dt"])
+    # a table keeps nine digits; a run of a million steps wants them all
+    step = base.output_dt / round(base.output_dt / dt) if dt > 0 else dt
+    return Case(
+        base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
+        element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
+        integrator=str(line["integrator"]), dt=step, t_end=base.t_end, output_dt=base.output_dt, options=options,
+    )  # fmt: skip
+
+
+def script(line: Mapping[Any, Any]) -> str:
+    """The script that runs a row of the points."""
+    case, base = case_of(line), base_of(str(line["scene"]))
+    return snippet(case.scene, case.run(), case.solver, tuple(map(base.scene.probe, base.probes)))
+
+
+def rerun(line: Mapping[Any, Any], histories: pd.DataFrame, error: float | None, met: bool) -> Rerun:
+    """Run the script of a row of the points and measure its error against the kept reference.
+
+    Parameters
+    ----------
+    line : mapping
+    histories : DataFrame
+        Of the references.
+    error : float or None
+        Wished.
+    met : bool
+        Whether the table says that the wish is met; else the measured error has to come again.
+    """
+    text, found = compile(script(line), "<recommended>", "exec"), []
+    with undisturbed():
+        for _ in range(REPEATS + 1):  # the first one compiles
+            space: dict[str, Any] = {}
+            with redirect_stdout(StringIO()):
+                exec(text, space)
+            found.append(space["solution"])
+    wrong = error_against(found[-1], histories, str(line["scene"]), str(line["family"]))
+    limit = error if error is not None and met else SAME * line["error"] + line["reference_error"]
+    sure = wrong + line["reference_error"]
+    cpu_s = float(np.median([s.cost.cpu_s for s in found[1:]]))
+    return Rerun(wrong, cpu_s, str(found[-1].status), bool(sure <= limit))
+
+
+def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: str) -> float:
+    """Error of a solution against the kept history of a reference; NaN if it is not whole."""
+    if not solution.status.ok:
+        return float("nan")
+    mine = histories[(histories["scene"] == scene) & (histories["element"] == element)]
+    errors = []
+    for probe, path in mine.groupby(["body", "fraction"], sort=False):
+        u = solution.displacement(probe)
+        errors.append(history_error(u, path[["u_x", "u_y"]].to_numpy(float)))
+    return max(errors)

@@ -1,0 +1,69 @@
+"""What `anctmm recommend` prints."""
+
+from rich.console import Console
+from rich.syntax import Syntax
+from rich.table import Table
+
+from studies.trade.choice import milliseconds, setting_of
+from studies.trade.recommend import Choice, Rerun
+
+
+def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
+    """Print the setting, its cost and error, a warning if there is one, and the runners-up."""
+    line = choice.line
+    for remark in choice.remarks:
+        console.print(
+            f"{'Note' if choice.reached else 'Not reached'}: {remark}.",
+            style="yellow",
+            highlight=False,
+            soft_wrap=True,
+        )
+    head = "Recommended" if choice.reached else "Nearest"
+    console.print(f"[bold]{head}: {setting_of(line)}[/bold]", highlight=False, soft_wrap=True)
+    console.print(
+        f"expected {milliseconds(line['cpu_s'])} of CPU time; error {line['error']:.2g} ± "
+        f"{line['reference_error']:.1g} (mesh {line['mesh_error']:.1g}, step {line['step_error']:.1g}); from {origin}",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if warning:
+        console.print(f"Note: {warning}.", style="dim", highlight=False, soft_wrap=True)
+    if len(choice.runners_up):
+        shown = Table(
+            title="Runners-up, the cheapest of each kind",
+            title_justify="left",
+            box=None,
+            padding=(0, 2, 0, 0),
+        )
+        for name, right in (("setting", False), ("CPU time", True), ("ratio", True), ("error", True)):
+            shown.add_column(name, justify="right" if right else "left", header_style="dim")
+        for other in choice.runners_up.to_dict("records"):
+            cost = milliseconds(other["cpu_s"])
+            shown.add_row(setting_of(other), cost, f"{other['ratio']:.3g}", f"{other['error']:.2g}")
+        console.print(shown)
+    console.print()
+
+
+def show_script(script: str, console: Console) -> None:
+    """Print the script; where nobody looks, as it can be run: nothing folded, nothing coloured."""
+    if console.is_terminal:
+        console.print(Syntax(script, "python", background_color="default"))
+    else:
+        print(script)
+
+
+def show_rerun(again: Rerun, choice: Choice, wish: float | None, console: Console) -> None:
+    """Print what running the script again gave."""
+    goal = (
+        f"the wish {wish:g}"
+        if wish is not None and choice.reached
+        else f"the table's {choice.line['error']:.2g}"
+    )
+    verdict = "meets" if again.met else "MISSES"
+    console.print(
+        f"Rerun of this script: {again.status}, error {again.error:.3g} {verdict} {goal}; "
+        f"{milliseconds(again.cpu_s)} of CPU time.",
+        style="green" if again.met else "red",
+        highlight=False,
+        soft_wrap=True,
+    )

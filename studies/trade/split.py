@@ -1,0 +1,75 @@
+"""Which error comes from the mesh and which from the step: a run beside a fine step on its own mesh."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from anctmm.results.metrics import compare
+from anctmm.results.solution import Solution
+from studies.engine.dynamics import Sweep
+from studies.engine.runner import Case, Mesh, Outcome, Runner, element_of
+
+#: One error outweighs the other when it is this many times larger.
+OUTWEIGHS = 2.0
+Place = tuple[str, str, Mesh]
+
+
+@dataclass(frozen=True)
+class SameMesh:
+    """A fine step on one mesh, and how well that step's own error is known."""
+
+    solution: Solution
+    uncertainty: float
+
+
+def same_mesh(swept: Sweep, dt: float, runner: Runner) -> Mapping[Place, SameMesh]:
+    """Runs of ANC-TMM with a fine step, s, on every mesh of a sweep; meshes that it cannot run are left out."""
+    fine = [_fine(o.case, dt) for o in swept.outcomes if not other_model(o.case)]
+    coarser = [replace(case, dt=2 * dt) for case in fine]
+    found = {o.case: o.solution for o in runner.sweep([*fine, *coarser])}
+    return {
+        _place(case): SameMesh(found[case], compare(found[twice], found[case], swept.base.probes).error)
+        for case, twice in zip(fine, coarser, strict=True)
+        if found[case].status.ok and found[twice].status.ok
+    }
+
+
+def other_model(case: Case) -> bool:
+    """Whether a solver's element is none of ours: a fine step of ours then says nothing of its mesh."""
+    return element_of(case.solver, case.element) not in ("cable", "shear")
+
+
+def split(swept: Sweep, outcome: Outcome, fine: Mapping[Place, SameMesh]) -> dict[str, Any]:
+    """A run's error of the mesh, of the step, and which outweighs the other; NaN and "-" where not known."""
+    beside = None if other_model(outcome.case) else fine.get(_place(outcome.case))
+    nan = float("nan")
+    if beside is None or not outcome.solution.status.ok:
+        return {"mesh_error": nan, "step_error": nan, "step_reference_error": nan, "error_from": "-"}
+    mesh = swept.references[outcome.case.element].error_of(beside.solution)
+    step = compare(outcome.solution, beside.solution, swept.base.probes).error
+    return {
+        "mesh_error": mesh,
+        "step_error": step,
+        "step_reference_error": beside.uncertainty,
+        "error_from": weigh(mesh, step),
+    }
+
+
+def weigh(mesh: float, step: float) -> str:
+    """Which error outweighs the other: "mesh", "step", or "both" if none does."""
+    if mesh > OUTWEIGHS * step:
+        return "mesh"
+    return "step" if step > OUTWEIGHS * mesh else "both"
+
+
+def places(swept: Sweep) -> Sequence[Place]:
+    """Elements, quadratures and meshes of a sweep."""
+    return list(dict.fromkeys(_place(o.case) for o in swept.outcomes))
+
+
+def _place(case: Case) -> Place:
+    return case.element, case.quadrature, case.mesh
+
+
+def _fine(case: Case, dt: float) -> Case:
+    return replace(case, solver="anctmm", integrator="generalized-alpha", dt=dt, options=())

@@ -1,0 +1,138 @@
+"""The trade of error for time: every setting on both base scenes, the front, and what each error comes from."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from studies.engine.clock import Sampler, Samples, in_turn
+from studies.engine.dynamics import Sweep, check_mesh, sweep
+from studies.engine.pareto_front import NEAR, excess
+from studies.engine.runner import Case, Outcome, Runner, row, sample_rows
+from studies.engine.study import Options, Result
+from studies.engine.tables import Table
+from studies.scenes import BaseScene
+from studies.trade import pictures as trade_pictures
+from studies.trade.advice import advice
+from studies.trade.plan import FINE_STEP, Ladder, ladders
+from studies.trade.split import same_mesh, split
+from studies.trade.tables import (
+    Traded,
+    answer,
+    by_rival,
+    findings,
+    histories,
+    notes,
+    on_front,
+    recommended,
+    references,
+)
+
+#: Rounds in which settings near the front are timed again; by whether the run is quick.
+ROUNDS = {False: 7, True: 2}
+COLUMNS = (
+    "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
+    "newton_tolerance", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error", "step_error",
+    "step_reference_error", "error_from", "cpu_s", "cpu_spread", "wall_s", "repeats", "in_turn", "excess", "status",
+    "reference",
+)  # fmt: skip
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study."""
+    every = ladders(options.quick)
+    _check_meshes(every, options)
+    fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
+    traded = [measure(ladder, mine, runner) for ladder, mine in fitting if mine.meshes != ()]
+    points = pd.concat([t.frame for t in traded], ignore_index=True)
+    best, rivals, known = recommended(points), by_rival(points), references(traded)
+    return Result(
+        name="trade",
+        title="Which setting for which error",
+        question="Solver, element, quadrature, integrator, mesh and step: what does an error cost, and where does it "
+        "come from?",
+        findings=tuple(findings(points, best, rivals, known)),
+        assumptions=tuple(dict.fromkeys(a for t in traded for a in t.base.assumptions)),
+        tables=(
+            advice(best.frame, rivals.frame), best, rivals,
+            Table("front", "The front: no other setting is both better and cheaper", on_front(points)), known,
+            Table("points", "All settings", points, notes()), histories(traded),
+            Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
+        ),
+        pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
+        answers=tuple(filter(None, [answer(best.frame, rivals.frame)])),
+    )  # fmt: skip
+
+
+def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
+    """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
+    swept = sweep(ladder.base, ladder.plan(options.quick), options, runner)
+    fine = same_mesh(swept, FINE_STEP[options.quick], runner)
+    rows = [
+        row(o, swept.references[o.case.element]) | _asked(o.case) | split(swept, o, fine)
+        for o in swept.outcomes
+    ]
+    frame = pd.DataFrame(rows, columns=[c for c in COLUMNS if c not in ("in_turn", "excess")])
+    frame["family"] = [o.case.element for o in swept.outcomes]
+    again = time_again(swept, frame, ROUNDS[options.quick], runner)
+    frame["in_turn"] = [k in again for k in frame.index]
+    for k, values in again.items():
+        median = float(np.median(values))
+        frame.loc[k, ["cpu_s", "cpu_spread"]] = median, float(np.ptp(values)) / median
+        frame.loc[k, "repeats"] = len(values)
+    frame["excess"] = excess(frame)
+    samples = [
+        *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
+        *(r for k, values in again.items() for r in _samples(swept.outcomes[k], values)),
+    ]
+    return Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
+
+
+def time_again(
+    swept: Sweep, frame: pd.DataFrame, rounds: int, runner: Runner
+) -> Mapping[int, Sequence[float]]:
+    """CPU times, s, of the settings near the front, which take their samples in turn; by their row."""
+    chosen = frame.index[excess(frame) <= NEAR]
+    cases = {int(k): swept.outcomes[k].case for k in chosen}
+
+    def sampler(case: Case) -> Sampler:
+        solver = runner.resolve(case.solver)
+        return lambda: case.solve(solver).cost.cpu_s
+
+    def sample() -> dict[int, list[float]]:
+        contest = {str(k): sampler(case) for k, case in cases.items()}
+        found = in_turn(f"trade, {swept.base.scene.name}", contest, rounds, Samples())
+        return {int(k): values for k, values in found.items()}
+
+    key = f"trade in turn, {rounds} rounds|" + "|".join(runner.key(case) for case in cases.values())
+    return runner.remember(key, sample)  # type: ignore[no-any-return]
+
+
+def _asked(case: Case) -> dict[str, float]:
+    asked = dict(case.options)
+    return {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
+
+
+def _samples(outcome: Outcome, values: Sequence[float]) -> list[dict[str, Any]]:
+    about = sample_rows(replace(outcome, costs=outcome.costs[:1]))[0]
+    nan = float("nan")
+    return [
+        about | {"sample": k, "cpu_s": v, "wall_s": nan, "round": "in turn"} for k, v in enumerate(values)
+    ]
+
+
+def _fitting(base: BaseScene, options: Options) -> Options:
+    """The options with those meshes only that fit a scene: the two have different numbers of bodies."""
+    if options.meshes is None:
+        return options
+    sizes = (1, len(base.scene.bodies))
+    return replace(options, meshes=tuple(m for m in options.meshes if len(m) in sizes))
+
+
+def _check_meshes(every: Sequence[Ladder], options: Options) -> None:
+    sizes = {1, *(len(ladder.base.scene.bodies) for ladder in every)}
+    for mesh in options.meshes or ():
+        if len(mesh) not in sizes:
+            check_mesh(every[0].base.scene, mesh)

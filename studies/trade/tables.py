@@ -1,0 +1,233 @@
+"""Tables and sentences of the trade: what to take for a wished error, and why."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from anctmm.results.metrics import compare
+from studies.engine.clock import records
+from studies.engine.dynamics import REISSNER
+from studies.engine.pareto_front import NEAR
+from studies.engine.runner import Reference
+from studies.engine.tables import Table, failed, times
+from studies.scenes import BaseScene
+from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
+from studies.trade.plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
+
+#: Errors that a reader may wish, and the one that sentences speak of.
+WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
+WISH = 1e-3
+#: What was found with a recommended setting.
+FOUND = ("error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "repeats")
+#: What tells a setting from another.
+SETTING = (
+    "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Traded:
+    """One scene's points: a row a setting, the references by element, and all raw times."""
+
+    base: BaseScene
+    frame: pd.DataFrame
+    references: Mapping[str, Reference]
+    samples: list[dict[str, Any]]
+
+
+def notes() -> tuple[str, ...]:
+    """What a reader of the points must know."""
+    return (
+        "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
+        "mesh and step of the same element; reference_error: that reference's own uncertainty. Cable and shear "
+        "element are two models: their distance stands in the table of references.",
+        "step_error: against ANC–TMM with a step of "
+        f"{FINE_STEP[False]:g} s on the same mesh (quick: {FINE_STEP[True]:g} s), known to step_reference_error; "
+        "mesh_error: of that run against the reference; error_from: the one more than twice the other. The two may "
+        "cancel in part; a loose Newton tolerance counts as the step's.",
+        "dt, or tolerance where the error drives the step. Explicit runs at 0.8 of the stability limit and at half of "
+        f"that, where elements × steps are at most {MOST_EXPLICIT:g} ({MOST_EXPLICIT_PEER:g} for peers).",
+        "newton_tolerance: bound of the last correction, 1e-3 or 1e-7; Exudyn bounds residuals by its own default, "
+        "1e-7 relative (with looser ones it gains up to a third: see the benchmark's equal error).",
+        f"cpu_s: median of repeats; settings within {NEAR:g} times the front (in_turn) ran again in turn, and "
+        "the median is of these runs. excess: cost over that of the cheapest setting of no "
+        "larger error: 1 on the front.",
+        REISSNER,
+    )
+
+
+def recommended(points: pd.DataFrame) -> Table:
+    """The cheapest measured setting for each scene and wished error, or the nearest if none reaches it."""
+    rows = []
+    for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
+        for wish in WISHES:
+            able = reaching(mine, wish)
+            line = (able if len(able) else mine.sort_values("error")).iloc[0].to_dict()
+            status = "ok" if len(able) else "not reached: this is the smallest error measured"
+            about = {
+                "scene": scene,
+                "wished_error": wish,
+                "cpu_s": line["cpu_s"],
+                "setting": setting_of(line),
+            }
+            rows.append(
+                about | {k: line[k] for k in FOUND} | {"status": status} | {k: line[k] for k in SETTING}
+            )
+    said = (
+        "The cheapest measured setting whose error and its reference's uncertainty together are below the wish. "
+        "`anctmm recommend` prints the script that runs it.",
+    )
+    return Table("recommended", "What to take for a wished error", pd.DataFrame(rows), said)
+
+
+def by_rival(points: pd.DataFrame) -> Table:
+    """The cheapest setting of each kind (solver, element, how it steps) for each scene and wished error."""
+    points = points.assign(stepping=stepping(points))
+    rows = []
+    for scene, mine in points.groupby("scene", sort=False):
+        for wish in WISHES:
+            able = reaching(mine, wish)
+            for kind, own in mine.groupby(KIND, sort=False):
+                first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
+                about = {"scene": scene, "wished_error": wish, **dict(zip(KIND, kind, strict=True))}
+                if first.empty:
+                    smallest = own["error"].min()
+                    reason = f"not reached: {smallest:.1e} at best" if smallest > 0 else "no run ended well"
+                    rows.append(about | {"status": reason})
+                    continue
+                line = first.iloc[0].to_dict()
+                rows.append(about | {
+                    "setting": setting_of(line), "error": line["error"], "reference_error": line["reference_error"],
+                    "cpu_s": line["cpu_s"], "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "status": "ok",
+                })  # fmt: skip
+    columns = [
+        "scene", "wished_error", *KIND, "setting", "error", "reference_error", "cpu_s", "ratio", "status",
+    ]  # fmt: skip
+    frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
+    frame = frame.sort_values(
+        ["scene", "wished_error", "ratio"], ascending=[False, False, True], kind="stable"
+    )
+    said = ("ratio: cost over that of the cheapest setting of all kinds for that error.",)
+    return Table("by_rival", "The cheapest of each kind: why", frame.reset_index(drop=True), said)
+
+
+def on_front(points: pd.DataFrame) -> pd.DataFrame:
+    """Rows that no other of their scene beats in both error and cost."""
+    return points[points["excess"] == 1.0].sort_values(["scene", "cpu_s"]).drop(columns=["family", "excess"])
+
+
+def references(traded: Sequence[Traded]) -> Table:
+    """What errors are measured against, how well it is known, and how far the two models are apart."""
+    rows = []
+    for t in traded:
+        cable = t.references.get("cable")
+        for element, found in t.references.items():
+            both = cable is not None and cable.solution is not None and found.solution is not None
+            apart = compare(found.solution, cable.solution, t.base.probes).error if both else float("nan")  # type: ignore
+            rows.append({
+                "scene": t.base.scene.name, "element": element, "reference": found.name,
+                "uncertainty": found.uncertainty, "from_cable": apart,
+                "status": "ok" if found.solution is not None else found.name,
+            })  # fmt: skip
+    said = (
+        "uncertainty: differences to a coarser mesh and to a coarser step, added. from_cable: difference of the model "
+        "to that of cables: no mesh of either removes it.",
+    )
+    return Table("references", "References and the distance of the models", pd.DataFrame(rows), said)
+
+
+def histories(traded: Sequence[Traded]) -> Table:
+    """Displacements of the probes in the references: what a rerun is compared with."""
+    parts = []
+    for t in traded:
+        for element, found in t.references.items():
+            if found.solution is None:
+                continue
+            for probe in t.base.probes:
+                body, fraction = t.base.scene.probe(probe)
+                u = found.solution.displacement(probe)
+                about = {
+                    "scene": t.base.scene.name,
+                    "element": element,
+                    "body": body,
+                    "fraction": fraction,
+                }
+                parts.append(pd.DataFrame({**about, "t": found.solution.t, "u_x": u[:, 0], "u_y": u[:, 1]}))
+    frame = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    said = ("Displacements of the probes, m, over time, s.",)
+    return Table("histories", "Histories of the references", frame, said)
+
+
+# --- what was found ------------------------------------------------------------------------------------------
+
+
+def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
+    """What to take, and what the others cost, in one sentence; empty where nothing reaches the error."""
+    lines = records(best[(best["wished_error"] == WISH) & (best["status"] == "ok")])
+    takes = "; ".join(
+        f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
+    )
+    others = _against(rivals, WISH)
+    return f"For an error of {WISH:g} take {takes}{others and f'; {others}'}." if takes else ""
+
+
+def _against(rivals: pd.DataFrame, wish: float) -> str:
+    """How much more the other kinds cost, as a range over the scenes."""
+    # the cheapest itself, of ratio 1, is no rival
+    sound = rivals[(rivals["wished_error"] == wish) & (rivals["status"] == "ok") & (rivals["ratio"] > 1.0)]
+    own = sound["solver"] == "anctmm"
+    kinds = {
+        "explicit steps": own & (sound["stepping"] == "explicit") & (sound["element"] == "cable"),
+        "error-controlled steps": own
+        & sound["stepping"].str.contains("controlled")
+        & (sound["element"] == "cable"),
+        "shear elements": own & (sound["stepping"] == "implicit") & (sound["element"] == "shear"),
+        "the sparse global solver": (sound["solver"] == "global-dae") & (sound["stepping"] == "implicit"),
+        "Exudyn": (sound["solver"] == "exudyn-cable") & (sound["stepping"] == "implicit"),
+    }
+    cheapest = {name: sound[mine].groupby("scene")["ratio"].min() for name, mine in kinds.items()}
+    parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
+    return f"the cheapest of other kinds cost more: {', '.join(parts)} times" if parts else ""
+
+
+def _range(values: pd.Series) -> str:
+    low, high = times(values.min()), times(values.max())
+    return low if low == high else f"{low} to {high}"
+
+
+def _sources(points: pd.DataFrame) -> str:
+    shares = points[points["excess"] == 1.0]["error_from"].value_counts(normalize=True)
+    if shares.empty:
+        return ""
+    words = {"mesh": "the mesh", "step": "the step", "both": "both alike", "-": "an unknown part"}
+    parts = ", ".join(f"{words[str(k)]} for {100 * v:.0f} %" for k, v in shares.items())
+    return f"Of the settings on the front the error comes from {parts}."
+
+
+def _models(known: pd.DataFrame) -> str:
+    """How far apart the models of the two elements are."""
+    apart = known[(known["element"] == "shear") & (known["from_cable"] > 0)]
+    if apart.empty:
+        return ""
+    parts = ", ".join(f"{r['from_cable']:.2g} apart on the {r['scene']}" for r in records(apart))
+    return (
+        f"Cable and shear elements are two models, {parts}: the element is chosen for the model, and an error is that "
+        "of computing it."
+    )
+
+
+def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> list[str]:
+    """Sentences from the tables."""
+    said = [
+        f"{r['scene']}, error {r['wished_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
+        f"{r['error']:.2g} (mesh {r['mesh_error']:.1g}, step {r['step_error']:.1g})."
+        if r["status"] == "ok"
+        else f"{r['scene']}, error {r['wished_error']:g}: {r['status']} ({r['error']:.2g})."
+        for r in records(best.frame)
+    ]
+    said += filter(None, [answer(best.frame, rivals.frame), _models(known.frame), _sources(points)])
+    if failures := len(failed(points)):
+        said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")
+    return said

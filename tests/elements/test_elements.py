@@ -1,0 +1,360 @@
+"""Elements by their axioms: shapes, quadrature, rigid motion, energy → force → tangent, mass, weight, kernels."""
+
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from samples import SOFT, SQUARE
+from scipy.special import roots_chebyu
+
+from anctmm.discretise.assembly import (
+    Bodies,
+    block_tangents,
+    elastic_forces,
+    kinetic_energy,
+    strain_energy,
+    unpack_tangent,
+)
+from anctmm.discretise.mesh import BodyMesh
+from anctmm.elements.cable import CableElement
+from anctmm.elements.invariants import InvariantShearElement
+from anctmm.elements.rigid import RigidElement
+from anctmm.elements.shapes import gauss, hermite, lobatto, power
+from anctmm.elements.shear import ShearElement
+from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
+from anctmm.model.scene import Beam, Material
+from anctmm.model.sections import Circle, Rectangle
+
+LENGTH, HEIGHT, WIDTH = 0.4, 0.05, 0.03
+TINY = 1e-30
+
+
+def shear(poisson=0.3, section=None):
+    body = Beam("b", (0, 0), (LENGTH, 0), section or Rectangle(WIDTH, HEIGHT), Material(1e7, 1200.0, poisson))
+    return ShearElement.of(body, 1)
+
+
+def cable(quadrature="full"):
+    return CableElement.of(Beam("b", (0, 0), (LENGTH, 0), Rectangle(WIDTH, HEIGHT), SOFT), 1, quadrature)
+
+
+def test_elements_have_the_properties_of_their_body():
+    body = Beam("b", (0, 0), (3, 4), Rectangle(0.2, 0.1), Material(7e6, 30.0, poisson=0.25, damping=0.5))
+    one, two = CableElement.of(body, 4, "reduced"), ShearElement.of(body, 4)
+    area, second, fourth = 0.02, 0.2 * 0.1**3 / 12, 0.2 * 0.1**5 / 80
+    assert (one.l, one.EA, one.EI) == pytest.approx((1.25, 7e6 * area, 7e6 * second))
+    assert (one.mass_per_length, one.damping, one.quadrature) == (pytest.approx(30.0 * area), 0.5, "reduced")
+    assert (two.l, two.A, two.I, two.J) == pytest.approx((1.25, area, second, fourth))
+    assert (two.lam, two.G, two.density, two.damping) == pytest.approx((2.8e6, 2.8e6, 30.0, 0.5))
+    rigid = RigidElement.of(body)
+    assert (rigid.l, rigid.EA, rigid.EI, rigid.mass_per_length) == pytest.approx((5.0, 0.0, 0.0, 30.0 * area))
+
+
+@pytest.mark.parametrize(
+    ("quadrature", "axial", "bending"), [("full", 5, 3), ("reduced", 4, 2), ("lobatto", 3, 2)]
+)
+def test_quadratures_have_the_points_of_their_rule(quadrature, axial, bending):
+    """Exudyn's: Lobatto has the ends of the element, Gauss has not."""
+    element = cable(quadrature)
+    rules = element.axial_rule, element.bending_rule
+    assert [len(weights) for *_, weights in rules] == [axial, bending]
+    assert [weights.sum() for *_, weights in rules] == pytest.approx([LENGTH, LENGTH])
+    ends = np.abs(element.axial_rule[0][0] - [0.0, 1.0, 0.0, 0.0]).max() < 1e-15
+    assert ends == (quadrature == "lobatto")
+
+
+ELEMENTS = {
+    "shear ν=0": shear(0.0),
+    "shear ν=0.3": shear(0.3),
+    "shear circle": shear(0.45, Circle(HEIGHT)),
+    "cable full": cable("full"),
+    "cable reduced": cable("reduced"),
+    "cable lobatto": cable("lobatto"),
+}
+every_element = pytest.mark.parametrize("e", ELEMENTS.values(), ids=ELEMENTS.keys())
+every_cable = pytest.mark.parametrize("quadrature", ["full", "reduced", "lobatto"])
+
+
+def reference(e):
+    """Undeformed coordinates along x."""
+    q = np.zeros((2 * e.vectors_per_node, 2))
+    q[e.vectors_per_node, 0] = e.l
+    q[1 :: e.vectors_per_node, 0] = 1.0
+    q[2 :: e.vectors_per_node, 1] = 1.0 if e.vectors_per_node == 3 else q[2 :: e.vectors_per_node, 1]
+    return q
+
+
+def scales(e):
+    """Size of each coordinate: the length for positions, one for gradients; as a column."""
+    return np.tile([e.l, *[1.0] * (e.vectors_per_node - 1)], 2)[:, None]
+
+
+def turn(angle):
+    return np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
+
+
+def large(e, seed=0, amount=0.3):
+    """A large random deformation, turned at random."""
+    rng = np.random.default_rng(seed)
+    q = reference(e)
+    return (q + amount * scales(e) * rng.standard_normal(q.shape)) @ turn(rng.uniform(0, 2 * pi)).T
+
+
+def stiffness_scale(e):
+    """Size of the tangent's entries once coordinates are measured by `scales`."""
+    s = np.broadcast_to(scales(e), reference(e).shape)
+    return np.abs(e.tangent(reference(e)) * s[:, :, None, None] * s).max()
+
+
+# --- shapes and rules --------------------------------------------------------------------------------------
+
+
+def test_hermite_functions_are_nodal():
+    at_ends = np.stack([hermite([0.0, 1.0], LENGTH, order) for order in (0, 1)], axis=1).reshape(4, 4)
+    assert np.abs(at_ends - np.eye(4)).max() < 1e-14
+
+
+@given(st.floats(0.0, 1.0), st.floats(0.01, 100.0))
+def test_hermite_functions_reproduce_cubics_and_their_derivatives(xi, l):  # noqa: E741
+    for p in (np.polynomial.Polynomial(c) for c in np.eye(4)):  # in units of l
+        nodal = np.array([p(0.0), p.deriv()(0.0) / l, p(1.0), p.deriv()(1.0) / l])
+        for order in (0, 1, 2):
+            exact = (p.deriv(order) if order else p)(xi)
+            assert hermite(xi, l, order)[0] @ nodal * l**order == pytest.approx(exact, abs=1e-13)
+
+
+@pytest.mark.parametrize("points", range(2, 7))
+@pytest.mark.parametrize(("rule", "lost"), [(gauss, 1), (lobatto, 3)])
+def test_rules_are_exact_to_their_degree_and_no_further(rule, lost, points):
+    x, w = rule(points)
+    exact = 2 * points - lost
+    for degree in range(exact + 1):
+        assert w @ x**degree == pytest.approx(1.0 / (degree + 1), abs=1e-15)
+    assert abs(w @ x ** (exact + 1) - 1.0 / (exact + 2)) > 1e-8
+
+
+def test_lobatto_has_both_ends():
+    assert lobatto(4)[0][[0, -1]].tolist() == [0.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("section", "y", "w"),
+    [
+        (Rectangle(WIDTH, HEIGHT), (gauss(6)[0] - 0.5) * HEIGHT, gauss(6)[1] * HEIGHT * WIDTH),
+        (Circle(HEIGHT), HEIGHT / 2 * roots_chebyu(6)[0], HEIGHT**2 / 2 * roots_chebyu(6)[1]),
+    ],
+)
+def test_moments_of_sections(section, y, w):
+    moments = (section.area, section.second_moment, section.fourth_moment)
+    assert moments == pytest.approx([w.sum(), w @ y**2, w @ y**4], rel=1e-13)
+
+
+# --- energy, force, tangent --------------------------------------------------------------------------------
+
+
+@every_element
+@given(angle=st.floats(-10.0, 10.0), x=st.floats(-5.0, 5.0), y=st.floats(-5.0, 5.0))
+def test_rigid_motion_bears_no_force(e, angle, x, y):
+    q = reference(e) @ turn(angle).T
+    q[:: e.vectors_per_node] += [x, y]
+    assert np.abs(e.force(q) * scales(e)).max() < 1e-13 * stiffness_scale(e)
+    assert e.energy(q) < 1e-26 * stiffness_scale(e)
+
+
+@every_element
+@given(seed=st.integers(0, 1000))
+def test_force_is_the_gradient_of_the_energy_and_turns_with_the_body(e, seed):
+    q = large(e, seed)
+    gradient = np.empty_like(q)
+    for i in np.ndindex(q.shape):
+        step = np.zeros_like(q, dtype=complex)
+        step[i] = 1j * TINY
+        gradient[i] = e.energy(q + step).imag / TINY
+    force = e.force(q)
+    assert np.abs((force - gradient) * scales(e)).max() < 1e-12 * np.abs(force * scales(e)).max()
+    R = turn(1.0)
+    assert (
+        np.abs((e.force(q @ R.T) - force @ R.T) * scales(e)).max() < 1e-12 * np.abs(force * scales(e)).max()
+    )
+
+
+@every_element
+@given(seed=st.integers(0, 1000))
+def test_tangent_is_the_derivative_of_the_force(e, seed):
+    q = large(e, seed)
+    K, s = e.tangent(q), np.broadcast_to(scales(e), q.shape)
+    derivative = np.empty_like(K)
+    for i in np.ndindex(q.shape):
+        step = np.zeros_like(q, dtype=complex)
+        step[i] = 1j * TINY
+        derivative[:, :, *i] = e.force(q + step).imag / TINY
+    size = np.abs(K * s[:, :, None, None] * s).max()
+    assert np.abs((K - derivative) * s[:, :, None, None] * s).max() < 1e-12 * size
+    assert np.abs(K - K.transpose(2, 3, 0, 1)).max() < 1e-12 * np.abs(K).max()
+
+
+@every_element
+def test_power_of_the_elastic_force_is_the_rate_of_the_energy(e):
+    q, v = large(e, 1), large(e, 2)
+    rate = e.energy(q + 1j * TINY * v).imag / TINY
+    assert power(e.force(q), v) == pytest.approx(rate, rel=1e-12)
+
+
+def continuum_energy(e, q, poisson=0.3, E=1e7):
+    """Saint Venant-Kirchhoff energy over the rectangle, from the deformation gradient of r = c + y d."""
+    lam, G = E * poisson / ((1 + poisson) * (1 - 2 * poisson)), E / (2 * (1 + poisson))
+    total = 0.0
+    for xi, wx in zip(*gauss(8), strict=True):
+        for eta, wy in zip(*gauss(6), strict=True):
+            y = (eta - 0.5) * HEIGHT
+            by_x = np.zeros(6)
+            by_x[[0, 1, 3, 4]] = hermite(xi, e.l, 1)[0]
+            by_x[[2, 5]] = -y / e.l, y / e.l
+            F = np.stack([by_x @ q, np.array([0, 0, 1 - xi, 0, 0, xi]) @ q], axis=1)
+            strain = 0.5 * (F.T @ F - np.eye(2))
+            density = 0.5 * lam * np.trace(strain) ** 2 + G * (strain * strain).sum()
+            total += wx * wy * e.l * HEIGHT * WIDTH * density
+    return total
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_energy_of_the_shear_element_is_that_of_the_continuum(poisson):
+    e = shear(poisson)
+    for seed in range(3):
+        q = large(e, seed)
+        assert e.energy(q) == pytest.approx(continuum_energy(e, q, poisson), rel=1e-12)
+
+
+@every_cable
+def test_energy_of_a_stretched_cable(quadrature):
+    e = cable(quadrature)
+    assert e.energy(1.7 * reference(e)) == pytest.approx(0.5 * e.EA * 0.7**2 * e.l, rel=1e-12)
+
+
+@every_cable
+def test_energy_of_a_slightly_bent_cable(quadrature):
+    """y = bx²/2 has the curvature b; its stretch enters at fourth order in b."""
+    e, b = cable(quadrature), 1e-6
+    q = reference(e)
+    q[2:, 1] = 0.5 * b * e.l**2, b * e.l
+    assert e.energy(q) == pytest.approx(0.5 * e.EI * b**2 * e.l, rel=1e-8)
+
+
+@every_cable
+def test_curvature_of_a_cable_is_divided_by_the_square_of_the_stretch(quadrature):
+    """A bent cable scaled by λ: each κ falls as (λ·λ)/λ², so the bending energy stays; |r'|³ would change it."""
+    e = cable(quadrature)
+    e = CableElement(e.l, 0.0, e.EI, e.mass_per_length, quadrature)
+    q = large(e, 3)
+    assert e.energy(2.0 * q) == pytest.approx(e.energy(q), rel=1e-12)
+
+
+@pytest.mark.parametrize("e", [shear(0.0), shear(0.3), shear(0.3, Circle(HEIGHT))])
+def test_force_by_invariant_matrices_is_that_by_quadrature(e):
+    invariant = InvariantShearElement(e)
+    for seed in range(5):
+        q = large(e, seed)
+        force = e.force(q) * scales(e)
+        assert np.abs(invariant.force(q) * scales(e) - force).max() < 1e-12 * np.abs(force).max()
+
+
+# --- mass and weight ---------------------------------------------------------------------------------------
+
+
+def shapes(e, xi, y):
+    """N of r = N q at a point of the volume."""
+    N = np.zeros(2 * e.vectors_per_node)
+    k = e.vectors_per_node
+    N[[0, 1, k, k + 1]] = hermite(xi, e.l)[0]
+    if k == 3:
+        N[[2, 5]] = y * (1 - xi), y * xi
+    return N
+
+
+def volume(e):
+    """Points (ξ, y) and weights of high order over the rectangular volume; a cable is a line of the same mass."""
+    for xi, wx in zip(*gauss(8), strict=True):
+        for eta, wy in zip(*gauss(6), strict=True):
+            yield xi, (eta - 0.5) * HEIGHT, wx * wy * e.l * HEIGHT * WIDTH
+
+
+@pytest.mark.parametrize("e", [shear(), cable()], ids=["shear", "cable"])
+def test_mass_and_weight_are_the_integrals_over_the_volume(e):
+    density = e.density if e.vectors_per_node == 3 else e.mass_per_length / (HEIGHT * WIDTH)
+    N = [(shapes(e, xi, y), density * w) for xi, y, w in volume(e)]
+    s = scales(e)[:, 0]
+    mass, weight = sum(w * np.outer(n, n) for n, w in N), sum(w * n for n, w in N)
+    total = density * e.l * HEIGHT * WIDTH
+    assert np.abs((e.mass - mass) * np.outer(s, s)).max() < 1e-14 * total * e.l**2
+    assert np.abs((e.gravity - weight) * s).max() < 1e-14 * total * e.l
+
+
+@every_element
+def test_kinetic_energy_of_rigid_motion(e):
+    """½mv² + ½Jω² about the middle; a cable has no rotary inertia."""
+    q, velocity, omega = reference(e), np.array([1.0, -2.0]), 3.0
+    v = omega * q @ turn(pi / 2).T
+    v[:: e.vectors_per_node] += velocity - omega * np.array([0.0, e.l / 2])
+    mass = e.gravity[:: e.vectors_per_node].sum()
+    inertia = mass * e.l**2 / 12 + (e.density * e.I * e.l if e.vectors_per_node == 3 else 0.0)
+    kinetic = 0.5 * np.einsum("ic,ij,jc", v, e.mass, v)
+    assert kinetic == pytest.approx(0.5 * mass * velocity @ velocity + 0.5 * inertia * omega**2, rel=1e-13)
+
+
+# --- compiled kernels --------------------------------------------------------------------------------------
+
+
+def row_of_elements(kind, elements, quadrature="full"):
+    body = Beam("b", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, 0.3))
+    e = ShearElement.of(body, elements) if kind == "shear" else CableElement.of(body, elements, quadrature)
+    bodies = Bodies([BodyMesh(body, kind, elements, e, (0.0, 0.0))])
+    rng = np.random.default_rng(elements)
+    q = bodies.reference()
+    q[:2] += 0.2 * e.l * rng.standard_normal((2, elements + 1))
+    q[2:] += 0.2 * rng.standard_normal((bodies.rows - 2, elements + 1))
+    return e, bodies, q
+
+
+def nodal(q, i):
+    """Coordinates of element i as its readable form wants them."""
+    return q[:, i : i + 2].T.reshape(-1, 2)
+
+
+every_kernel = pytest.mark.parametrize(
+    ("kind", "quadrature"), [("shear", "full"), ("cable", "full"), ("cable", "reduced"), ("cable", "lobatto")]
+)
+
+
+@every_kernel
+@pytest.mark.parametrize("elements", [1, 3, 64, 65, 150])
+def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, quadrature, elements):
+    e, bodies, q = row_of_elements(kind, elements, quadrature)
+    f, expected = np.empty_like(q), np.zeros_like(q)
+    elastic_forces(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
+    for i in range(elements):
+        expected[:, i : i + 2] += e.force(nodal(q, i)).reshape(2, -1).T
+    size = scales(e)[: e.vectors_per_node].repeat(2)[:, None]
+    assert np.abs((f - expected) * size).max() < 1e-13 * stiffness_scale(e)
+    energy = strain_energy(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants)
+    assert energy == pytest.approx(sum(e.energy(nodal(q, i)) for i in range(elements)), rel=1e-13)
+
+
+@every_kernel
+def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
+    e, bodies, q = row_of_elements(kind, TANGENT_BLOCK, quadrature)
+    buffer, K = np.full(TANGENT_BUFFER, np.nan), np.zeros((2 * bodies.rows, 2 * bodies.rows))
+    block_tangents(bodies.blend, q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer)
+    s = scales(e).repeat(2)
+    for i in range(TANGENT_BLOCK):
+        unpack_tangent(buffer, i, int(bodies.kinds[0]), K)
+        expected = e.tangent(nodal(q, i)).reshape(K.shape)
+        assert np.abs((K - expected) * np.outer(s, s)).max() < 1e-13 * stiffness_scale(e)
+
+
+@pytest.mark.parametrize("kind", ["cable", "shear"])
+def test_compiled_kinetic_energy_is_that_of_the_mass_matrix(kind):
+    e, bodies, v = row_of_elements(kind, 5)
+    expected = sum(0.5 * np.einsum("ic,ij,jc", nodal(v, i), e.mass, nodal(v, i)) for i in range(5))
+    assert kinetic_energy(v, bodies.first, bodies.masses) == pytest.approx(expected, rel=1e-13)

@@ -1,0 +1,92 @@
+"""Small scenes and helpers that several tests share; the base scenes are in `studies.scenes`."""
+
+from math import cos, sin
+
+import numpy as np
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene, Weld
+from anctmm.model.sections import Rectangle
+
+SOFT = Material(E=1e7, density=1000.0)
+SQUARE = Rectangle(0.02, 0.02)
+A, B, C = (0.0, 0.0), (1.0, 0.0), (2.0, 0.0)
+KINDS = ("cable", "shear")
+INTEGRATORS = ("zhai", "generalized-alpha")
+SUPPORTS = {"free": lambda end: (), "pin": lambda end: (Pin(end),), "clamp": lambda end: (Clamp(end),)}
+
+
+def beam(name="a", start=A, end=B, section=SQUARE, material=SOFT, velocity=None):
+    """A body along the x axis, 1 m long."""
+    return Beam(name, start, end, section, material, velocity)
+
+
+def scene_of(*joints, bodies=None, loads=(), gravity=(0.0, 0.0)):
+    """Bodies "a" and "b" in a row along the x axis, or others."""
+    return Scene("s", bodies or [beam(), beam("b", B, C)], joints, loads, gravity)
+
+
+def run_of(**options):
+    """A discretisation with two elements a body."""
+    return Discretisation(**{"mesh": 2, **options})
+
+
+def bar(joints=(), loads=(), velocity=None, gravity=(0.0, 0.0), material=SOFT):
+    """One oblique bar of length 1 m."""
+    beam = Beam("bar", (0.0, 0.0), (0.6, 0.8), SQUARE, material, velocity)
+    return Scene("bar", [beam], joints, loads, gravity)
+
+
+def row_scene(start, links, end, lengths=None, turned=(), loads=(), gravity=(0.0, 0.0)):
+    """Bodies "b0", "b1", … in a row from a support to a support.
+
+    `links` has a pair (kind of joint, angle by which the direction turns there) between each two bodies; bodies in
+    `turned` are drawn from their far end.
+    """
+    joined = {"pin": Pin, "weld": Weld}
+    corner, angle, bodies, joints = (0.0, 0.0), 0.4, [], []
+    lengths = lengths or [0.3 + 0.1 * i for i in range(len(links) + 1)]
+    for i, length in enumerate(lengths):
+        angle += links[i - 1][1] if i else 0.0
+        tip = (corner[0] + length * cos(angle), corner[1] + length * sin(angle))
+        ends = (tip, corner) if i in turned else (corner, tip)
+        bodies.append(Beam(f"b{i}", *ends, SQUARE, SOFT))
+        corner = tip
+    for i, (kind, _) in enumerate(links):
+        joints.append(joined[kind](outer(i, turned), inner(i + 1, turned)))
+    last = len(links)
+    joints = [*SUPPORTS[start](inner(0, turned)), *joints, *SUPPORTS[end](outer(last, turned))]
+    return Scene("row", bodies, joints, loads, gravity)
+
+
+def inner(i, turned=()):
+    """Name of the inboard end of body i of a row."""
+    return f"b{i}.{'end' if i in turned else 'start'}"
+
+
+def outer(i, turned=()):
+    """Name of the outboard end of body i of a row."""
+    return f"b{i}.{'start' if i in turned else 'end'}"
+
+
+def chain_of(scene, **options):
+    """A scene as ANC-TMM sees it."""
+    return Chain(scene, Discretisation(**{"mesh": 2, **options}))
+
+
+def deformed(chain, amount=0.1, seed=0):
+    """Coordinates of all nodes with random gradients and displacements; joints are not respected."""
+    bodies, rng = chain.bodies, np.random.default_rng(seed)
+    q = bodies.reference()
+    lengths = np.concatenate([np.full(m.nodes, m.element.l) for m in bodies.meshes])
+    q[:2] += amount * lengths * rng.standard_normal((2, bodies.nodes))
+    q[2:] += amount * rng.standard_normal((bodies.rows - 2, bodies.nodes))
+    return q
+
+
+def gap(one, two, fraction=1.0, body=None, other=None, mirrored=False):
+    """Largest distance of a point of two solutions, over the whole history, m."""
+    body = body or one.scene.bodies[0].name
+    there = 1.0 - fraction if mirrored else fraction
+    return np.abs(one.position(body, fraction) - two.position(other or body, there)).max()

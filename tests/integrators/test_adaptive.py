@@ -1,0 +1,77 @@
+"""Error-controlled steps: the achieved error in time against a fine reference of the same mesh."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import StepError
+from anctmm.forces.actuation import Actuation
+from anctmm.integrators.step_control import _interpolate
+from reference import global_dae
+from studies import scenes
+
+CASES = {
+    "cantilever": (scenes.cantilever_fall, 8),
+    "four-bar": (scenes.four_bar, {"crank": 2, "coupler": 8, "follower": 2}),
+}
+
+
+@pytest.fixture(scope="module", params=[(n, e) for n in CASES for e in ("cable", "shear")], ids="-".join)
+def case(request):
+    """A base scene, its options and a reference whose step is far below what any tolerance here takes."""
+    name, element = request.param
+    build, mesh = CASES[name]
+    base = build()
+    options = {"mesh": mesh, "element": element, "t_end": base.t_end, "output_dt": 0.01}
+    return base, options, at.solve(base.scene, dt=2.5e-5, **options)
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
+def test_achieved_error_stays_within_three_times_what_was_asked(case, tolerance):
+    base, options, reference = case
+    run = at.solve(base.scene, tolerance=tolerance, newton_tolerance=1e-8, **options)
+    assert run.status.ok
+    assert at.compare(run, reference, base.probes).error <= 3.0 * tolerance
+    np.testing.assert_allclose(run.t, reference.t, rtol=0, atol=1e-12)
+
+
+def test_a_tighter_tolerance_takes_more_steps_and_closes_the_energy_balance(case):
+    base, options, _ = case
+    loose, tight = (at.solve(base.scene, tolerance=t, **options) for t in (1e-3, 1e-5))
+    assert tight.cost.steps > 3 * loose.cost.steps
+    assert np.abs(tight.energy.balance).max() < 0.2 * np.abs(loose.energy.balance).max()
+
+
+def test_interpolated_quintic_drive_is_exact():
+    base = scenes.four_bar()
+    chain_bodies = Chain(base.scene, Discretisation(mesh=1)).bodies
+    table = Actuation(base.scene, chain_bodies).hub_table(np.linspace(0.0, 2.0, 9))
+    angles, values = np.zeros((1, 3)), np.zeros((0, 2))
+    drive = base.scene.joints[0].angle
+    for t in np.linspace(0.0, 1.99, 37):
+        _interpolate(t, 0.25, table, np.zeros((9, 0, 2)), angles, values)
+        assert angles[0, 0] == pytest.approx(drive(t)[0], abs=1e-13)
+
+
+def test_tolerance_beside_a_step_or_an_explicit_integrator_is_refused():
+    with pytest.raises(StepError, match=r"dt is 0\.001 s beside tolerance 0\.01"):
+        Discretisation(mesh=1, tolerance=1e-2, dt=1e-3)
+    with pytest.raises(StepError, match="integrator 'zhai'"):
+        Discretisation(mesh=1, tolerance=1e-2, integrator="zhai")
+    with pytest.raises(StepError, match="tolerance is 0"):
+        Discretisation(mesh=1, tolerance=0.0)
+    with pytest.raises(StepError, match="takes a fixed step"):
+        global_dae.solve(scenes.four_bar().scene, mesh=1, tolerance=1e-2)
+
+
+def test_a_motion_that_blows_up_is_named_and_its_history_kept():
+    base = scenes.cantilever_fall()
+    jump = [at.Force("beam.end", lambda t: (0.0, -1e9 if t > 0.1 else 0.0))]
+    scene = at.Scene("torn", base.scene.bodies, base.scene.joints, jump)
+    run = at.solve(scene, mesh=2, tolerance=1e-3, t_end=0.5, output_dt=0.01)
+    assert run.status == "diverged"
+    assert run.status.body == "beam"
+    assert 0.09 <= run.status.time <= 0.2
+    assert run.t[-1] <= run.status.time + 0.01

@@ -1,0 +1,261 @@
+"""Kelvin-Voigt damping: the elements' forces, both integrators, peers, an exact decay, and nothing where absent."""
+
+from dataclasses import replace
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from samples import INTEGRATORS, KINDS, SQUARE, bar, chain_of, deformed, gap
+
+from anctmm.discretise.assembly import resist
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.cable import CableElement
+from anctmm.elements.shear import ShearElement
+from anctmm.errors import DiscretisationError, PropertyError, StabilityError, StepError
+from anctmm.integrators.generalized_alpha import new_state, residual_history
+from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
+from anctmm.integrators.zhai import advance as explicit_kernel
+from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene
+from anctmm.solve import solve
+from reference import exudyn_cable, global_dae
+
+TAU = 1e-3
+DAMPED = Material(E=1e7, density=1000.0, damping=TAU)
+ELEMENTS = {
+    "cable": CableElement(0.3, 4e3, 0.13, 0.4, damping=0.02),
+    "shear": ShearElement(0.3, 4e-4, 1.3e-8, 7.7e-13, 4e6, 5e6, 1e3, damping=0.02),
+}
+
+
+def falling(material=DAMPED, tail=0.0):
+    """A clamped bar that falls under gravity, pinned to a second one, by default not damped."""
+    bodies = [
+        Beam("bar", (0.0, 0.0), (0.6, 0.8), SQUARE, material),
+        Beam("tail", (0.6, 0.8), (1.0, 0.8), SQUARE, Material(E=1e7, density=1000.0, damping=tail)),
+    ]
+    return Scene("falling", bodies, [Clamp("bar.start"), Pin("bar.end", "tail.start")], gravity=(0.0, -9.81))
+
+
+def undeformed(element):
+    """Coordinates of the straight element."""
+    one, two = [[0, 0], [1, 0], [0, 1]], [[element.l, 0], [1, 0], [0, 1]]
+    k = element.vectors_per_node
+    return np.array(one[:k] + two[:k], dtype=float)
+
+
+def state(element, seed=3):
+    """A bent element and velocities of its coordinates."""
+    rng = np.random.default_rng(seed)
+    q = undeformed(element)
+    noise = (
+        rng.standard_normal((2, *q.shape)) * np.array([element.l, *[1.0] * (len(q) // 2 - 1)] * 2)[:, None]
+    )
+    return q + 0.1 * noise[0], noise[1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_force_is_gradient_of_dissipation_and_its_power_twice_that(kind):
+    element = ELEMENTS[kind]
+    q, v = state(element)
+    force = element.damping_force(q, v)
+    for i in np.ndindex(v.shape):
+        shifted = v.astype(complex)
+        shifted[i] += 1e-30j
+        assert element.dissipation(q, shifted).imag / 1e-30 == pytest.approx(force[i], rel=1e-12, abs=1e-9)
+    assert (force * v).sum() == pytest.approx(2.0 * element.dissipation(q, v), rel=1e-12)
+    # along a motion the elastic force changes by K q̇: where there is no stress the damping force is τ times that
+    q = undeformed(element)
+    assert np.allclose(
+        element.damping_force(q, v), element.damping * np.tensordot(element.tangent(q), v, 2), rtol=1e-10
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_rigid_motion_of_a_bent_element_is_not_resisted(kind):
+    element = ELEMENTS[kind]
+    q, v = state(element)
+    spin = 3.0 * q @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    spin[:: element.vectors_per_node] += [2.0, -5.0]
+    size = np.abs(element.damping_force(q, v)).max()
+    assert np.abs(element.damping_force(q, spin)).max() < 1e-13 * size
+
+
+@pytest.mark.parametrize("element", ["cable", "shear", "mixed"])
+def test_compiled_forces_are_the_readable_ones(element):
+    element = {"bar": "cable", "tail": "shear"} if element == "mixed" else element
+    both = replace(falling(), bodies=tuple(replace(b, material=DAMPED) for b in falling().bodies))
+    chain = chain_of(both, mesh={"bar": 70, "tail": 3}, element=element)  # more than one block
+    bodies, q = chain.bodies, deformed(chain)
+    v = np.random.default_rng(1).standard_normal(q.shape)
+    for i, mesh in enumerate(bodies.meshes):
+        v[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = 0.0
+    found, expected, power = np.zeros_like(q), np.zeros_like(q), 0.0
+    lost = resist(bodies.blend, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
+                  bodies.buffer(), found)  # fmt: skip
+    for i, mesh in enumerate(bodies.meshes):
+        k = 2 * mesh.vectors
+        for node in range(bodies.first[i], bodies.first[i + 1] - 1):
+            at, to = (x[:k, node : node + 2].T.reshape(k, 2) for x in (q, v))
+            force = mesh.element.damping_force(at, to)
+            expected[:k, node : node + 2] -= force.reshape(2, k).T
+            power += (force * to).sum()
+    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
+    assert lost == pytest.approx(power, rel=1e-12)
+
+
+def test_explicit_equals_the_global_equations_to_rounding_and_keeps_its_account():
+    kinds = {"bar": "shear", "tail": "cable"}
+    run = Discretisation(mesh=2, element=kinds, integrator="zhai", dt=2.5e-6, t_end=0.25, output_dt=0.025)
+    scene = falling(tail=TAU / 5)
+    ours, other = solve(scene, run), global_dae.solve(scene, run)
+    assert ours.status.ok
+    assert gap(ours, other) < 1e-12
+    assert gap(ours, other, body="tail") < 1e-12
+    assert np.abs(ours.energy.work - other.energy.work).max() < 1e-12
+    assert ours.energy.work[-1] < -1e-3
+    assert np.abs(ours.energy.balance).max() < 1e-5 * np.abs(ours.energy.work[-1])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_first_steps_and_their_work_are_those_of_the_global_equations(kind):
+    """With speed from the start, so that the very first steps lose work."""
+    speeds = (lambda s: (s, -s), lambda s: (1.0 - s, s - 1.0))
+    bodies = tuple(replace(b, velocity=v) for b, v in zip(falling().bodies, speeds, strict=True))
+    run = Discretisation(mesh=2, element=kind, integrator="zhai", dt=1e-6, t_end=2.4e-5, output_dt=3e-6)
+    ours, other = (solver(replace(falling(), bodies=bodies), run) for solver in (solve, global_dae.solve))
+    assert gap(ours, other) < 1e-12
+    assert ours.energy.work == pytest.approx(other.energy.work, rel=1e-6, abs=1e-12)
+    assert ours.energy.work[1] < -1e-7
+
+
+def test_first_steps_lose_the_same_work_in_both_integrators():
+    speeds = (lambda s: (s, -s), lambda s: (1.0 - s, s - 1.0))
+    bodies = tuple(replace(b, velocity=v) for b, v in zip(falling().bodies, speeds, strict=True))
+    scene, times = replace(falling(), bodies=bodies), {"dt": 2e-6, "t_end": 4e-5, "output_dt": 4e-6}
+    explicit, implicit = (
+        solve(scene, mesh=2, integrator=i, **times).energy for i in ("zhai", INTEGRATORS[1])
+    )
+    assert implicit.work == pytest.approx(explicit.work, rel=0.01, abs=1e-9)
+    assert (np.diff(implicit.work) < 0.0).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_first_steps_damp_alike_to_the_square_of_the_step(kind):
+    """Strain that starts at once: what resists it are the velocities at the end of a step."""
+    stretched = replace(bar(material=DAMPED).bodies[0], velocity=lambda s: (s * (s - 0.4), s * s))
+    scene = replace(bar([Clamp("bar.start")], material=DAMPED), bodies=[stretched])
+    options = {"mesh": 1, "element": kind, "t_end": 1.6e-3, "output_dt": 4e-4}
+    fine = solve(scene, integrator="zhai", dt=2e-6, **options)
+    coarse, half = (solve(scene, dt=dt, newton_tolerance=1e-12, **options) for dt in (1e-4, 5e-5))
+    assert gap(coarse, fine) / gap(half, fine) == pytest.approx(4.0, rel=0.2)
+    work = [np.abs(m.energy.work - fine.energy.work).max() for m in (coarse, half)]
+    assert work[0] / work[1] == pytest.approx(4.0, rel=0.2)
+
+
+def test_implicit_tends_to_explicit_at_second_order():
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81), material=DAMPED)
+    fine = solve(scene, mesh=2, integrator="zhai", dt=2e-5, t_end=0.5, output_dt=0.02)
+    coarse, half = (solve(scene, mesh=2, dt=dt, t_end=0.5, output_dt=0.02) for dt in (2e-3, 1e-3))
+    assert gap(coarse, fine) / gap(half, fine) == pytest.approx(4.0, rel=0.1)
+    assert gap(half, fine) < 1e-4
+    assert np.abs(half.energy.balance).max() < 0.01 * np.abs(half.energy.work[-1])
+
+
+def test_exudyn_damps_cables_alike():
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81), material=DAMPED)
+    run = Discretisation(mesh=2, dt=1e-3, t_end=0.5, output_dt=0.02)
+    peer = exudyn_cable.solve(scene, run)
+    if peer.status == "unsupported":
+        pytest.skip(peer.status.message)
+    assert gap(solve(scene, run), peer) < 1e-6
+    assert np.isnan(peer.energy.work).all()  # it does not say what damping takes
+
+
+def test_residuals_told_of_a_step_that_fails_are_those_of_damped_equations():
+    """Gone through with much damping, τ/h = 10, they fall fast: only if forces and matrix hold the same of it."""
+    chain = chain_of(falling(replace(DAMPED, damping=1e-2)), mesh=2, dt=1e-3)
+    state = new_state(chain)
+    state.q_before[:] = state.q
+    residuals = residual_history(chain, state, 1e-3)
+    assert residuals[8] < 1e-9 * residuals[0]
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_axial_vibration_decays_as_exactly_known(integrator):
+    """First mode of a free-free bar, zeta = τω/2, ω = π √(E/ρ)/L: its amplitude falls by exp(−ζωt)."""
+    omega = pi * sqrt(1e7 / 1000.0)
+    tau = 0.02 / omega  # ζ = 0.01
+    small = 1e-6
+    beam = Beam(
+        "bar",
+        (0.0, 0.0),
+        (1.0, 0.0),
+        SQUARE,
+        replace(DAMPED, damping=tau),
+        lambda s: (small * np.cos(pi * s), 0.0),
+    )
+    periods = 5.0
+    t_end = periods * 2.0 * pi / omega
+    ours = solve(
+        Scene("ringing", [beam]), mesh=8, integrator=integrator, dt=t_end / 4000, t_end=t_end, output_dt=t_end / 100,
+        spectral_radius=1.0, newton_tolerance=1e-13,
+    )  # fmt: skip
+    damped = omega * sqrt(1.0 - 0.01**2)
+    expected = small / damped * np.exp(-0.01 * omega * ours.t) * np.sin(damped * ours.t)
+    assert np.abs(ours.displacement("bar.start")[:, 0] - expected).max() < 2e-4 * np.abs(expected).max()
+
+
+def test_absent_damping_is_the_same_run_and_the_same_code():
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
+    run = Discretisation(mesh=2, integrator="zhai", dt=5e-5, t_end=0.1)
+    before = solve(scene, run)
+    compiled = set(explicit_kernel.signatures)
+    zero = replace(
+        scene, bodies=tuple(replace(b, material=replace(b.material, damping=0.0)) for b in scene.bodies)
+    )
+    assert repr(zero) == repr(scene)
+    again = solve(zero, run)
+    assert np.array_equal(before.position("bar", 1.0), again.position("bar", 1.0))
+    assert set(explicit_kernel.signatures) == compiled
+    assert chain_of(scene).bodies.damping is None
+    assert any(str(types[-4]) == "none" for types in compiled)  # no damping, told by its type
+
+
+@pytest.mark.parametrize("psi", [0.5, 0.8])
+@pytest.mark.parametrize("zeta", [0.0, 0.03, 0.5, 20.0])
+def test_step_limit_is_that_of_the_amplification_matrix(psi, zeta):
+    def radius(h):
+        a = np.array([-1.0, -2.0 * zeta, 0.0])
+        q = np.array([1.0, h, -psi * h * h]) + (0.5 + psi) * h * h * a
+        v = np.array([0.0, 1.0, -psi * h]) + (1.0 + psi) * h * a
+        return np.abs(np.linalg.eigvals(np.stack([q, v, a]))).max()
+
+    h = step_limit(psi, psi, 1.0, 2.0 * zeta)
+    assert radius(0.9999 * h) < 1.0 + 1e-9
+    assert radius(1.0001 * h) > 1.0 + 1e-6
+
+
+def test_scene_limit_counts_damping():
+    scene = bar([Clamp("bar.start")], material=DAMPED)
+    chain = chain_of(scene, mesh=4)
+    omega, rate = highest_frequency(chain), highest_rate(chain)
+    assert rate == pytest.approx(TAU * omega**2, rel=1e-6)  # one τ throughout
+    limit = step_limit(0.5, 0.5, omega, rate)
+    for solver in (solve, global_dae.solve):
+        with pytest.raises(StabilityError, match=f"at most {limit:.6g} s"):
+            solver(scene, mesh=4, integrator="zhai", dt=1.01 * limit, t_end=1.01 * limit)
+    assert solve(scene, mesh=4, integrator="zhai", dt=0.99 * limit, t_end=99 * limit).status.ok
+
+
+@pytest.mark.parametrize(
+    ("error", "match", "make"),
+    [
+        (PropertyError, r"damping \(s\) is -1", lambda: Material(E=1.0, density=1.0, damping=-1)),
+        (PropertyError, r"damping \(s\) is nan", lambda: Material(E=1.0, density=1.0, damping=float("nan"))),
+        (StepError, "tolerance is 0.001", lambda: solve(falling(), mesh=2, tolerance=1e-3)),
+        (DiscretisationError, "'zhai' is needed", lambda: global_dae.solve(falling(), mesh=2, dt=1e-3)),
+    ],
+)
+def test_what_cannot_be_is_named(error, match, make):
+    with pytest.raises(error, match=match):
+        make()

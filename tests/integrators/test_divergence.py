@@ -1,0 +1,322 @@
+"""Runs that fail: named by when, where and what to try, their history kept until then and shown as cut."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import bar
+
+import anctmm as at
+from anctmm.discretise.chain import Chain
+from anctmm.integrators.stability import highest_frequency
+from anctmm.model.scene import Clamp, Force, Material
+from anctmm.results.divergence_checks import from_nowhere, inside_out, out_of_bounds, sound
+from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
+from reference import exudyn_cable, global_dae
+from studies.cantilever import pictures as cantilever_pictures
+from studies.report import mechanism_pictures
+from studies.report.plots import endings
+from studies.scenes import cantilever_fall, cantilever_tip_force, four_bar
+
+RUBBER = Material(1e6, 1000.0)
+
+
+def pushed(slope=4e5):
+    """A clamped bar whose end is pushed through itself."""
+    return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (-slope * t, 0.0))], material=RUBBER)
+
+
+def pulled():
+    """A clamped bar that stretches, so that its thickness modes become stiffer."""
+    return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (6e4 * t, 8e4 * t))], material=RUBBER)
+
+
+def struck():
+    """A clamped bar hit by a force that no step of 10 ms can follow."""
+    return bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, 1e9 if t > 0.055 else 0.0))])
+
+
+def thrown():
+    """A weight without measure."""
+    return bar([Clamp("bar.start")], gravity=(0.0, -1e200))
+
+
+EXPLICIT = {"integrator": "zhai", "element": "shear", "dt": 1e-5, "output_dt": 1e-2}
+ABOVE = {**EXPLICIT, "dt": 1.25e-4, "output_dt": 2.5e-2}
+STEP = {"dt": 1e-2, "t_end": 0.1}
+OUT = ["turned inside out at t = 0.03 s", "finer mesh", "smaller dt"]
+#: What diverges: solver, scene, discretisation, and what its status must say.
+DIVERGED = {
+    "inverted, explicit": (at.solve, pushed, EXPLICIT, OUT),
+    "inverted, implicit": (
+        at.solve,
+        pushed,
+        {"element": "shear", "dt": 1e-3, "output_dt": 1e-2},
+        ["turned inside out at t = 0.02 s", "finer mesh"],
+    ),
+    "inverted, global": (global_dae.solve, pushed, EXPLICIT, OUT),
+    "limit falls": (
+        at.solve,
+        pulled,
+        ABOVE,
+        [
+            "diverged at t = 0.12",
+            "smaller dt than 0.000125 s",
+            "lowers the largest stable step, to 0.00",
+            "at the output before",
+        ],
+    ),
+    "limit falls, global": (global_dae.solve, pulled, ABOVE, ["not finite at t = 0.12", "smaller dt"]),
+    "gradients": (at.solve, struck, STEP, ["gradients grew beyond 1000 by t = 0.06 s", "smaller dt"]),
+    "gradients, global": (global_dae.solve, struck, STEP, ["beyond 1000 by t = 0.06 s", "smaller dt"]),
+    "gradients, Exudyn": (exudyn_cable.solve, struck, STEP, ["before t = 0.06 s", "dt below 0.01 s"]),
+    "Newton": (
+        at.solve,
+        lambda: cantilever_fall().scene,
+        {"mesh": 2, "dt": 1e-2, "output_dt": 0.05},
+        [
+            "Newton's iteration failed at t = 0.49 s",
+            "corrections",
+            "residuals",
+            " N,",
+            "smaller dt than 0.01 s",
+        ],
+    ),
+    "Newton, global": (
+        global_dae.solve,
+        lambda: pushed(1e7),
+        {"element": "shear", "dt": 2e-3, "output_dt": 2e-3},
+        ["Newton's iteration does not converge at t = 0.002 s", "residuals", " N:", "smaller dt"],
+    ),
+}
+
+
+@pytest.mark.parametrize("what", DIVERGED)
+def test_divergence_is_named_and_the_history_before_it_kept(what):
+    solve, scene, options, words = DIVERGED[what]
+    run = at.Discretisation(**{"mesh": 4, "t_end": 1.0} | options)
+    found = solve(scene(), run)
+    status, body = found.status, found.scene.bodies[0].name
+    assert status == "diverged"
+    assert [w for w in words if w not in status.message] == []
+    assert "\n" not in status.message
+    assert status.body == body
+    assert status.element in range(run.mesh)
+    assert f"element {status.element}" in status.message
+    assert repr(body) in status.message
+    assert status.time == pytest.approx(status.step * run.dt)
+    assert 0 < len(found.t) < len(run.output_steps)
+    assert found.t[-1] < status.time
+    path = found.position(body, 1.0)
+    assert len(path) == len(found.t) == len(found.energy.balance)
+    assert np.isfinite(path).all()
+    if "Newton" in status.message:
+        assert len(status.residuals) > 3
+
+
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve])
+def test_residual_history_begins_with_the_force_that_is_missing(solve):
+    found = solve(pushed(1e7), mesh=4, element="shear", dt=2e-3, t_end=0.1)
+    residuals = found.status.residuals
+    assert residuals[0] == pytest.approx(1e7 * 2e-3, rel=0.05)
+    assert max(residuals) > 10.0 * residuals[0]
+    assert len(residuals) >= 25
+
+
+def test_status_of_exudyn_is_one_line_without_places_on_this_machine():
+    status = exudyn_cable.solve(thrown(), mesh=4, **STEP).status
+    assert status == "failed"
+    assert "t = 0.01 s" in status.message
+    assert "\n" not in status.message
+    assert "Python file" not in status.message
+
+
+# --- what is sound -----------------------------------------------------------------------------------------
+
+
+def straight(nodes=5, vectors=3):
+    """Coordinates of a straight row of elements of length 1, (1, nodes, vectors, 2)."""
+    q = np.zeros((1, nodes, vectors, 2))
+    q[0, :, 0, 0] = np.arange(nodes)
+    q[0, :, 1, 0] = 1.0
+    q[0, :, 2:, 1] = 1.0
+    return q
+
+
+def turned(q, angle):
+    c, s = np.cos(angle), np.sin(angle)
+    return q @ np.array([[c, s], [-s, c]])
+
+
+@pytest.mark.parametrize("angle", [0.0, 1.0, 2.5, np.pi])
+@pytest.mark.parametrize("vectors", [2, 3])
+def test_elements_inside_out_are_found_however_they_lie(angle, vectors):
+    sound_one = straight(vectors=vectors)
+    assert not inside_out(turned(sound_one, angle), 1.0).any()
+    folded = sound_one.copy()
+    folded[0, 3:, 0, 0] -= 1.6  # the third element's far end lies before its near one
+    assert inside_out(turned(folded, angle), 1.0).tolist() == [[False, False, True, False]]
+    mirrored = straight()
+    mirrored[0, 2, 2] *= -1.0
+    assert inside_out(turned(mirrored, angle), 1.0).tolist() == [[False, True, True, False]]
+
+
+@pytest.mark.parametrize("vectors", [2, 3])
+def test_bending_to_nearly_half_a_circle_is_no_fault(vectors):
+    angle, radius = np.linspace(0.0, 0.95 * np.pi * 4, 5), 1.0 / (0.95 * np.pi)
+    q = np.zeros((1, 5, vectors, 2))
+    q[0, :, 0] = radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
+    q[0, :, 1] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    q[0, :, 2:] = np.stack([-np.sin(angle), np.cos(angle)], axis=1)[:, None]
+    assert not inside_out(q, 1.0).any()
+
+
+def test_what_is_not_a_number_is_out_of_bounds():
+    for bad in (np.nan, np.inf, 2e3):
+        q = straight()
+        q[0, 4, 1, 0] = bad
+        assert out_of_bounds(q).tolist() == [[False, False, False, True]]
+    assert not out_of_bounds(straight()).any()
+
+
+def test_energy_from_nowhere_is_told_from_work_and_exchange():
+    zero = np.zeros(4)
+    falling = Energy(np.array([0, 1.0, 4, 9]), zero, np.array([0, -1.0, -4, -9]), zero)
+    driven = Energy(np.array([0, 1.0, 4, 9]), zero, zero, np.array([0, 1.0, 4, 9]))
+    growing = Energy(
+        np.array([1, 5.0, 8, 90.0]), zero, zero, zero
+    )  # 5: a stable step near its limit shows that
+    damped = Energy(np.array([9, 4, 1, 0.0]), zero, zero, zero)
+    assert [from_nowhere(e).tolist() for e in (falling, driven, growing, damped, Energy.unknown(4))] == [
+        [False] * 4, [False] * 4, [False, False, True, True], [False] * 4, [False] * 4,
+    ]  # fmt: skip
+
+
+def moving(q):
+    """A solution with the coordinates of one body over time."""
+    scene = bar()
+    run = at.Discretisation(mesh=q.shape[1] - 1, dt=0.1, t_end=0.1 * (len(q) - 1))
+    fields = {"bar": HermiteField(q, 4.0)}
+    return Solution(
+        "x",
+        scene,
+        run,
+        run.times(run.output_steps),
+        fields,
+        Energy.unknown(len(q)),
+        Cost(),
+        Status(),
+    )
+
+
+def test_history_is_cut_before_the_first_fault():
+    q = np.repeat(straight(), 6, axis=0)
+    assert sound(moving(q)).status.ok
+    q[4, 2, 2] *= -1.0
+    cut = sound(moving(q))
+    assert cut.status == "diverged"
+    assert (cut.status.time, cut.status.step, cut.status.element) == (pytest.approx(0.4), 4, 1)
+    assert len(cut.t) == len(cut.position("bar", 0.5)) == len(cut.energy.work) == 4
+    at_rest = sound(moving(q), static=True)
+    assert "at load factor 0.4" in at_rest.status.message
+    assert at_rest.status.step is None
+
+
+@pytest.mark.parametrize("start", [(0.0, 0.0), (1e6 / 3.0, 1e6 / 7.0)])
+@pytest.mark.parametrize("solver", [at.solve, global_dae.solve])
+def test_rounding_of_a_bar_at_rest_is_no_divergence_and_its_growth_is(solver, start):
+    end = (start[0] + 4.0 * np.cos(0.3), start[1] + 4.0 * np.sin(0.3))
+    scene = at.Scene("free", [replace(bar().bodies[0], start=start, end=end)])
+    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(8, "cable")))
+    run = {"mesh": 8, "element": "cable", "integrator": "zhai", "check_stability": False}
+    rest = solver(scene, dt=0.9 * limit, t_end=180 * limit, **run)
+    assert rest.status.ok
+    assert rest.energy.strain.max() > 0.0  # rounding there is
+    grown = solver(scene, dt=1.01 * limit, t_end=202 * limit, **run)
+    assert grown.status == "diverged"
+    assert grown.status.time > 20 * limit
+
+
+def test_a_stable_step_near_its_limit_is_no_divergence():
+    """Cables that vibrate at their highest frequency alone show up to five times their energy at 0.9 of the limit."""
+    body = replace(
+        bar().bodies[0], start=(0.0, 0.0), end=(1.0, 0.0), velocity=lambda x: (1e-3 * np.sin(50.0 * x), 0.0)
+    )
+    scene = at.Scene("axial", [body], [Clamp("bar.start")])
+    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(2, "cable")))
+    run = {"mesh": 2, "element": "cable", "integrator": "zhai", "dt": 0.9 * limit, "t_end": 1800 * limit}
+    found = at.solve(scene, **run)
+    assert found.status.ok
+    assert found.energy.balance.max() > 2.0 * found.energy.kinetic[0]
+
+
+# --- statics -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("load", [1e-9, 1e-6, 1e-2])
+def test_statics_that_lose_their_digits_say_so(load):
+    """Conditioning grows with the fourth power of the number of elements: nothing is left with 65,536."""
+    scene = cantilever_tip_force(load).scene
+    rest = at.solve_static(scene, mesh=65_536)
+    wrong = abs(rest.displacement("beam.end")[-1, 1] / load + 2.0 / 3.0)
+    assert wrong > 0.1
+    assert rest.status == "imprecise"
+    assert not rest.status.ok
+    assert "no digit" in rest.status.message
+    assert "a coarser mesh is needed" in rest.status.message
+
+
+def test_statics_with_half_their_digits_say_how_many():
+    rest = at.solve_static(cantilever_tip_force(1e-9).scene, mesh=8192)
+    wrong = abs(rest.displacement("beam.end")[-1, 1] / 1e-9 + 2.0 / 3.0) / (2.0 / 3.0)
+    assert 1e-5 < wrong < 1e-2
+    assert rest.status == "imprecise"
+    assert any(f"about {n} digit" in rest.status.message for n in (2, 3))
+
+
+@pytest.mark.parametrize("elements", [128, 1024, 4096])
+def test_statics_with_their_digits_are_ok(elements):
+    rest = at.solve_static(cantilever_tip_force(1e-4).scene, mesh=elements)
+    assert rest.status.ok
+    assert rest.displacement("beam.end")[-1, 1] == pytest.approx(-2e-4 / 3.0, rel=1e-7)
+
+
+def test_a_scene_that_cannot_stand_is_not_called_imprecise():
+    rest = at.solve_static(bar(gravity=(0.0, -9.81)), mesh=2000)
+    assert rest.status == "diverged"
+    assert "free to move" in rest.status.message
+
+
+def test_statics_of_the_global_system_say_so_too():
+    scene = cantilever_tip_force(1e-6).scene
+    rest = global_dae.solve_static(scene, mesh=16_384)
+    assert rest.displacement("beam.end")[-1, 1] / 1e-6 != pytest.approx(-2.0 / 3.0, rel=0.1)
+    assert rest.status == "imprecise"
+    assert "no digits" in rest.status.message
+
+
+# --- pictures ----------------------------------------------------------------------------------------------
+
+
+def cut_after(solution, n):
+    """The first n outputs of a solution, as of a run that diverged then."""
+    fields = {k: replace(f, coordinates=f.coordinates[:n]) for k, f in solution.fields.items()}
+    energy = Energy(*(series[:n] for series in vars(solution.energy).values()))
+    status = Status("diverged", "for a test", time=float(solution.t[n]))
+    return replace(solution, t=solution.t[:n], fields=fields, energy=energy, status=status)
+
+
+def test_a_cut_history_is_drawn_as_cut():
+    """A cross at its end and words in the legend; whole ones have neither."""
+    whole = at.solve(four_bar().scene, mesh=1, dt=1e-2, t_end=2.4, output_dt=0.05)
+    pair = {"whole": whole, "cut": cut_after(whole, 20)}
+    assert endings(pair) == {"cut": "diverged at 1 s"}
+    for draw in (mechanism_pictures.joint, mechanism_pictures.deflection):
+        shown = draw({**pair, "reference": whole}).svg
+        assert "cut ✕ diverged at 1 s" in shown
+        assert "whole ✕" not in shown
+        assert "✕" not in draw({"whole": whole, "reference": whole}).svg
+    fall = at.solve(cantilever_fall().scene, mesh=4, dt=2e-3, output_dt=0.05)
+    shown = cantilever_pictures.tip_errors({"whole": fall, "cut": cut_after(fall, 8)}, fall).svg
+    assert "cut ✕ diverged at 0.4 s" in shown
+    assert "whole ✕" not in shown

@@ -1,0 +1,262 @@
+"""Zhai's integrator: Störmer–Verlet's positions, its stability limit, order, energy, and how a run ends."""
+
+from math import pi, sqrt
+
+import numpy as np
+import pytest
+from samples import KINDS, SUPPORTS, bar, chain_of, gap, row_scene
+
+from anctmm.discretise.chain import Joined
+from anctmm.errors import StabilityError
+from anctmm.integrators import zhai as explicit
+from anctmm.integrators.stability import element_bound, highest_frequency, largest_step, zhai_limit
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Clamp, Force, Pin
+from anctmm.solve import solve
+
+GRAVITY = (0.0, -9.81)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def run(scene, dt, steps, stride=1, **options):
+    times = {"dt": dt, "t_end": steps * dt, "output_dt": stride * dt}
+    return solve(scene, **{"mesh": 2, "integrator": "zhai", **times, **options})
+
+
+def limit_step(scene, factor, psi=0.5, **options):
+    """A part of the largest stable step of small vibrations."""
+    return factor * sqrt(2.0 / psi) / highest_frequency(chain_of(scene, **options))
+
+
+class Dense:
+    """A scene in independent unknowns with dense matrices, summed from the readable elements."""
+
+    def __init__(self, chain):
+        self.chain, self.T = chain, Joined(chain).matrix.toarray()
+        self.start = chain.bodies.reference()
+        columns = [self.sum(e.reshape(self.start.shape), lambda m, q: m.element.mass @ q) for e in self.T.T]
+        self.mass = self.T.T @ np.stack([c.ravel() for c in columns], axis=1)
+
+    def sum(self, q, of):
+        out, bodies = np.zeros_like(q), self.chain.bodies
+        for b, mesh in enumerate(bodies.meshes):
+            for i in range(bodies.first[b], bodies.first[b + 1] - 1):
+                nodes = np.s_[: 2 * mesh.vectors, i : i + 2]
+                out[nodes] += of(mesh, q[nodes].T.reshape(-1, 2)).reshape(2, -1).T
+        return out
+
+    def acceleration(self, x):
+        q = self.start + (self.T @ x).reshape(self.start.shape)
+        force = self.chain.dead_load - self.sum(q, lambda m, q: m.element.force(q))
+        return np.linalg.solve(self.mass, self.T.T @ force.ravel())
+
+    def verlet(self, h, steps):
+        """Störmer's recursion, without velocities, from rest; coordinates of all nodes at every step."""
+        before, x = np.zeros(len(self.mass)), 0.5 * h * h * self.acceleration(np.zeros(len(self.mass)))
+        history = [before, x]
+        for _ in range(steps - 1):
+            before, x = x, 2.0 * x - before + h * h * self.acceleration(x)
+            history.append(x)
+        return self.start + (np.array(history) @ self.T.T).reshape(-1, *self.start.shape)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        bar([Clamp("bar.start")], [Force("bar.end", (0.5, 0.0))], gravity=GRAVITY),
+        row_scene("pin", [("pin", 0.5)], "pin", gravity=GRAVITY),
+        row_scene("clamp", [("weld", 1.0), ("pin", -0.5)], "free", turned=(1,), gravity=GRAVITY),
+    ],
+    ids=["cantilever", "arch", "frame"],
+)
+@every_kind
+def test_positions_are_those_of_stoermer_and_verlet(kind, scene):
+    chain = chain_of(scene, element=kind)
+    h, steps = limit_step(scene, 0.4, element=kind), 300
+    expected = Dense(chain).verlet(h, steps)
+    motion = run(scene, h, steps, element=kind)
+    moved = np.abs(expected - expected[0]).max()
+    for name, coordinates in chain.bodies.by_body(expected).items():
+        assert np.abs(motion.fields[name].coordinates - coordinates).max() < 1e-11
+    assert moved > 1e-3
+    assert (motion.cost.steps, motion.cost.factorizations, motion.cost.newton_iterations) == (steps, 1, 0)
+
+
+# --- stability ---------------------------------------------------------------------------------------------
+
+
+def plucked(x=1e-7):
+    """A cantilever that a tiny force sets into small vibration."""
+    return bar([Clamp("bar.start")], [Force("bar.end", (x, x))])
+
+
+@every_kind
+def test_highest_frequency_is_that_of_the_dense_matrices(kind):
+    dense = Dense(chain := chain_of(row_scene("pin", [("pin", 0.5), ("weld", 1.0)], "free"), element=kind))
+    size = len(dense.mass)
+
+    def stiffness(mesh, x):
+        k = 2 * mesh.vectors * 2
+        return (mesh.element.tangent(mesh.reference[:2].reshape(-1, 2)).reshape(k, k) @ x.ravel()).reshape(
+            x.shape
+        )
+
+    K = np.stack([dense.sum(e.reshape(dense.start.shape), stiffness).ravel() @ dense.T for e in dense.T.T])
+    values = np.linalg.eigvals(np.linalg.solve(dense.mass, K))
+    assert K.shape == (size, size)
+    assert highest_frequency(chain) == pytest.approx(sqrt(values.real.max()), rel=1e-6)
+    assert highest_frequency(chain) <= element_bound(chain)
+
+
+@every_kind
+@pytest.mark.parametrize("psi", [0.5, 1.0])
+def test_stable_up_to_the_limit_and_not_beyond(kind, psi):
+    """Δt ω_max = 2 for ψ = φ = ½, √2 for 1; half a percent below a vibration stays, half a percent above it grows."""
+    options = {"element": kind, "psi": psi, "phi": psi, "check_stability": False}
+    below, above = (limit_step(plucked(), f, psi, element=kind) for f in (0.995, 1.005))
+    calm = run(plucked(), below, 20_000, **options)
+    size = np.abs(calm.displacement("bar.end")).max()
+    assert calm.status.ok
+    assert 1e-8 < size < 1e-6
+    wild = run(plucked(), above, 20_000, 10, **options)
+    assert np.abs(wild.displacement("bar.end")).max() > 5.0 * size or not wild.status.ok
+    if psi == 0.5:  # otherwise the other modes are damped
+        assert wild.status == "diverged"
+        assert len(wild.t) < 1000
+    run(plucked(), below, 1, **{**options, "check_stability": True})
+    with pytest.raises(StabilityError, match=rf"dt is {above!r} s; at most {above / 1.005:.6g} s"):
+        run(plucked(), above, 1, **{**options, "check_stability": True})
+
+
+def test_limits_by_the_parameters():
+    assert zhai_limit(0.5, 0.5) == 2.0
+    assert zhai_limit(1.0, 1.0) == pytest.approx(sqrt(2.0))
+    for psi, phi in ((0.25, 0.25), (0.5, 0.4), (0.25, 0.5), (0.0, 0.5)):
+        assert zhai_limit(psi, phi) == 0.0
+
+
+@pytest.mark.parametrize(("psi", "phi"), [(0.25, 0.5), (0.0, 0.5), (0.4, 0.4), (0.0, 0.0)])
+def test_other_parameters_grow_at_any_step(psi, phi):
+    """A fifth of the limit, yet small vibrations grow; with ψ = φ = ½ they do not."""
+    h = limit_step(plucked(), 0.2)
+    good = run(plucked(), h, 20_000, 20)
+    bad = run(plucked(), h, 20_000, 20, psi=psi, phi=phi, check_stability=False)
+    assert not bad.status.ok or np.abs(bad.energy.balance).max() > 100.0 * np.abs(good.energy.balance).max()
+    with pytest.raises(StabilityError, match=f"psi is {psi} and phi is {phi}"):
+        run(plucked(), h, 1, psi=psi, phi=phi)
+
+
+@every_kind
+def test_diverging_run_says_where_and_keeps_its_history(kind):
+    """The soft body of the chain is calm; the short one has the high frequency."""
+    scene = row_scene("clamp", [("pin", 0.3)], "free", lengths=[1.0, 0.2], turned=(1,), gravity=GRAVITY)
+    options = {"mesh": {"b0": 2, "b1": 3}, "element": kind}
+    h = limit_step(scene, 1.05, **options)
+    motion = run(scene, h, 20_000, 3, check_stability=False, **options)
+    status = motion.status
+    assert status == "diverged"
+    assert status.time == pytest.approx(status.step * h)
+    assert (status.body, status.element in range(3)) == ("b1", True)
+    for word in (f"step {status.step}", f"element {status.element} of body 'b1'", "smaller dt"):
+        assert word in str(status)
+    assert motion.t == pytest.approx(np.arange(len(motion.t)) * 3 * h)
+    assert motion.t[-1] < status.time <= motion.t[-1] + 3 * h * (1 + 1e-9)
+    assert motion.cost.steps == status.step
+    for series in (motion.position("b1", 0.0), *vars(motion.energy).values()):
+        assert len(series) == len(motion.t)
+        assert np.isfinite(series).all()
+
+
+@every_kind
+@pytest.mark.parametrize("step", [0, 1, 4])
+def test_what_is_not_finite_ends_a_run_before_it_is_kept(kind, step):
+    """A force beyond all numbers from a step on."""
+    h = limit_step(bar([Clamp("bar.start")]), 0.5, element=kind)
+    beyond = Force("bar.end", lambda t: (0.0, 1e308 if t > (step - 0.5) * h else 0.0))
+    with np.errstate(all="ignore"):  # where kernels are not compiled
+        motion = run(bar([Clamp("bar.start")], [beyond]), h, 10, element=kind)
+    assert (motion.status, motion.status.step, motion.cost.steps) == ("diverged", step, step)
+    assert motion.status.time == pytest.approx(step * h)
+    assert motion.t == pytest.approx(h * np.arange(step))
+    assert len(motion.position("bar", 1.0)) == len(motion.energy.work) == step
+    assert "at the output before" not in motion.status.message  # it was not the step's fault
+
+
+def test_diverged_run_says_the_limit_at_its_last_output(monkeypatch):
+    """Unless the chain is too long for the question."""
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    chain, h = chain_of(scene, element="shear"), limit_step(scene, 1.5, element="shear")
+    for examined in (chain.bodies.nodes + 1, chain.bodies.nodes, chain.bodies.nodes - 1):
+        monkeypatch.setattr(explicit, "EXAMINED", examined)
+        motion = run(scene, h, 1000, 3, element="shear", check_stability=False)
+        before = motion.fields["bar"].coordinates[-1].reshape(chain.bodies.nodes, -1).T
+        limit = f"to {largest_step(chain, before):.3g} s at the output before"
+        assert f"{largest_step(chain, chain.bodies.reference()):.3g}" not in limit
+        assert (limit in str(motion.status)) == (examined >= chain.bodies.nodes)
+
+
+@every_kind
+@pytest.mark.parametrize(("psi", "phi"), [(0.5, 0.5), (0.8, 0.8), (0.7, 0.6)])
+def test_fall_of_a_free_bar_is_exact_for_all_parameters(kind, psi, phi):
+    """Of a constant acceleration all members of the family make the exact motion."""
+    motion = run(bar(gravity=GRAVITY), 1e-5, 7, element=kind, psi=psi, phi=phi, check_stability=False)
+    way = -0.5 * 9.81 * motion.t**2
+    assert motion.displacement("bar.end")[:, 1] == pytest.approx(way, rel=1e-6, abs=1e-15)
+    assert motion.energy.kinetic == pytest.approx(0.5 * 0.4 * (9.81 * motion.t) ** 2, rel=1e-6, abs=1e-15)
+
+
+# --- order and energy --------------------------------------------------------------------------------------
+
+
+def orders(scene, dt, t_end, kind, **options):
+    """Errors of a step and its half, and the observed order, against a sixteenth of it."""
+    ends = [run(scene, h, round(t_end / h), round(t_end / h), element=kind, **options) for h in
+            (dt, dt / 2, dt / 16)]  # fmt: skip
+    body = scene.bodies[-1].name
+    one, two = (gap(s, ends[2], body=body) for s in ends[:2])
+    return one, two, np.log2(one / two)
+
+
+@pytest.mark.parametrize(("kind", "dt"), [("cable", 2e-4), ("shear", 2e-5)])
+def test_order_is_two(kind, dt):
+    scene = bar([Clamp("bar.start", Quintic(pi / 2, 0.5))], gravity=GRAVITY)
+    one, _, order = orders(scene, dt, 0.24, kind)
+    assert order == pytest.approx(2.0, abs=0.1)
+    assert one < 1e-5
+
+
+@pytest.mark.parametrize(("kind", "level"), [("cable", 5e-6), ("shear", 1.5e-7)])
+def test_energy_is_bounded_without_drift_over_a_hundred_thousand_steps(kind, level):
+    """Half the limit; relative to the largest kinetic energy."""
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.5))
+    motion = run(scene, limit_step(scene, 0.5, element=kind), 100_000, 7, element=kind)
+    quarters = motion.energy.balance[1:14281].reshape(4, -1) / motion.energy.kinetic.max()
+    size = np.abs(quarters).max(axis=1)
+    assert motion.cost.steps == 100_000
+    assert size.max() < level
+    assert size[3] < 1.1 * size[0]
+    assert abs(quarters[3].mean() - quarters[0].mean()) < 0.1 * size[0]
+
+
+@every_kind
+def test_energy_of_a_large_motion_closes(kind):
+    scene = bar([Pin("bar.start")], gravity=GRAVITY)
+    motion = run(scene, limit_step(scene, 0.05, element=kind), 100_000, 100, element=kind)
+    assert motion.energy.kinetic.max() > 1.0
+    assert np.abs(motion.energy.balance).max() < 1e-4 * motion.energy.kinetic.max()
+
+
+@pytest.mark.parametrize(("start", "end"), [(a, b) for a in SUPPORTS for b in SUPPORTS])
+@every_kind
+def test_every_pair_of_supports_moves_and_keeps_its_energy(kind, start, end):
+    scene = row_scene(start, [("pin", 0.5), ("weld", 0.3)], end, gravity=GRAVITY)
+    h = limit_step(scene, 0.1, element=kind)
+    motion = run(scene, h, round(0.05 / h), 10, element=kind)
+    assert motion.status.ok
+    assert np.abs(motion.displacement("b1.end")).max() > 1e-4
+    assert np.abs(motion.energy.balance).max() < 2e-3 * motion.energy.kinetic.max()
+    for one, two in (("b0", "b1"), ("b1", "b2")):
+        assert np.abs(motion.position(one, 1.0) - motion.position(two, 0.0)).max() < 1e-13
+    for support, body, side in ((start, "b0", 0.0), (end, "b2", 1.0)):
+        moved = np.abs(motion.displacement((body, side))).max()
+        assert (moved < 1e-14) == (support != "free")

@@ -1,0 +1,416 @@
+"""Generalized-α: its coefficients, order, energy, Newton's counts, and how a run ends."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
+
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.integrators import generalized_alpha as implicit
+from anctmm.integrators.generalized_alpha import (
+    KAPPA,
+    GeneralizedAlpha,
+    correction_size,
+    new_newton,
+    new_state,
+    residual_history,
+)
+from anctmm.integrators.stability import highest_frequency
+from anctmm.integrators.statics import solve_static
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
+from anctmm.solve import solve
+from reference import global_dae
+
+GRAVITY = (0.0, -9.81)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def run(scene, dt, t_end, **options):
+    return solve(scene, **{"mesh": 2, "dt": dt, "t_end": t_end, "newton_tolerance": 1e-13, **options})
+
+
+def driven():
+    return bar([Clamp("bar.start", Quintic(pi / 4, 0.2))], gravity=GRAVITY)
+
+
+# --- coefficients ------------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.0, 1.0))
+def test_coefficients_fulfil_their_identities(rho):
+    """Second order, and the most dissipation at high frequencies (Chung & Hulbert 1993, eqs. 17, 20, 25)."""
+    c = GeneralizedAlpha(rho)
+    assert c.gamma == pytest.approx(0.5 - c.alpha_m + c.alpha_f, abs=1e-15)
+    assert c.beta == pytest.approx(0.25 * (1.0 - c.alpha_m + c.alpha_f) ** 2, abs=1e-15)
+    assert c.alpha_m <= c.alpha_f <= 0.5
+
+
+def test_known_members():
+    trapezoid, annihilating = GeneralizedAlpha(1.0), GeneralizedAlpha(0.0)
+    assert (trapezoid.alpha_m, trapezoid.alpha_f, trapezoid.beta, trapezoid.gamma) == (0.5, 0.5, 0.25, 0.5)
+    assert (annihilating.alpha_m, annihilating.alpha_f) == (-1.0, 0.0)
+    assert (annihilating.beta, annihilating.gamma) == (1.0, 1.5)
+
+
+def amplification(rho, frequency):
+    """Matrix of a step of size 1 of q'' = −ω² q in (q, v, a), w = −ω² q."""
+    c, s = GeneralizedAlpha(rho), frequency**2
+    am, af, b, g = c.alpha_m, c.alpha_f, c.beta, c.gamma
+    new = np.array([[1, 0, -b], [0, 1, -g], [(1 - af) * s, 0, 1 - am]])
+    old = np.array([[1, 1, 0.5 - b], [0, 1, 1 - g], [-af * s, 0, -am]])
+    return np.linalg.solve(new, old)
+
+
+@given(st.floats(0.0, 1.0), st.floats(-3.0, 6.0))
+def test_stable_at_every_frequency(rho, exponent):
+    values = np.abs(np.linalg.eigvals(amplification(rho, 10.0**exponent)))
+    assert values.max() < 1.0 + 1e-6
+
+
+@pytest.mark.parametrize("rho", [0.1, 0.5, 0.9, 1.0])
+def test_spectral_radius_is_that_at_infinity(rho):
+    values = np.abs(np.linalg.eigvals(amplification(rho, 1e6)))
+    assert values.max() == pytest.approx(rho, rel=0.02)  # a threefold root
+
+
+@given(st.floats(0.0, 1.0), st.floats(1e-6, 1.0))
+def test_factors_of_a_correction_belong_together(rho, h):
+    """Adding x to q adds x/(β h²) to a_{n+1}; w follows by (1 − αm) a = (1 − αf) w + …"""
+    method = GeneralizedAlpha(rho)
+    c = method.of_step(h)
+    assert c.to_w * (1 - c.alpha_f) / (1 - c.alpha_m) * c.beta * h * h == pytest.approx(1.0)
+
+
+def test_small_vibration_follows_the_amplification_matrix():
+    """One element, its lowest mode struck: the same recursion as a scalar oscillator, for 200 steps."""
+    force = 1e-6
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (-0.8 * force, 0.6 * force))])
+    chain, h, rho = chain_of(scene, mesh=1), 5e-3, 0.7
+    e = chain.bodies.meshes[0].element
+    across = np.array([-0.8, 0.6])
+    K = np.einsum("icjd,c,d->ij", e.tangent(chain.bodies.reference().T.reshape(4, 2)), across, across)[2:, 2:]
+    values, modes = np.linalg.eig(np.linalg.solve(e.mass[2:, 2:], K))
+    rest = np.linalg.solve(K, [force, 0.0])
+    parts = np.linalg.solve(modes, -rest)
+    history = np.zeros(201)
+    for value, mode, part in zip(values, modes.T, parts, strict=True):
+        state, A = (
+            np.array([part, 0.0, -value * part]) * [1, h, h * h],
+            amplification(rho, h * np.sqrt(value)),
+        )
+        for n in range(201):
+            history[n] += state[0] * mode[0]
+            state = A @ state
+    motion = run(scene, h, 200 * h, mesh=1, spectral_radius=rho)
+    assert np.abs(motion.displacement("bar.end") @ across - (history + rest[0])).max() < 1e-5 * np.abs(
+        rest[0]
+    )
+
+
+# --- order and energy --------------------------------------------------------------------------------------
+
+
+@every_kind
+@pytest.mark.parametrize("rho", [0.5, 0.9, 1.0])
+def test_order_is_two(kind, rho):
+    options = {"element": kind, "spectral_radius": rho, "output_dt": 0.01}
+    one, two, fine = (run(driven(), h, 0.2, **options) for h in (1e-4, 5e-5, 5e-5 / 8))
+    errors = gap(one, fine), gap(two, fine)
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+    assert errors[0] < 2e-5
+
+
+@every_kind
+def test_explicit_and_implicit_agree_as_the_step_falls(kind):
+    scene = driven()
+    h = 1e-5 if kind == "cable" else 5e-6
+    fine = solve(scene, mesh=2, element=kind, integrator="zhai", dt=h, t_end=0.2, output_dt=0.2)
+    errors = [gap(run(scene, dt, 0.2, element=kind, output_dt=0.2), fine) for dt in (4e-4, 2e-4, 1e-4)]
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.1)
+    assert errors[2] < 1e-5
+
+
+@every_kind
+def test_energy_is_kept_to_the_order_of_the_step(kind):
+    """ρ∞ = 1: a stretched, bent and swinging bar; less than 1 takes energy and gives none."""
+    scene = bar([Pin("bar.start")], [Force("bar.end", (0.3, 0.0))], gravity=GRAVITY)
+    sizes = []
+    for dt in (1e-3, 5e-4, 2.5e-4):
+        motion = run(scene, dt, 0.5, element=kind, spectral_radius=1.0)
+        sizes.append(np.abs(motion.energy.balance).max() / motion.energy.kinetic.max())
+    assert sizes[1] / sizes[2] == pytest.approx(4.0, rel=0.3)
+    assert sizes[2] < 2e-4
+    damped = run(scene, 1e-3, 0.5, element=kind, spectral_radius=0.0)
+    assert damped.energy.balance[-1] < -3.0 * sizes[0] * damped.energy.kinetic.max()
+
+
+def test_energy_of_a_large_motion_stays_near_for_many_steps():
+    scene = bar([Pin("bar.start")], gravity=GRAVITY)
+    motion = run(scene, 1e-3, 20.0, spectral_radius=1.0, output_dt=0.01)
+    assert motion.cost.steps == 20_000
+    assert np.abs(motion.energy.balance).max() < 5e-2 * motion.energy.kinetic.max()
+
+
+@every_kind
+def test_damping_annihilates_what_is_far_above_the_step(kind):
+    """ρ∞ = 0 with half an axial period a step: soon the axial vibration is gone."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (6e-4, 8e-4))])
+    rest = solve_static(scene, mesh=2, element=kind).displacement("bar.end")[-1] @ [0.6, 0.8]
+    ends = [
+        run(scene, 0.02, 2.0, element=kind, spectral_radius=rho).displacement("bar.end") @ [0.6, 0.8]
+        for rho in (0.0, 1.0)
+    ]
+    assert rest == pytest.approx(1e-3 / (1e7 * 4e-4), rel=0.1)  # the clamp holds the stretch of its end
+    assert np.abs(ends[0][-5:] - rest).max() < 1e-3 * rest
+    assert np.abs(ends[1][-5:] - rest).max() > 0.5 * rest
+
+
+# --- driven hub, counts, ends of runs ----------------------------------------------------------------------
+
+
+@every_kind
+def test_driven_hub_is_held_exactly(kind):
+    scene, drive = driven(), Quintic(pi / 4, 0.2)
+    motion = run(scene, 1e-3, 0.25, element=kind)
+    q = motion.fields["bar"].coordinates[:, 0]
+    angle = np.arctan2(0.8, 0.6) + drive(motion.t)[0]
+    assert np.abs(q[:, 0]).max() < 1e-15
+    assert np.abs(q[:, 1] - np.stack([np.cos(angle), np.sin(angle)], axis=1)).max() < 1e-15
+    assert motion.energy.work[-1] == pytest.approx(
+        (motion.energy.kinetic + motion.energy.strain + motion.energy.potential)[-1], rel=5e-3
+    )
+
+
+@every_kind
+def test_newtons_counts(kind):
+    """A vibration so small that it is linear needs one factorization beside the mass, one correction a step."""
+    small = bar([Clamp("bar.start")], [Force("bar.end", (1e-9, 1e-9))])
+    motion = run(small, 1e-3, 0.1, element=kind, newton_tolerance=1e-10)
+    assert motion.cost.steps == 100
+    assert motion.cost.factorizations == 2
+    assert motion.cost.newton_iterations == 100
+    large = run(bar([Clamp("bar.start")], gravity=GRAVITY), 1e-3, 0.5, element=kind, newton_tolerance=1e-10)
+    assert large.cost.steps == 500
+    assert 2 * 500 <= large.cost.newton_iterations <= 6 * 500
+    assert 2 < large.cost.factorizations <= 500
+
+
+@every_kind
+@pytest.mark.parametrize(("part", "corrections"), [(1.01, 1), (0.99, 2)])
+def test_a_correction_is_measured_in_lengths_of_the_chain(kind, part, corrections):
+    """A stiff free bar is pushed along itself: the first correction, F/(m c_w), is known, and the second is none."""
+    body = replace(bar().bodies[0], end=(2.4, 3.2), material=Material(1e10, 1000.0))
+    mass, h, push = 1000.0 * body.section.area * 4.0, 0.1, 1e-3
+    force = lambda t: (0.3 * push, 0.4 * push) if t > 0.0 else (0.0, 0.0)  # noqa: E731
+    scene = Scene("pushed", [body], [], [Force("bar.start", force), Force("bar.end", force)])
+    first = push / (mass * GeneralizedAlpha(0.9).of_step(h).to_w)
+    # the larger component of the direction (0.6, 0.8), over the length
+    tolerance = part * 0.8 * first / 4.0 / KAPPA
+    motion = run(scene, h, h, element=kind, newton_tolerance=tolerance, spectral_radius=0.9)
+    assert motion.cost.newton_iterations == corrections
+
+
+@every_kind
+def test_newtons_counts_are_those_of_its_rule(kind, monkeypatch):
+    """Of one step, under bounds on either side of each sum of the series that the corrections left would make."""
+    made = []
+    monkeypatch.setattr(implicit, "new_newton", lambda chain: made.append(new_newton(chain)) or made[-1])
+    scene, step = bar([Clamp("bar.start")], gravity=GRAVITY), {"dt": 0.01, "t_end": 0.01, "element": kind}
+    solve(scene, mesh=2, newton_tolerance=1e-13, **step)
+    sizes = made[0].history[made[0].history > 0.0]
+    rates = np.append(1.0, sizes[1:] / sizes[:-1])
+    left = np.where(rates < 1.0, np.minimum(sizes, sizes * rates / (1.0 - np.minimum(rates, 0.999))), sizes)
+    assert (np.diff(left) < 0.0).all()
+    assert len(left) > 3
+    for found, bound in enumerate(left[:-1], 1):
+        if bound > 0.009 * KAPPA:  # beyond what may be asked
+            continue
+        for factor, more in ((1.001, 0), (0.999, 1)):
+            motion = solve(scene, mesh=2, newton_tolerance=factor * bound / KAPPA, **step)
+            assert motion.cost.newton_iterations == found + more
+
+
+def test_newtons_bound_is_no_less_than_rounding():
+    there = Beam("bar", (3e5, 4e5), (3e5 + 0.6, 4e5 + 0.8), SQUARE, SOFT)
+    eps = np.finfo(float).eps
+    for scene, furthest in ((bar(), 0.8), (scene_of(bodies=[there]), 4e5 + 0.8)):
+        wished, least = (new_newton(chain_of(scene, newton_tolerance=x)) for x in (1e-3, 1e-14))
+        assert (wished.scale, wished.tolerance) == pytest.approx((1.0, KAPPA * 1e-3))
+        assert least.tolerance == pytest.approx(32.0 * eps * (1.0 + furthest))
+
+
+@every_kind
+def test_the_worst_correction_is_measured_as_newton_measures(kind):
+    chain = chain_of(replace(bar(), bodies=[replace(bar().bodies[0], end=(2.4, 3.2))]), mesh=3, element=kind)
+    state = new_state(chain)
+    state.loads[:] = 1e-3
+    state.loads[0, 0], state.loads[1, -1], state.loads[2, 1] = 7.0, -2.0, -9.0
+    assert correction_size(chain, state) == pytest.approx([1.75, 2.0, 2.25, 1e-3])
+
+
+@every_kind
+def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
+    both = [
+        solver(scene, mesh=BLOCK + 3, element=kind, dt=1e-3, t_end=2e-3, newton_tolerance=1e-12)
+        for solver in (solve, global_dae.solve)
+    ]
+    assert gap(*both) < 1e-11
+
+
+@every_kind
+def test_newton_tolerance_bounds_the_difference(kind):
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    fine = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3)
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        rough = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3, newton_tolerance=tolerance)
+        assert gap(rough, fine) < 10.0 * tolerance
+        assert rough.cost.newton_iterations <= fine.cost.newton_iterations
+
+
+@every_kind
+def test_run_that_fails_says_where_and_keeps_its_history(kind):
+    """A jerk beyond all reach at the end of the fifth step."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, -1e70 * (t > 0.055)))])
+    motion = run(scene, 1e-2, 0.2, element=kind, mesh=3)
+    status = motion.status
+    assert status == "diverged"
+    assert (status.step, status.body, status.element in range(3)) == (6, "bar", True)
+    assert status.time == pytest.approx(0.06)
+    for word in (
+        "Newton",
+        "t = 0.06",
+        "step 6",
+        f"element {status.element} of body 'bar'",
+        "corrections",
+        "smaller dt",
+    ):
+        assert word in status.message
+    assert motion.t == pytest.approx(np.arange(6) * 0.01)
+    assert motion.cost.steps == 6
+    for series in (motion.position("bar", 1.0), *vars(motion.energy).values()):
+        assert len(series) == 6
+        assert np.isfinite(series).all()
+
+
+def test_gradients_beyond_all_bounds_end_a_run_that_newton_found():
+    struck = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, 1e9 * (t > 0.015)))])
+    motion = run(struck, 1e-2, 0.1, newton_tolerance=1e-6)
+    assert (motion.status, motion.status.step, motion.status.residuals) == ("diverged", 2, ())
+    assert "gradients grew beyond 1000 by t = 0.02 s (step 2)" in motion.status.message
+    assert motion.t == pytest.approx([0.0, 0.01])
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@every_kind
+def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
+    """One element on a turning hub, with all that acts on it, in a state in which no term is zero."""
+    drive, moment, t = Quintic(pi / 4, 0.2), 0.7, 0.1
+    scene = bar([Clamp("bar.start", drive)], [Torque("bar.end", lambda t: moment)], gravity=GRAVITY,
+                material=Material(1e7, 1000.0, damping=damping))  # fmt: skip
+    chain = chain_of(scene, mesh=1, element=kind, dt=1e-3, spectral_radius=0.8)
+    state, rng, c = new_state(chain), np.random.default_rng(2), GeneralizedAlpha(0.8).of_step(1e-3)
+    state.q_before[:] = state.q + 0.01 * rng.standard_normal(state.q.shape)
+    for x in (state.v, state.a, state.w_before):
+        x[:] = rng.standard_normal(x.shape)
+    q0, v0, a0, w0 = (x.T.reshape(-1, 2) for x in (state.q_before, state.v, state.a, state.w_before))
+
+    def acceleration(w):
+        return ((1 - c.alpha_f) * w + c.alpha_f * w0 - c.alpha_m * a0) / (1 - c.alpha_m)
+
+    def position(w):
+        return q0 + c.h * v0 + c.h**2 * ((0.5 - c.beta) * a0 + c.beta * acceleration(w))
+
+    half, turned = len(q0) // 2, np.arctan2(0.8, 0.6) + drive(np.array([t]))[0][0]
+    hub = np.array([[0.0, 0.0], [np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])[:half]
+    w = w0.copy()
+    w[:half] += (hub - position(w0)[:half]) / (position(w0 + 1.0) - position(w0))[0, 0]
+    q, v = position(w), v0 + c.h * ((1 - c.gamma) * a0 + c.gamma * acceleration(w))
+    assert np.abs(q[:half] - hub).max() < 1e-12
+    element = chain.bodies.meshes[0].element
+    force = np.multiply.outer(element.gravity, GRAVITY) - element.force(q) - element.mass @ w
+    force -= element.damping_force(q, v)
+    x, y = q[-1]
+    force[-1] += moment * np.array([-y, x]) / (x * x + y * y)
+    assert residual_history(chain, state, t)[0] == pytest.approx(np.linalg.norm(force[half:]), rel=1e-9)
+
+
+def test_step_may_be_far_above_the_explicit_limit():
+    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
+    dt = 0.01
+    assert dt * highest_frequency(chain_of(scene, element="shear")) > 100.0
+    motion = run(scene, dt, 0.5, element="shear")
+    assert motion.status.ok
+    assert np.abs(motion.displacement("bar.end")).max() > 0.4
+
+
+@every_kind
+@pytest.mark.parametrize("tolerance", [1e-8, 1e-11, 1e-13])
+def test_a_step_that_modified_newton_misses_is_found_by_newton_from_the_predictor(kind, tolerance):
+    """Steps of a large part of the swing, all high frequencies annihilated: the old matrix leads astray."""
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
+    options = {"mesh": 4, "element": kind, "spectral_radius": 0.0, "newton_tolerance": tolerance}
+    motion = solve(scene, dt=0.5, t_end=10.0, **options)
+    assert motion.status.ok
+    assert motion.cost.newton_iterations > motion.cost.factorizations > motion.cost.steps
+    peer = global_dae.solve(scene, dt=0.5, t_end=10.0, **{**options, "newton_tolerance": 1e-12})
+    assert gap(motion, peer) < 1e2 * max(tolerance, 1e-12)
+
+
+# --- factors in single precision ----------------------------------------------------------------------------
+
+
+def long_row(kind, dt, damping=0.0, elements=2100):
+    """A clamped beam of thousands of elements of 0.1 m."""
+    beam = Beam("row", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, damping=damping))
+    scene = Scene("row", [beam], [Clamp("row.start")], gravity=GRAVITY)
+    return chain_of(scene, mesh=elements, element=kind, dt=dt, t_end=dt)
+
+
+@every_kind
+def test_only_long_chains_keep_rounded_factors_and_only_where_newton_bears_it(kind):
+    assert implicit.single_will_do(long_row(kind, 1e-4))
+    assert not implicit.single_will_do(long_row(kind, 1e-4, elements=1000))
+    highest = highest_frequency(long_row(kind, 1e-4, elements=4))
+    borne = float(np.sqrt(implicit.ROUNDED / np.finfo(np.float32).eps)) / highest  # ε (hω)² of that size
+    assert implicit.single_will_do(long_row(kind, borne))
+    assert not implicit.single_will_do(long_row(kind, 10.0 * borne))
+
+
+def test_damping_counts_among_the_stiffness():
+    """τ = 100 h makes the matrix, and its condition, some 200 times as large."""
+    dt = next(
+        h
+        for h in (1e-3 * 1.3**k for k in range(40))
+        if not implicit.single_will_do(long_row("cable", 1.3 * h))
+    )
+    assert implicit.single_will_do(long_row("cable", dt))
+    assert not implicit.single_will_do(long_row("cable", dt, damping=100.0 * dt))
+
+
+@every_kind
+@pytest.mark.parametrize("damping", [0.0, 1e-3], ids=["undamped", "damped"])
+def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
+    """A driven chain with a pin and a load: as many corrections, the same start, and no more than they leave."""
+    material = Material(1e7, 1000.0, damping=damping)
+    one, two = (
+        Beam(name, (x, 0.0), (x + 1.0, 0.0), SQUARE, material) for name, x in (("a", 0.0), ("b", 1.0))
+    )
+    joints = [Clamp("a.start", Quintic(pi / 4, 0.2)), Pin("a.end", "b.start")]
+    scene = Scene("two", [one, two], joints, [Torque("b.end", 0.5)], GRAVITY)
+    options = {"element": kind, "mesh": 4, "dt": 2e-3, "t_end": 0.3, "newton_tolerance": 1e-11}
+    exact = solve(scene, **options)
+    kept = []
+    monkeypatch.setattr(implicit, "single_will_do", lambda chain: kept.append(chain) or True)
+    rounded = solve(scene, **options)
+    assert len(kept) == 1
+    assert rounded.status.ok
+    for name, field in exact.fields.items():
+        assert_allclose(rounded.fields[name].coordinates, field.coordinates, rtol=0, atol=1e-10)
+    assert rounded.cost.newton_iterations <= 1.1 * exact.cost.newton_iterations

@@ -1,0 +1,406 @@
+"""What holds for both integrators of ANC-TMM: direction and order of bodies, joints, loads, drives, output."""
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, chain_of, gap, inner, outer, row_scene
+
+from anctmm.discretise.assembly import mass_product
+from anctmm.integrators.stability import highest_frequency
+from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
+from anctmm.solve import solve
+from reference import global_dae
+
+GRAVITY = (0.0, -9.81)
+LAYOUTS = {
+    "pin": [("pin", 1.0)],
+    "weld": [("weld", 0.0)],
+    "angled weld": [("weld", 1.0)],
+    "all": [("weld", -0.6), ("pin", 0.5), ("weld", 0.0)],
+}
+every_kind = pytest.mark.parametrize("kind", KINDS)
+every_integrator = pytest.mark.parametrize("integrator", INTEGRATORS)
+every_layout = pytest.mark.parametrize("layout", LAYOUTS)
+
+
+def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
+    """A short motion, explicit at a third of the stable step."""
+    options = {"mesh": 2, "element": kind, **options}
+    dt = options.pop("dt", None)
+    if dt is None:
+        frequency = highest_frequency(chain_of(scene, mesh=options["mesh"], element=kind))
+        dt = t_end / 40 if integrator != "zhai" else t_end / (4 * int(np.ceil(t_end * frequency / 2.7)))
+    run = {
+        "integrator": integrator,
+        "dt": dt,
+        "t_end": t_end,
+        "output_dt": t_end / 4,
+        "newton_tolerance": 1e-12,
+    }
+    result = solve(scene, **{**run, **options})
+    assert result.status.ok, result.status
+    return result
+
+
+# --- direction and order -----------------------------------------------------------------------------------
+
+
+@every_layout
+@every_integrator
+@every_kind
+def test_direction_of_bodies_does_not_matter(kind, integrator, layout):
+    def scene(turned):
+        last = len(LAYOUTS[layout])
+        loads = [Force(outer(last, turned), (0.2, 0.1)), Torque(inner(1, turned), Pulse(0.3, 0.1))]
+        return row_scene("clamp", LAYOUTS[layout], "free", turned=turned, loads=loads, gravity=GRAVITY)
+
+    usual = move(scene(()), integrator, kind)
+    moved = np.abs(usual.displacement("b1.end")).max()
+    for turned in [(0,), (1,), tuple(range(len(LAYOUTS[layout]) + 1))]:
+        other = move(scene(turned), integrator, kind)
+        for i, body in enumerate(usual.scene.bodies):
+            for fraction in (0.0, 0.3, 1.0):
+                assert gap(usual, other, fraction, body.name, mirrored=i in turned) < 1e-11
+    assert moved > 1e-3
+
+
+@every_layout
+@every_integrator
+@every_kind
+def test_order_of_lists_and_direction_of_the_chain_do_not_matter(kind, integrator, layout):
+    """Listed from the clamped end or from the free one, the chain is passed the other way round."""
+    usual = row_scene("clamp", LAYOUTS[layout], "free", gravity=GRAVITY)
+    other = replace(usual, bodies=usual.bodies[::-1], joints=usual.joints[::-1])
+    swapped = replace(other, joints=[replace_ends(j) for j in other.joints])
+    assert [k.reversed for k in other.chains()[0]] != [k.reversed for k in usual.chains()[0]]
+    one, *others = (move(s, integrator, kind) for s in (usual, other, swapped))
+    for two in others:
+        assert max(gap(one, two, 0.4, body.name) for body in usual.bodies) < 1e-11
+
+
+def replace_ends(joint):
+    return joint if len(joint.ends) == 1 else type(joint)(*joint.ends[::-1])
+
+
+@every_integrator
+@every_kind
+def test_weld_of_two_halves_is_one_body(kind, integrator):
+    tip, middle = (0.6, 0.8), (0.3, 0.4)
+    whole = move(bar([Clamp("bar.start")], gravity=GRAVITY), integrator, kind, mesh=4)
+    for ends, end in (((middle, tip), "b.start"), ((tip, middle), "b.end")):
+        halves = [Beam("a", (0, 0), middle, SQUARE, SOFT), Beam("b", *ends, SQUARE, SOFT)]
+        scene = Scene("halves", halves, [Clamp("a.start"), Weld("a.end", end)], gravity=GRAVITY)
+        parts = move(scene, integrator, kind, dt=whole.run.dt)
+        for fraction in (0.3, 1.0):
+            here = fraction if end == "b.start" else 1.0 - fraction
+            there = 0.5 + 0.5 * fraction
+            assert np.abs(parts.position("b", here) - whole.position("bar", there)).max() < 1e-11
+
+
+@every_integrator
+@every_kind
+@pytest.mark.parametrize("angle", [1.0, pi / 2, pi, -3.0])
+def test_weld_keeps_its_angle(kind, integrator, angle):
+    """Directions of the two sides as complex numbers; at π the second body lies back on the first."""
+    motion = move(row_scene("clamp", [("weld", angle)], "free", gravity=GRAVITY), integrator, kind)
+    one, two = (motion.fields[b].coordinates[:, i, 1] @ [1.0, 1.0j] for b, i in (("b0", -1), ("b1", 0)))
+    assert np.abs(two / one - np.exp(1j * angle)).max() < 1e-12
+    assert np.abs(motion.displacement("b1.end")).max() > 1e-3
+
+
+@every_integrator
+@every_kind
+def test_whole_motion_turns_with_the_scene(kind, integrator):
+    """The same frame, gravity turned along, 1 rad further: the split and the block recursion in any direction."""
+
+    def scene(turn):
+        corner, tip = (cos(turn), sin(turn)), (cos(turn) + cos(turn + 0.8), sin(turn) + sin(turn + 0.8))
+        bodies = [Beam("a", (0, 0), corner, SQUARE, SOFT), Beam("b", corner, tip, SQUARE, SOFT)]
+        gravity = (9.81 * sin(turn), -9.81 * cos(turn))
+        return Scene("s", bodies, [Pin("a.start"), Weld("a.end", "b.start")], gravity=gravity)
+
+    one, two = (move(scene(turn), integrator, kind) for turn in (0.0, 1.0))
+    back = two.position("b", 0.7) @ np.array([[cos(1), -sin(1)], [sin(1), cos(1)]])
+    assert np.abs(one.position("b", 0.7) - back).max() < 1e-11
+
+
+# --- free bodies, several chains, one element ---------------------------------------------------------------
+
+
+def momentum_and_centre(scene, kind, motion):
+    """First moment of mass over the mass, (n, 2), by the mass matrix and a unit field."""
+    chain = chain_of(scene, mesh=motion.run.mesh, element=kind)
+    bodies, unit = chain.bodies, np.zeros_like(chain.bodies.reference())
+    unit[:2] = 1.0
+    weights = np.empty_like(unit)
+    mass_product(unit, bodies.first, bodies.masses, bodies.buffer(), weights)
+    q = motion.fields["bar"].coordinates
+    rows = weights.reshape(-1, 2, bodies.nodes).transpose(2, 0, 1)
+    return np.einsum("kvc,nkvc->nc", rows, q) / rows[:, 0, 0].sum(), rows[:, 0, 0].sum()
+
+
+@every_integrator
+@every_kind
+def test_free_flight_keeps_momentum(kind, integrator):
+    """Thrown and spinning under gravity: the centre of mass follows the discrete parabola, no energy appears."""
+    scene = bar(velocity=lambda s: (1.0 - 3.2 * (s - 0.5), 2.0 + 2.4 * (s - 0.5)), gravity=GRAVITY)
+    motion = move(scene, integrator, kind, t_end=0.2, mesh=3, spectral_radius=1.0)
+    centre, mass = momentum_and_centre(scene, kind, motion)
+    t = motion.t[:, None]
+    expected = [0.3, 0.4] + t * [1.0, 2.0] + 0.5 * t**2 * GRAVITY
+    assert mass == pytest.approx(SOFT.density * SQUARE.area)
+    assert np.abs(centre - expected).max() < 1e-11
+    assert np.abs(motion.energy.balance).max() < 1e-3 * motion.energy.kinetic[0]
+    turned = motion.displacement("bar.end")[-1] - motion.displacement("bar.start")[-1]
+    assert np.linalg.norm(turned) == pytest.approx(2 * sin(0.5 * 4.0 * 0.2), rel=0.02)
+
+
+@every_integrator
+def test_chains_that_nothing_joins_do_not_see_each_other(integrator):
+    """A driven pendulum of shear elements, a falling cable and a two-bar frame, together and alone."""
+    frame = row_scene("clamp", [("weld", 1.0)], "free")
+    hung = Beam("hung", (0.0, 3.0), (1.0, 3.0), SQUARE, SOFT)
+    loose = Beam("loose", (0.0, 5.0), (1.0, 5.0), SQUARE, SOFT, lambda s: (0.0, s))
+    parts = [
+        Scene("loose", [loose], gravity=GRAVITY),
+        Scene("hung", [hung], [Clamp("hung.end", Quintic(1.0, 0.1))], gravity=GRAVITY),
+        replace(frame, gravity=GRAVITY),
+    ]
+    kinds = {"hung": "shear", "loose": "cable", "b0": "cable", "b1": "cable"}
+    joints = [*parts[1].joints, *frame.joints]
+    together = Scene("all", [loose, hung, *frame.bodies], joints, gravity=GRAVITY)
+    assert len(together.chains()) == 3
+    options = {"dt": 1e-5 if integrator == "zhai" else 1e-3, "integrator": integrator}
+    whole = move(together, element=kinds, **options)
+    for part in parts:
+        alone = move(part, element={b.name: kinds[b.name] for b in part.bodies}, **options)
+        for body in part.bodies:
+            assert gap(whole, alone, 0.9, body.name) < 1e-12
+
+
+@every_integrator
+@every_kind
+def test_one_element_bodies(kind, integrator):
+    for start, end in (("free", "free"), ("pin", "free"), ("pin", "pin"), ("clamp", "pin")):
+        scene = row_scene(start, [("pin", 0.7)], end, gravity=GRAVITY)
+        motion = move(scene, integrator, kind, mesh=1)
+        assert np.abs(motion.displacement("b0.end")).max() > 1e-4
+        assert np.abs(motion.position("b0", 1.0) - motion.position("b1", 0.0)).max() < 1e-13
+
+
+@every_integrator
+@every_kind
+def test_nothing_moves_where_everything_is_held(kind, integrator):
+    scene = bar([Clamp("bar.start"), Clamp("bar.end")], gravity=GRAVITY)
+    motion = solve(scene, mesh=1, element=kind, integrator=integrator, dt=1e-3, t_end=0.01)
+    assert motion.status.ok
+    assert np.abs(motion.displacement(("bar", 0.5))).max() == 0.0
+
+
+# --- supports in the middle, initial velocities --------------------------------------------------------------
+
+
+@every_integrator
+@every_kind
+@pytest.mark.parametrize("angle", [0.0, 0.8])
+@pytest.mark.parametrize("joint", [Pin, Weld])
+def test_joint_held_at_the_ground(joint, angle, kind, integrator):
+    """A pin held in place separates two bodies; a weld held in place passes on the moment alone."""
+    row = row_scene("free", [("pin", angle)], "free", gravity=GRAVITY)
+    scene = replace(row, joints=[joint("b0.end", "b1.start", grounded=True)])
+    motion = move(scene, integrator, kind)
+    assert np.abs(motion.displacement("b0.end")).max() == 0.0
+    assert np.abs(motion.displacement("b1.start")).max() == 0.0
+    alone = Scene("alone", [row.bodies[1]], [Pin("b1.start")], gravity=GRAVITY)
+    apart = gap(motion, move(alone, integrator, kind, dt=motion.run.dt), 1.0, "b1")
+    assert (apart < 1e-12) == (joint is Pin)
+
+
+@every_integrator
+@every_kind
+def test_clamped_gradients_take_no_velocity(kind, integrator):
+    """A velocity that grows from the clamp would turn it: the clamp decides about its node's gradients."""
+    scene = bar([Clamp("bar.start")], velocity=lambda s: (-0.8 * s, 0.6 * s))
+    motion = move(scene, integrator, kind)
+    q = motion.fields["bar"].coordinates
+    assert np.abs(q[:, 0] - q[0, 0]).max() < 1e-14
+    assert np.abs(motion.displacement("bar.end")).max() > 0.01
+
+
+@every_integrator
+@every_kind
+@pytest.mark.parametrize("grounded", [False, True])
+def test_welded_gradients_move_as_one(kind, integrator, grounded):
+    """The two bodies' velocities have a kink at the weld, which a weld cannot have: the mean of both is taken."""
+    bodies = [
+        Beam("a", (0.0, 0.0), (0.5, 0.0), SQUARE, SOFT, lambda s: (0.0, 1.0 - s)),
+        Beam("b", (0.5, 0.0), (1.0, 0.0), SQUARE, SOFT, lambda s: (0.0, 2.0 * s)),
+    ]
+    motion = move(Scene("kink", bodies, [Weld("a.end", "b.start", grounded=grounded)]), integrator, kind)
+    one, two = motion.fields["a"].coordinates[:, -1], motion.fields["b"].coordinates[:, 0]
+    assert np.abs(one - two).max() < 1e-14
+
+
+# --- loads and drives ----------------------------------------------------------------------------------------
+
+
+@every_integrator
+@every_kind
+@pytest.mark.parametrize("value", [(0.3, -1.0), lambda t: (0.3, -1.0 - 10 * t)])
+@pytest.mark.parametrize(("joint", "angle"), [("pin", 0.5), ("weld", 0.0), ("weld", 0.9)])
+def test_force_at_a_joint_acts_on_either_side(joint, angle, value, kind, integrator):
+    one, two = (
+        move(row_scene("clamp", [(joint, angle)], "free", loads=[Force(end, value)]), integrator, kind)
+        for end in ("b0.end", "b1.start")
+    )
+    assert gap(one, two, body="b1") < 1e-12
+    assert np.abs(one.displacement("b1.end")).max() > 1e-4
+
+
+@every_integrator
+@every_kind
+def test_torque_at_a_weld_acts_on_either_side_and_at_a_pin_on_one(kind, integrator):
+    def motions(joint):
+        for end in ("b0.end", "b1.start"):
+            yield move(row_scene("clamp", [(joint, 0.0)], "free", loads=[Torque(end, 0.2)]), integrator, kind)
+
+    one, two = motions("weld")
+    assert gap(one, two, body="b1") < 1e-12
+    one, two = motions("pin")
+    assert gap(one, two, body="b1") > 1e-4
+
+
+@every_integrator
+@every_kind
+def test_constant_and_callable_loads_are_the_same(kind, integrator):
+    def scene(vary):
+        force, moment = (0.2, 0.1), 0.3
+        loads = [Force("bar.end", (lambda t: force) if vary else force)]
+        loads += [Torque("bar.start", (lambda t: moment) if vary else moment)]
+        return bar([Pin("bar.start")], loads)
+
+    one, two = (move(scene(vary), integrator, kind) for vary in (False, True))
+    assert gap(one, two) < 1e-14
+    assert np.abs(one.energy.balance - two.energy.balance).max() < 1e-5 * one.energy.kinetic.max()
+
+
+@every_integrator
+@every_kind
+def test_torque_spins_a_free_bar_about_its_centre(kind, integrator):
+    """A pure couple: the centre rests, and the angular momentum about it is the moment times the time."""
+    stiff = Material(1e10, SOFT.density)
+    scene = bar(loads=[Torque("bar.end", Pulse(0.5, 0.1))], material=stiff)
+    motion = move(scene, integrator, kind, t_end=0.2, mesh=3, spectral_radius=1.0)
+    centre, mass = momentum_and_centre(scene, kind, motion)
+    assert np.abs(centre - [0.3, 0.4]).max() < 1e-12
+    spin = 0.5 * 0.1 / 2 / (mass / 12)
+    chord = motion.position("bar", 1.0) - motion.position("bar", 0.0)
+    angle = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
+    assert (angle[-1] - angle[-2]) / (motion.t[-1] - motion.t[-2]) == pytest.approx(spin, rel=0.01)
+    assert motion.energy.work[-1] == pytest.approx(
+        motion.energy.kinetic[-1] + motion.energy.strain[-1], rel=2e-3
+    )
+
+
+@every_integrator
+@every_kind
+@pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
+def test_driven_hub_at_either_end_and_in_either_direction(turned, kind, integrator):
+    """The hub first or last in the chain: the same motion, held exactly, and the work closes the balance."""
+    drive = Quintic(pi / 3, 0.1)
+
+    def scene(first):
+        row = row_scene("free", [("pin", 0.4)], "free", turned=turned)
+        joints = [*row.joints, Clamp(inner(0, turned), drive)]
+        return replace(row, joints=joints, bodies=row.bodies if first else row.bodies[::-1])
+
+    one, two = (move(scene(first), integrator, kind, t_end=0.1) for first in (True, False))
+    assert [k.body for k in one.scene.chains()[0]] != [k.body for k in two.scene.chains()[0]]
+    for body in ("b0", "b1"):
+        assert gap(one, two, 0.6, body) < 1e-11
+    for motion in (one, two):
+        hub = motion.fields["b0"].coordinates[:, -1 if 0 in turned else 0]
+        direction = hub[:, 1] @ [1.0, 1.0j] * (-1.0 if 0 in turned else 1.0)
+        assert np.abs(direction - np.exp(1j * (0.4 + drive(motion.t)[0]))).max() < 1e-13
+        assert np.abs(hub[:, 0]).max() < 1e-15
+        assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
+
+
+@every_integrator
+@every_kind
+def test_two_driven_hubs(kind, integrator):
+    """Both ends of one body turn; a turn by equal angles of opposite sense keeps the mirror symmetry."""
+    drive, back = Quintic(0.5, 0.1), Quintic(-0.5, 0.1)
+    beam = Beam("b", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
+    scene = Scene("arch", [beam], [Clamp("b.start", drive), Clamp("b.end", back)])
+    motion = move(scene, integrator, kind, t_end=0.1, mesh=4)
+    for fraction in (0.25, 0.4):
+        left, right = motion.position("b", fraction), motion.position("b", 1 - fraction)
+        assert np.abs(left * [-1, 1] + [1, 0] - right).max() < 1e-10
+    assert motion.position("b", 0.5)[-1, 1] > 0.04
+    assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("integrator", "factor"), [("zhai", 1), ("generalized-alpha", 20)])
+def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor, kind):
+    """Work of a hub, a torque and a force of time; ρ∞ = 1 takes nothing."""
+    loads = [Torque("b1.end", Pulse(0.2, 0.1)), Force("b0.end", lambda t: (5.0 * t, 0.0))]
+    row = row_scene("free", [("pin", 0.4)], "free", loads=loads, gravity=GRAVITY)
+    scene = replace(row, joints=[*row.joints, Clamp("b0.start", Quintic(1.0, 0.2))])
+    h = 4e-5 if kind == "cable" else 8e-6
+    sizes = []
+    for dt in (factor * h, factor * h / 2):
+        options = {"dt": dt, "output_dt": 0.008, "spectral_radius": 1.0}
+        motion = move(scene, integrator, kind, t_end=0.08, **options)
+        sizes.append(np.abs(motion.energy.balance).max() / motion.energy.kinetic.max())
+    assert sizes[0] / sizes[1] == pytest.approx(4.0, rel=0.15)
+    assert sizes[1] < 1e-3
+
+
+# --- output ------------------------------------------------------------------------------------------------
+
+
+@every_integrator
+@every_kind
+def test_work_of_the_first_steps_is_that_of_the_global_equations(kind, integrator):
+    """A bar that flies into a moment which is there at once, on a hub that moves at once."""
+    body = replace(bar().bodies[0], velocity=lambda s: (-0.8 * s, 0.6 * s))
+    scene = bar(
+        [Clamp("bar.start", lambda t: (sin(t), cos(t), -sin(t)))],
+        [Torque("bar.end", lambda t: 1.0 + 1e3 * t)],
+    )
+    options = {"mesh": 2, "element": kind, "integrator": integrator, "dt": 1e-5, "t_end": 6e-5}
+    ours, other = (s(replace(scene, bodies=[body]), **options) for s in (solve, global_dae.solve))
+    assert ours.energy.work == pytest.approx(other.energy.work, rel=1e-6, abs=1e-14)
+    assert np.abs(np.diff(ours.energy.work)).min() > 1e-6
+    assert gap(ours, other) < 1e-13
+
+
+@every_integrator
+@every_kind
+def test_outputs_hold_the_end_of_a_run_that_is_no_whole_number_of_them(kind, integrator):
+    scene, dt = bar([Clamp("bar.start")], gravity=GRAVITY), 1e-5
+    every = solve(scene, mesh=2, element=kind, integrator=integrator, dt=dt, t_end=25 * dt)
+    some = solve(scene, mesh=2, element=kind, integrator=integrator, dt=dt, t_end=25 * dt, output_dt=10 * dt)
+    assert some.t == pytest.approx([0.0, 10 * dt, 20 * dt, 25 * dt], abs=1e-18)
+    assert every.t.size == 26
+    kept = [0, 10, 20, 25]
+    assert np.array_equal(some.position("bar", 0.7), every.position("bar", 0.7)[kept])
+    for name, series in vars(some.energy).items():
+        assert np.array_equal(series, getattr(every.energy, name)[kept])
+
+
+def test_long_runs_are_computed_in_batches_without_a_seam(monkeypatch):
+    scene = bar([Clamp("bar.start", Quintic(1.0, 0.01))], [Force("bar.end", lambda t: (t, 0.0))])
+    for integrator in INTEGRATORS:
+        options = {"mesh": 2, "integrator": integrator, "dt": 1e-5, "t_end": 2e-3, "output_dt": 7e-5}
+        one = solve(scene, **options)
+        with monkeypatch.context() as patch:
+            patch.setattr("anctmm.integrators.output.BATCH", 13)
+            two = solve(scene, **options)
+        assert np.array_equal(one.position("bar", 1.0), two.position("bar", 1.0))
+        assert np.array_equal(one.energy.work, two.energy.work)

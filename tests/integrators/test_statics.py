@@ -1,0 +1,184 @@
+"""Equilibria: exact elastica and arcs, load steps, what cannot stand."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from samples import KINDS, SOFT, SQUARE, bar
+
+from anctmm.integrators.statics import solve_static
+from anctmm.model.drives import Pulse
+from anctmm.model.scene import Clamp, Force, Material, Pin, Torque
+from anctmm.model.sections import Rectangle
+from anctmm.solve import solve
+from reference import exact
+from studies.scenes import END_MOMENT, LENGTH, MATERIAL, SECTION, cantilever_end_moment, cantilever_tip_force
+
+EI = MATERIAL.E * SECTION.second_moment
+THICK = Rectangle(0.1, 0.1)
+every_kind = pytest.mark.parametrize("kind", KINDS)
+
+
+def tip_errors(scene, shape, meshes, **options):
+    """Errors of the tip of `beam`, relative to its length."""
+    ends = [solve_static(scene, mesh=m, newton_tolerance=1e-12, **options) for m in meshes]
+    assert all(s.status.ok for s in ends)
+    return (
+        np.array([np.linalg.norm(s.position("beam", 1.0)[-1] - shape.position(1.0)) for s in ends]) / LENGTH
+    )
+
+
+def orders(errors):
+    return np.log2(errors[:-1] / errors[1:])
+
+
+@pytest.mark.parametrize("quadrature", ["full", "reduced", "lobatto"])
+@pytest.mark.parametrize(("load", "level"), [(0.5, 1e-10), (3.0, 2e-9), (10.0, 1e-8)])
+def test_cables_converge_to_the_extensible_elastica(load, level, quadrature):
+    """Fourth order with Lobatto's points, better with Gauss's; 128 elements are below 1e-8 of the length."""
+    scene = cantilever_tip_force(load).scene
+    shape = exact.cantilever_static(scene, "elastica")
+    errors = tip_errors(scene, shape, (32, 64, 128), quadrature=quadrature)
+    assert shape.uncertainty < 1e-12
+    assert orders(errors).min() > (3.9 if quadrature == "lobatto" else 4.5)
+    assert errors[-1] < level
+
+
+def test_shear_elements_converge_to_their_own_limit():
+    """The continuum of the element, at h/L = 1/20; Reissner's beam, with its other strain, is 0.1 % away."""
+    scene = cantilever_tip_force(3.0, section=THICK).scene
+    shape = exact.cantilever_static(scene, "director")
+    errors = tip_errors(scene, shape, (16, 32, 64), element="shear")
+    other = exact.cantilever_static(scene, "reissner")
+    assert orders(errors) == pytest.approx([2.0, 2.0], abs=0.25)
+    assert errors[-1] < 1e-4
+    gap = np.linalg.norm(shape.position(1.0) - other.position(1.0)) / LENGTH
+    assert gap == pytest.approx(1.05e-3, rel=0.02)
+    assert tip_errors(scene, other, (128,), element="shear")[0] == pytest.approx(gap, rel=0.05)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3])
+def test_shear_elements_tend_to_timoshenko_and_lock_with_poissons_ratio(poisson):
+    """Bending is too stiff by (1 − ν)/((1 + ν)(1 − 2ν)), whatever the mesh."""
+    material = Material(1e9, 2000.0, poisson)
+    scene = cantilever_tip_force(1e-4, section=THICK, material=material).scene
+    bending, shear = 1e9 * THICK.second_moment, material.lame[1] * THICK.area
+    force = 1e-4 * bending / LENGTH**2
+    factor = exact.poisson_locking_factor(poisson)
+    limit = -exact.timoshenko_tip_deflection(LENGTH, force, factor * bending, shear)
+    tips = [
+        solve_static(scene, mesh=m, element="shear", newton_tolerance=1e-13).displacement("beam.end")[-1, 1]
+        for m in (16, 32, 64)
+    ]
+    errors = np.abs(np.array(tips) / limit - 1.0)
+    assert factor == pytest.approx(1.0 if poisson == 0.0 else 0.7 / (1.3 * 0.4))
+    assert orders(errors) == pytest.approx([2.0, 2.0], abs=0.15)
+    assert errors[-1] < 3e-4
+
+
+@pytest.mark.parametrize(("moment", "level"), [(END_MOMENT, 1e-7), (2 * pi, 1e-6), (4 * pi, 1e-5)])
+def test_end_moment_rolls_cables_up(moment, level):
+    """Half, one and two turns in one load step, at fourth order; the strain energy is that of pure bending."""
+    scene = cantilever_end_moment(moment).scene
+    shape = exact.cantilever_static(scene, "elastica")
+    arc = exact.moment_arc(LENGTH, EI, moment * EI / LENGTH, 1.0)
+    assert np.abs(shape.position(1.0) - arc).max() < 1e-12
+    errors = tip_errors(scene, shape, (32, 64))
+    assert orders(errors)[0] == pytest.approx(4.0, abs=0.15)
+    assert errors[1] < level
+    rest = solve_static(scene, mesh=64)
+    assert rest.energy.strain[-1] == pytest.approx(0.5 * moment**2 * EI / LENGTH, rel=1.5e-5)
+
+
+def test_end_moment_rolls_shear_elements_up_slowly():
+    """h/L = 1/400 is slender for an element whose director is linear: 64 elements are a percent away."""
+    scene = cantilever_end_moment().scene
+    errors = tip_errors(scene, exact.cantilever_static(scene, "director"), (64, 128), element="shear")
+    assert orders(errors)[0] > 1.9
+    assert errors[0] < 5e-3
+
+
+@every_kind
+def test_equilibrium_does_not_depend_on_the_load_steps(kind):
+    scene = cantilever_tip_force(10.0).scene
+    one, four = (solve_static(scene, mesh=8, element=kind, load_steps=n) for n in (1, 4))
+    assert one.t.tolist() == [0.0, 1.0]
+    assert four.t.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
+    for fraction in (0.3, 1.0):
+        ends = [s.position("beam", fraction)[-1] for s in (one, four)]
+        assert np.abs(ends[0] - ends[1]).max() < 1e-9
+    half = solve_static(cantilever_tip_force(5.0).scene, mesh=8, element=kind)
+    assert np.abs(half.position("beam", 1.0)[-1] - four.position("beam", 1.0)[2]).max() < 1e-9
+    assert (one.cost.steps, four.cost.steps) == (1, 4)
+    assert four.cost.newton_iterations == four.cost.factorizations > 4
+
+
+@every_kind
+def test_newton_converges_quadratically(kind):
+    """Stiffness is the derivative of force and torque: a moderate load takes few corrections."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.02, 0.0)), Torque("bar.end", 0.02)])
+    rest = solve_static(scene, mesh=4, element=kind, newton_tolerance=1e-13)
+    assert rest.status.ok
+    assert rest.cost.newton_iterations <= 8
+
+
+@every_kind
+def test_equilibrium_is_where_the_energy_is_least(kind):
+    """Work of a dead load applied slowly: the load potential falls by more than the strain energy grows."""
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.1, 0.0))], gravity=(0.0, -0.3))
+    rest = solve_static(scene, mesh=4, element=kind)
+    total = rest.energy.strain + rest.energy.potential
+    assert rest.energy.strain[-1] > 0.0
+    assert total[-1] < -0.9 * rest.energy.strain[-1]
+
+
+@every_kind
+def test_static_is_where_damped_motion_settles(kind):
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
+    rest = solve_static(scene, mesh=4, element=kind)
+    options = {"spectral_radius": 0.0, "dt": 0.2, "t_end": 600.0, "output_dt": 300.0}
+    moved = solve(scene, mesh=4, element=kind, **options)
+    assert moved.status.ok
+    for fraction in (0.4, 1.0):
+        apart = moved.position("bar", fraction)[-1] - rest.position("bar", fraction)[-1]
+        assert np.abs(apart).max() < 1e-9
+    assert np.abs(rest.displacement("bar.end")[-1]).max() > 1e-3
+
+
+def test_drives_and_loads_are_those_of_the_beginning():
+    loads = [Force("bar.end", lambda t: (0.1 * (1 - t), 0.0)), Torque("bar.end", Pulse(1.0, 1.0))]
+    one = solve_static(bar([Clamp("bar.start")], loads), mesh=4)
+    two = solve_static(bar([Clamp("bar.start")], [Force("bar.end", (0.1, 0.0))]), mesh=4)
+    assert np.abs(one.position("bar", 1.0)[-1] - two.position("bar", 1.0)[-1]).max() < 1e-10
+
+
+@every_kind
+def test_unloaded_scene_stays(kind):
+    rest = solve_static(bar([Clamp("bar.start")]), mesh=4, element=kind)
+    assert rest.status.ok
+    assert np.abs(rest.displacement("bar.end")).max() < 1e-14
+
+
+@every_kind
+@pytest.mark.parametrize("joints", [(), (Pin("bar.start"),)])
+def test_scene_that_cannot_stand_says_so_and_keeps_what_it_has(kind, joints):
+    rest = solve_static(bar(joints, gravity=(0.0, -9.81)), mesh=3, element=kind, load_steps=3)
+    status = rest.status
+    assert status == "diverged"
+    assert status.body == "bar"
+    assert status.element in range(3)
+    assert status.time < 1e-5
+    assert "no equilibrium found" in status.message
+    assert "free to move" in status.message
+    assert rest.t.tolist() == [0.0]
+    assert np.array_equal(rest.position("bar", 1.0), [[0.6, 0.8]])
+
+
+def test_load_steps_before_the_failure_are_kept():
+    """A load that pulls beyond all reach at the end: the first part of it has an equilibrium."""
+    strong = SOFT.E * SQUARE.area * 1e6
+    scene = bar([Clamp("bar.start")], [Torque("bar.end", strong)])
+    rest = solve_static(scene, mesh=2, load_steps=4)
+    assert not rest.status.ok
+    assert rest.t.tolist() == [0.0]
+    assert 0.0 < rest.status.time < 0.25

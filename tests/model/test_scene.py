@@ -1,0 +1,182 @@
+"""Scenes, drives and discretisations as values; what is refused is in `test_failures.py`."""
+
+import pickle
+from dataclasses import FrozenInstanceError, astuple, replace
+from math import inf, pi, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from samples import B, C, beam, row_scene, run_of, scene_of
+
+import anctmm as at
+from anctmm import errors
+from anctmm.discretise.discretisation import element_length
+from anctmm.model.drives import Pulse, Quintic, tabulate
+from anctmm.model.scene import Clamp, Material, Pin, Scene, distance
+from anctmm.model.sections import Circle, Rectangle
+from anctmm.solvers.registry import load, names, solver
+from studies.scenes import BASE_SCENES, four_bar
+
+# --- drives ------------------------------------------------------------------------------------------------
+
+
+def complex_free_derivative(f, t, h=1e-5):
+    return (f(t - 2 * h) - 8 * f(t - h) + 8 * f(t + h) - f(t + 2 * h)) / (12 * h)
+
+
+def test_quintic_turns_from_rest_to_rest():
+    drive = Quintic(turn=3.0, duration=2.0)
+    t = np.array([-1.0, 0.0, 1.0, 2.0, 3.0])
+    angle, rate, acceleration = drive(t)
+    assert angle == pytest.approx([0.0, 0.0, 1.5, 3.0, 3.0], abs=1e-15)
+    assert rate == pytest.approx([0.0, 0.0, 3.0 * 1.875 / 2.0, 0.0, 0.0], abs=1e-15)
+    assert acceleration == pytest.approx(np.zeros(5), abs=1e-15)
+
+
+@given(st.floats(0.1, 1.9))
+def test_rates_of_the_quintic_are_its_derivatives(t):
+    drive = Quintic(turn=3.0, duration=2.0)
+    for k in (0, 1):
+        slope = complex_free_derivative(lambda x, k=k: drive(x)[k], t)
+        assert drive(t)[k + 1] == pytest.approx(slope, abs=1e-8)
+
+
+def test_pulse_rises_and_falls():
+    pulse = Pulse(2.0, 4.0)
+    assert pulse(np.array([-1.0, 0.0, 1.0, 2.0, 4.0, 9.0])) == pytest.approx([0, 0, 1, 2, 0, 0], abs=1e-15)
+
+
+def scalar_only(t):
+    return (1.0, t) if t > 0.5 else (0.0, -t)
+
+
+def swapped_on_arrays(t):
+    """Right for one time, and another thing for three."""
+    return np.array([t, 2.0 * t]) if np.ndim(t) == 0 else np.zeros((2, len(t)))
+
+
+@pytest.mark.parametrize("history", [scalar_only, swapped_on_arrays, lambda t: (t, 1.0), lambda t: [t**2, t]])
+def test_histories_are_tabulated_as_if_asked_time_by_time(history):
+    t = np.linspace(0.0, 1.0, 7)
+    expected = np.array([history(float(x)) for x in t])
+    assert np.array_equal(tabulate("load", history, t, 2), expected)
+
+
+def test_tabulated_history_of_one_value():
+    t = np.linspace(0.0, 1.0, 5)
+    assert tabulate("load", lambda t: 3.0, t, 1).tolist() == [[3.0]] * 5
+    assert tabulate("load", abs, np.empty(0), 1).shape == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("history", "words"),
+    [
+        (lambda t: (1.0, 2.0, 3.0), ["hub", "2 finite", "t = 0.0"]),
+        (
+            lambda t: (1.0 / (0.5 - t), 0.0) if t != 0.5 else (inf, 0.0),
+            ["hub", "[inf, 0.0]", "t = 0.5 s", "finite"],
+        ),
+        (lambda t: 1 / 0, ["hub", "division by zero"]),
+    ],
+)
+def test_histories_that_fail_say_where(history, words):
+    with pytest.raises(errors.PropertyError) as caught:
+        tabulate("hub", history, np.linspace(0.0, 1.0, 5), 2)
+    assert [w for w in words if w not in str(caught.value)] == []
+
+
+# --- topology ----------------------------------------------------------------------------------------------
+
+
+def order(of):
+    return [[(link.body, link.reversed) for link in chain] for chain in of.chains()]
+
+
+def test_chain_is_derived_from_the_joints():
+    chain = [("crank", False), ("coupler", False), ("follower", False)]
+    assert order(four_bar().scene) == [chain]
+
+
+@given(st.permutations([0, 1, 2, 3]), st.sets(st.integers(0, 3)), st.permutations([0, 1, 2]))
+def test_chain_does_not_depend_on_lists_or_directions(listed, turned, joints):
+    links = [("pin", 0.3), ("weld", 0.2), ("pin", -0.5)]
+    usual = row_scene("free", links, "clamp", turned=turned)
+    bodies = [usual.bodies[i] for i in listed]
+    other = Scene("row", bodies, [usual.joints[i] for i in (3, *joints)])
+    (chain,) = order(other)
+    if chain[0][0] != "b0":  # it starts at the first listed body that is at an end
+        chain = [(name, not side) for name, side in reversed(chain)]
+    assert chain == [(f"b{i}", i in turned) for i in range(4)]
+
+
+def test_bodies_without_joints_are_chains_of_their_own():
+    free = [beam("a"), beam("b", B, C), beam("c", (0, 1), (1, 1)), beam("d", (1, 1), (2, 1))]
+    s = scene_of(Pin("d.start", "c.end"), Clamp("b.end"), bodies=free)
+    assert order(s) == [[("a", False)], [("b", False)], [("c", False), ("d", False)]]
+    inboard = s.chains()[2][1].inboard
+    assert inboard is s.chains()[2][0].outboard is s.joints[0]
+
+
+# --- frozen values -----------------------------------------------------------------------------------------
+
+
+def test_scenes_and_runs_are_values():
+    for base in BASE_SCENES:
+        assert base().scene == base().scene
+        assert hash(base().scene) == hash(base().scene)
+        assert pickle.loads(pickle.dumps(base().scene)) == base().scene
+    one, two = (run_of(mesh={"a": 2, "b": 3}, element={"a": "cable", "b": "shear"}) for _ in range(2))
+    assert one == two
+    assert hash(one) == hash(two)
+    with pytest.raises(FrozenInstanceError):
+        one.dt = 1.0
+    assert replace(one, dt=0.5).steps == 2
+
+
+def test_properties_of_bodies():
+    b = beam("b", (1.0, 1.0), (4.0, 5.0))
+    assert (b.length, distance(b.start, b.end)) == (5.0, 5.0)
+    assert b.angle == pytest.approx(np.arctan2(4.0, 3.0))
+    assert element_length(b, 4) == 1.25
+    lam, G = Material(1.0, 1.0, 0.25).lame
+    assert (lam, G) == pytest.approx((0.4, 0.4))
+    assert Circle(2.0).area == pytest.approx(pi)
+    assert astuple(Rectangle(2.0, 3.0)) == (6.0, 4.5, 2.0 * 3.0**5 / 80)
+
+
+def test_probes():
+    s = scene_of()
+    assert s.probe("b.end") == ("b", 1.0)
+    assert s.probe("b.start") == ("b", 0.0)
+    assert s.probe(("a", 0.25)) == ("a", 0.25)
+
+
+def test_gap_of_a_pin_may_be_rounding_far_from_the_origin():
+    far = 1e6 * sqrt(2.0)
+    bodies = [beam("a", (far, 0.0), (far + 1.0, 0.0)), beam("b", (far + 1.0 + 2e-10, 0.0), (far + 2.0, 0.0))]
+    assert len(scene_of(Pin("a.end", "b.start"), bodies=bodies).chains()) == 1
+
+
+@pytest.mark.parametrize(
+    ("options", "kept"),
+    [
+        ({"dt": 0.1, "t_end": 0.5}, [0, 1, 2, 3, 4, 5]),
+        ({"dt": 0.1, "t_end": 0.5, "output_dt": 0.2}, [0, 2, 4, 5]),
+        ({"dt": 0.1, "t_end": 0.4, "output_dt": 0.2}, [0, 2, 4]),
+        ({"dt": 0.1, "t_end": 0.3, "output_dt": 5.0}, [0, 3]),
+        ({"dt": 1e-6, "t_end": 1.0, "output_dt": 0.5}, [0, 500_000, 1_000_000]),
+    ],
+)
+def test_outputs_hold_both_ends(options, kept):
+    r = run_of(**options)
+    assert r.output_steps.tolist() == kept
+    t = r.times(r.output_steps)
+    assert t[0] == 0.0
+    assert t[-1] == options["t_end"]
+
+
+def test_solvers_are_found_by_name():
+    assert {"anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner"} <= set(names())
+    assert load("anctmm") is solver("anctmm").__wrapped__ is at.solve

@@ -1,0 +1,244 @@
+"""The benchmark measures what it says: counts, accuracy and structure are asserted, never a time."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+
+from anctmm.jit.compiling import kernel
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.solve import solve
+from studies import cli
+from studies.benchmark import kernels as bench_kernels
+from studies.benchmark import length as bench_length
+from studies.benchmark import peers as bench_peers
+from studies.benchmark import precision as bench_precision
+from studies.benchmark import study as bench
+from studies.benchmark.kernels import EXPLICIT, IMPLICIT
+from studies.benchmark.length import Long, acceleration_check, clamped_digits, memory, support_check
+from studies.benchmark.peak import counted, kernel_operations, operations
+from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
+from studies.benchmark.precision import Point, Race, Setting, contenders, cost_at, front, promising
+from studies.engine.clock import Effort, Samples, between, figures, in_turn, ratio
+from studies.engine.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
+from studies.scenes import cantilever_fall, four_bar
+
+TABLES = {
+    "requirements", "kernels", "peak", "exudyn", "equal_error", "work_precision", "methods", "length", "direct",
+    "digits", "samples",
+}  # fmt: skip
+
+
+@kernel
+def _polynomial(x, y):
+    for i in range(len(x)):
+        y[i] = 3.0 - x[i] * x[i] / 2.0
+
+
+def _point(error: float, cpu_s: float, mesh: int = 8, dt: float = 1e-3, code: str = OURS) -> Point:
+    return Point(Setting(code, "generalized-alpha", (mesh,), dt, "full", 1e-5), error, cpu_s, "ok")
+
+
+@pytest.fixture(scope="module")
+def small():
+    """The whole benchmark at the smallest sizes."""
+
+    def races(quick: bool) -> list[Race]:
+        return [
+            Race(cantilever_fall(), ((8,), (16,), (32,)), (OURS, EXUDYN), (64,), (48,)),
+            Race(four_bar(), ((1, 4, 1), (2, 8, 2)), (OURS,), (4, 16, 4), (3, 12, 3)),
+        ]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bench_kernels, "SIZES", (1, 4, 8))
+        patch.setattr(bench_peers, "CANTILEVER_SIZES", (8,))
+        patch.setattr(bench_peers, "FOUR_BARS", ((2, 8, 2),))
+        patch.setattr(bench_length, "SHEAR_LENGTHS", (10, 1000))
+        patch.setattr(bench_length, "CABLE_LENGTHS", (10, 1000))
+        patch.setattr(bench_precision, "races", races)
+        patch.setattr(bench_precision, "STEPS", (1e-2, 5e-3, 2e-3, 2e-3))
+        return bench.bench(quick=True)
+
+
+def test_contestants_take_turns_and_every_sample_is_kept():
+    order, samples = [], Samples()
+
+    def sampler(name):
+        return lambda: order.append(name) or float(len(order))
+
+    found = in_turn("part", {"a": sampler("a"), "b": sampler("b")}, 3, samples)
+    assert order == ["a", "b"] * 4  # the first round is not measured
+    assert found == {"a": [3.0, 5.0, 7.0], "b": [4.0, 6.0, 8.0]}
+    assert [row["ns"] for row in samples.rows] == [3.0, 5.0, 7.0, 4.0, 6.0, 8.0]
+    assert figures(found["a"]) == {"ns": 5.0, "spread": pytest.approx(0.8), "repeats": 3}
+    assert ratio([2.0, 9.0, 8.0], [1.0, 3.0, 2.0]) == 3.0
+
+
+def _of_times(times):
+    """Runs that take the given CPU times, one after the other."""
+    left = iter(times)
+    scene, rest = row_of_beams(1, 1), Energy.unknown(1)
+    return lambda n: Solution("made up", scene, None, np.zeros(1), {}, rest, Cost(cpu_s=next(left), steps=n))
+
+
+def test_steps_are_timed_by_the_difference_of_a_run_and_a_longer_one():
+    seen = []
+    assert between(_of_times([1.0, 5.0]), 10, 4, seen)() == pytest.approx(1e9 * 4.0 / (20 * 4))
+    assert [s.cost.steps for s in seen] == [10, 30]
+    pairs = [1.0, 5.0, 9.0, 2.0, 1.0, 6.0]  # other work has held up the second pair's short run
+    assert between(_of_times(pairs), 10, 4, seen, again=3)() == pytest.approx(1e9 * 4.0 / (20 * 4))
+
+
+def test_a_time_lost_in_noise_is_left_out_and_not_counted():
+    lost = between(_of_times([3.0, 2.0]), 10, 4, [])()
+    assert np.isnan(lost)
+    assert figures([lost, 5.0, 7.0]) == {"ns": 6.0, "spread": pytest.approx(1 / 3), "repeats": 2}
+    assert np.isnan(figures([lost])["ns"])
+    assert figures([lost])["repeats"] == 0
+    assert ratio([lost, 6.0, 8.0], [1.0, 3.0, lost]) == 2.0
+    assert np.isnan(ratio([lost], [1.0]))
+
+
+def test_operations_are_counted_one_by_one():
+    assert operations(_polynomial, counted(np.ones(4)), counted(np.zeros(4))) == 4 * 3
+
+
+def test_operations_of_the_kernels():
+    counts = {v.label: kernel_operations(v) for v in VARIANTS}
+    forces = {label: c[bench_kernels.ELEMENT_FORCES] for label, c in counts.items()}
+    assert forces["cable full"] > forces["cable reduced"] > forces["cable lobatto"] > 100
+    assert 300 < forces["shear"] < 900
+    for variant in VARIANTS:
+        c, rows = counts[variant.label], 6 if variant is SHEAR else 4
+        assert c[bench_kernels.UPDATE] == 10 * rows  # six to a position, four to a velocity
+        assert c[EXPLICIT] > c[bench_kernels.ACCELERATIONS] > c[bench_kernels.ELEMENT_FORCES]
+        assert c[bench_kernels.FACTORIZATION] > c[bench_kernels.TANGENTS] > c[bench_kernels.ELEMENT_FORCES]
+
+
+@pytest.mark.parametrize("variant", [SHEAR, CABLES[0]], ids=lambda v: v.element)
+@pytest.mark.parametrize(("bodies", "elements"), [(1, 3000), (100, 33)])
+def test_accelerations_equal_a_banded_direct_solve(variant, bodies, elements):
+    row = acceleration_check(row_of_beams(bodies, elements), elements, variant)
+    assert row["elements"] == bodies * elements
+    assert row["difference"] < 1e-10
+
+
+@pytest.mark.parametrize("variant", [SHEAR, CABLES[0]], ids=lambda v: v.element)
+def test_statics_on_supports_keeps_its_digits(variant):
+    row = support_check(300, 10, variant)
+    assert row["status"] == "ok"
+    assert row["difference"] < 1e-9
+    assert row["sag"] < 1e-9
+
+
+def test_statics_of_a_clamped_beam_loses_digits_with_the_fourth_power():
+    few, many = clamped_digits(4), clamped_digits(1024)
+    assert few["error_static"] < 1e-11
+    assert few["error_recursion"] < 1e-12
+    assert few["error_recursion"] < many["error_recursion"] < many["limit"]
+    assert many["error_static"] < many["error_banded"]  # Newton's corrections repair what one solve loses
+
+
+def test_explicit_steps_are_stable_and_need_little_memory():
+    scene = row_of_beams(1, 16)
+    options = CABLES[1].options()
+    run = explicit_run(scene, 16, 2000, stable_step(scene, 16, options), **options)
+    assert solve(scene, run).status.ok
+    assert 100.0 < memory(Long(SHEAR, "zhai", 1, 20_000))["bytes"] < bench.MOST_BYTES
+
+
+def test_fronts_and_costs_between_their_points():
+    points = [_point(1e-2, 1.0), _point(1e-4, 100.0), _point(1e-3, 200.0), _point(np.nan, 0.1)]
+    assert [p.error for p in front(points)] == [1e-2, 1e-4]
+    assert cost_at(points, 1e-3) == pytest.approx(10.0)  # a straight line in logarithms
+    assert cost_at(points, 1.0) == 1.0  # never beyond the cheapest
+    assert np.isnan(cost_at(points, 1e-5))
+
+
+def test_what_is_near_the_part_of_a_front_that_is_compared_is_timed_again():
+    line = [_point(e, c) for e, c in ((0.3, 1.0), (0.1, 2.0), (5e-3, 3.0), (8e-6, 8.0), (2e-6, 20.0))]
+    assert [p.error for p in contenders(line)] == [0.1, 5e-3, 8e-6]
+    held_up = [
+        _point(4e-3, 4.7),
+        _point(4e-6, 12.0),
+    ]  # in one run: the last one finer and no dearer than 1.6 times
+    behind = [_point(4e-3, 13.0), _point(3e-6, 13.0)]
+    assert contenders([*line, *held_up, *behind]) == [*line[1:4], *held_up]
+    assert contenders(line[2:3]) == line[2:3]
+    assert contenders([_point(np.nan, 1.0)]) == []
+
+
+def test_settings_far_from_the_fewest_elements_and_steps_are_left_out():
+    points = [_point(1e-3, 1.0, mesh=8), _point(1e-3, 1.0, mesh=15), _point(1e-3, 1.0, mesh=40)]
+    assert {key[0] for key in promising(points)} == {(8,), (15,)}
+
+
+def test_every_table_is_whole(small):
+    assert {t.name for t in small.tables} == TABLES
+    for name in TABLES - {"samples"}:
+        frame = small.table(name).frame
+        assert not frame.empty
+        assert frame["status"].astype(bool).all()
+    assert {p.name for p in small.pictures} == {"ratios", "work_precision", "length", "methods"}
+    assert len(small.findings) == 1
+
+
+def test_all_contestants_are_sampled_as_often_and_finish(small):
+    raw = small.table("samples").frame
+    counts = raw.groupby([raw["part"].str.split(",").str[0], "part", "what"]).size()
+    assert set(counts.index.levels[0]) == {
+        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "direct",
+    }  # fmt: skip
+    assert (counts.loc["kernels"] == Effort(True).rounds).all()
+    assert (counts.loc["length"] == Effort(True).rounds).all()
+    kernels = small.table("kernels").frame
+    whole = kernels[kernels["kernel"].isin([EXPLICIT, IMPLICIT])]
+    assert len(whole) == 2 * 2 * len(VARIANTS)
+    assert (whole["status"] == "ok").all()
+    implicit = whole[whole["kernel"] == IMPLICIT]
+    assert (implicit["newton_per_step"] >= 1.0).all()
+    assert (implicit["factorizations_per_step"] > 0.0).all()
+
+
+def test_contestants_solve_the_same_problem(small):
+    exudyn, methods = small.table("exudyn").frame, small.table("methods").frame
+    assert (exudyn[exudyn["integrator"] == "zhai"]["difference"] < 1e-8).all()
+    assert (exudyn["difference"] < 1e-5).all()
+    assert (exudyn["status"] == "ok").all()
+    assert set(methods["method"]) == {OURS, SPARSE, DENSE}
+    assert (methods["difference"] < 1e-8).all()
+    assert (methods["status"] == "ok").all()
+
+
+def test_equal_error_is_interpolated_from_runs_of_both_codes(small):
+    runs, summary = small.table("work_precision").frame, small.table("equal_error").frame
+    assert set(runs["code"]) == {OURS, EXUDYN}
+    assert (runs["error"] > 0.0).all()
+    assert (runs["reference_error"] < 1e-3).all()
+    for scene, found in summary.groupby("scene"):
+        reached = found[found["status"] == "ok"]
+        assert len(reached) >= 2, scene
+        assert (reached[["anctmm_implicit_s", "exudyn_best_s", "ratio_best"]] > 0.0).all(axis=None)
+        assert (reached["anctmm_best_s"] <= reached["anctmm_implicit_s"]).all()
+
+
+def test_requirements_are_judged_by_their_sense(small):
+    frame = small.table("requirements").frame
+    at_least = frame["sense"] == "at least"
+    assert (frame[at_least]["met"] == (frame[at_least]["found"] >= frame[at_least]["required"])).all()
+    assert (frame[~at_least]["met"] == (frame[~at_least]["found"] <= frame[~at_least]["required"])).all()
+    assert frame["what"].is_unique
+    accelerations = frame[frame["what"].str.startswith("accelerations")]
+    assert len(accelerations) == 3
+    assert accelerations["met"].all()
+
+
+def test_command_writes_tables_and_pictures(small, tmp_path, monkeypatch):
+    monkeypatch.setattr(bench, "bench", lambda quick, say: small)
+    shown = CliRunner().invoke(cli.app, ["bench", "--quick", "--out", str(tmp_path)])
+    assert shown.exit_code == 0, shown.output
+    assert "Required and found" in shown.output
+    names = {path.name for path in (tmp_path / "bench").iterdir()}
+    assert {f"{t}.csv" for t in TABLES} | {f"{t}.md" for t in TABLES} <= names
+    assert {"machine.json", "length.svg", "ratios.svg", "work_precision.svg", "methods.svg"} <= names
+    assert not pd.read_csv(tmp_path / "bench" / "requirements.csv").empty

@@ -1,0 +1,296 @@
+"""The conformance test: our solvers pass it, and each broken solver fails the one rule it breaks."""
+
+import sys
+from dataclasses import replace
+from importlib import import_module
+from itertools import count
+from types import ModuleType
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import anctmm as at
+from anctmm.errors import AnctmmError, PluginError, UnknownOptionError
+from anctmm.model.scene import Clamp
+from anctmm.solvers import registry
+from anctmm.solvers.capabilities import FEATURES, Offer
+from studies.conformance.check import BROKEN, HOLDS, NOT_OFFERED, NOT_RUN, Finding, conform, passed, show
+from studies.conformance.rules import REFUSED, RULES
+
+OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_our_solvers_conform(name):
+    findings = list(conform(name))
+    assert [f for f in findings if f.verdict != HOLDS] == []
+    assert len(findings) == len(RULES) + 1
+
+
+def test_what_a_peer_lacks_is_shown_and_not_skipped():
+    pytest.importorskip("elastica", reason="PyElastica (extra `peers`) is not installed")
+    found = {f.rule: f for f in conform("pyelastica")}
+    assert passed(found.values())
+    lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
+    assert lacking == {"integrators", "joints", "drives", "varying loads"}
+    assert found["joints"].measured == "lacks joints"
+    assert (
+        found["limits"].measured == "damping, drives, generalized-alpha, joints, rigid, varying-loads refused"
+    )
+
+
+# --- broken solvers: ours, with one thing wrong each ---------------------------------------------------------
+
+
+class Moved:
+    """A field whose positions are changed."""
+
+    def __init__(self, of, change):
+        self.of, self.change = of, change
+
+    def position(self, fraction):
+        return self.change(self.of.position(fraction))
+
+
+def positions(answer, change, only=None):
+    """An answer whose positions are changed."""
+    fields = {n: Moved(f, change) if only in (None, n) else f for n, f in answer.fields.items()}
+    return replace(answer, fields=fields)
+
+
+def stiffer(scene, factor):
+    bodies = [replace(b, material=replace(b.material, E=factor * b.material.E)) for b in scene.bodies]
+    return replace(scene, bodies=bodies)
+
+
+def needs_more(scene, run, magic):
+    return at.solve(scene, run)
+
+
+def costs_nothing(scene, run):
+    return replace(at.solve(scene, run), cost=at.Cost())
+
+
+def drops_the_end(scene, run):
+    answer = at.solve(scene, run)
+    n = len(answer.t) - (run.steps % run.stride != 0)
+    cut = positions(answer, lambda p: p[:n])
+    return replace(cut, t=answer.t[:n], energy=at.Energy(*(e[:n] for e in vars(answer.energy).values())))
+
+
+def begins_elsewhere(scene, run):
+    along = np.array([np.cos(scene.bodies[0].angle), np.sin(scene.bodies[0].angle)])
+    return positions(at.solve(scene, run), lambda p: p + 1e-3 * along)
+
+
+def counts_in_feet(scene, run):
+    return positions(at.solve(scene, run), lambda p: p[:1] + 1.0002 * (p - p[:1]))
+
+
+def is_too_stiff(scene, run):
+    return replace(at.solve(stiffer(scene, 1.2), run), scene=scene)
+
+
+def makes_energy(scene, run):
+    answer = at.solve(scene, run)
+    return replace(answer, energy=replace(answer.energy, kinetic=2.0 * answer.energy.kinetic))
+
+
+def prefers_a_direction(scene, run):
+    factor = 1.0 + 0.01 * np.sin(2.0 * scene.bodies[0].angle)
+    return replace(at.solve(stiffer(scene, factor), run), scene=scene)
+
+
+CALLS = count()
+
+
+def is_never_the_same(scene, run):
+    noise = 1e-13 * next(CALLS)
+    return positions(at.solve(scene, run), lambda p: p + noise)
+
+
+def changes_its_input(scene, run):
+    answer = at.solve(scene, run)
+    object.__setattr__(run, "psi", 0.6)
+    return answer
+
+
+def takes_any_mesh(scene, run):
+    return at.solve(scene, replace(run, mesh=8) if isinstance(run.mesh, dict) else run)
+
+
+def hides_divergence(scene, run):
+    return replace(at.solve(scene, run), status=at.Status())
+
+
+def throws_divergence(scene, run):
+    answer = at.solve(scene, run)
+    if not answer.status.ok:
+        raise FloatingPointError(answer.status.message)
+    return answer
+
+
+def forgets_its_history(scene, run):
+    answer = at.solve(scene, run)
+    if answer.status.ok:
+        return answer
+    return replace(answer, t=answer.t[:0], fields={}, energy=at.Energy.unknown(0))
+
+
+def steps_differently(scene, run):
+    answer = at.solve(stiffer(scene, 1.2) if run.integrator == "zhai" else scene, run)
+    return replace(answer, scene=scene)
+
+
+def opens_joints(scene, run):
+    return positions(at.solve(scene, run), lambda p: p + 1e-3, only="second")
+
+
+def ignores_drives(scene, run):
+    fixed = [replace(j, angle=None) if isinstance(j, Clamp) else j for j in scene.joints]
+    return replace(at.solve(replace(scene, joints=fixed), run), scene=scene)
+
+
+def freezes_loads(scene, run):
+    loads = [replace(x, value=x.value(0.2)) if callable(x.value) else x for x in scene.loads]
+    return replace(at.solve(replace(scene, loads=loads), run), scene=scene)
+
+
+def sound(scene, run):
+    return at.solve(scene, run)
+
+
+def rest(scene, **options):
+    return at.solve_static(scene, **options)
+
+
+def rests_under_more(scene, mesh, **options):
+    more = 1.0 + 1.6 / mesh  # less and less, but too much still with 32 elements
+    loads = [
+        replace(x, value=tuple(more * np.array(x.value))) if isinstance(x, at.Force) else x
+        for x in scene.loads
+    ]
+    return replace(at.solve_static(replace(scene, loads=loads), mesh=mesh, **options), scene=scene)
+
+
+def never_gains(scene, mesh, **options):
+    return at.solve_static(stiffer(scene, 1.005), mesh=32, **options)
+
+
+def begins_half_loaded(scene, **options):
+    answer = at.solve_static(scene, **options)
+    return replace(answer, t=0.5 + 0.5 * answer.t)
+
+
+BREAKERS = [
+    (needs_more, rest, Offer(), "signature"),
+    (costs_nothing, rest, Offer(), "answer"),
+    (drops_the_end, rest, Offer(), "sampling"),
+    (begins_elsewhere, rest, Offer(), "beginning"),
+    (counts_in_feet, rest, Offer(), "units: m, s"),
+    (is_too_stiff, rest, Offer(), "units: Pa, kg"),
+    (makes_energy, rest, Offer(), "energy"),
+    (prefers_a_direction, rest, Offer(), "rigid motion"),
+    (is_never_the_same, rest, Offer(), "determinism"),
+    (changes_its_input, rest, Offer(), "input"),
+    (takes_any_mesh, rest, Offer(), "bad options"),
+    (hides_divergence, rest, Offer(), "failure"),
+    (throws_divergence, rest, Offer(), "failure"),
+    (forgets_its_history, rest, Offer(), "failure"),
+    (sound, rest, Offer(lacks={"joints"}), "limits"),
+    (steps_differently, rest, Offer(), "integrators"),
+    (opens_joints, rest, Offer(), "joints"),
+    (ignores_drives, rest, Offer(), "drives"),
+    (freezes_loads, rest, Offer(), "varying loads"),
+    (sound, rests_under_more, Offer(), "statics"),
+    (sound, never_gains, Offer(), "convergence"),
+    (sound, begins_half_loaded, Offer(), "load factors"),
+]  # fmt: skip
+
+
+@pytest.fixture
+def plugged(monkeypatch):
+    """Put a solver, its statics and its offer into a module of its own, registered as "broken"."""
+
+    def plug(solve, static, offer):
+        module = ModuleType("broken_solver")
+        module.OFFER, module.solve_static = offer, static
+        solve_there = type(solve)(solve.__code__, solve.__globals__, solve.__name__)
+        solve_there.__module__ = module.__name__
+        monkeypatch.setitem(sys.modules, module.__name__, module)
+        monkeypatch.setattr(registry, "load", lambda name: solve_there)
+
+    return plug
+
+
+@pytest.mark.parametrize(
+    ("solve", "static", "offer", "rule"), BREAKERS, ids=lambda b: getattr(b, "__name__", None)
+)
+def test_a_broken_solver_fails_the_rule_it_breaks(plugged, solve, static, offer, rule):
+    plugged(solve, static, offer)
+    findings = list(conform("broken"))
+    assert [f.rule for f in findings if f.verdict == BROKEN] == [rule]
+    assert not passed(findings)
+    not_run = sum(f.verdict == NOT_RUN for f in findings)
+    assert not_run == (len(RULES) - 1 if rule == "signature" else 0)
+
+
+def test_every_rule_has_a_solver_that_breaks_it():
+    assert {rule for *_, rule in BREAKERS} == {rule.name for rule in RULES}
+
+
+def test_a_missing_solve_static_is_broken_until_it_is_declared(plugged):
+    plugged(sound, None, Offer())
+    found = {f.rule: f for f in conform("broken")}
+    assert found["signature"].verdict == BROKEN
+    assert "no solve_static beside it" in found["signature"].measured
+    plugged(sound, None, Offer(lacks={"statics"}))
+    found = {f.rule: f for f in conform("broken")}
+    assert {r for r, f in found.items() if f.verdict == NOT_OFFERED} == {
+        "statics",
+        "convergence",
+        "load factors",
+    }
+    assert passed(found.values())
+
+
+def test_nonsense_breaks_rules_and_no_more(plugged):
+    plugged(lambda scene, run: None, rest, Offer())
+    verdicts = {f.rule: f for f in conform("broken")}
+    assert verdicts["answer"].measured == "the answer is a NoneType, no anctmm.Solution"
+    assert verdicts["statics"].verdict == HOLDS
+
+
+def test_a_solver_that_cannot_be_loaded_has_one_row(monkeypatch):
+    def load(name):
+        raise PluginError(f"solver {name!r} of package p cannot be loaded: ImportError: x")
+
+    monkeypatch.setattr(registry, "load", load)
+    (finding,) = conform("theirs")
+    assert (finding.rule, finding.verdict) == ("loads", BROKEN)
+    assert "'theirs' of package p" in finding.measured
+
+
+def test_the_table_has_a_row_a_rule(plugged):
+    plugged(ignores_drives, rest, Offer())
+    console = Console(record=True, width=200)
+    findings = list(conform("broken"))
+    show("broken", [*findings, Finding("peer", "asks", "install anctmm[peers]", "", HOLDS)], console)
+    text = console.export_text()
+    assert "install anctmm[peers]" in text  # no markup
+    for rule in RULES:
+        assert rule.name in text
+        assert rule.asks in text
+    assert f"{len(RULES) + 1} holds, 1 broken" in text
+
+
+def test_offers_are_checked():
+    with pytest.raises(UnknownOptionError, match="a feature an Offer lacks is 'speed'; allowed are"):
+        Offer(lacks={"speed"})
+    with pytest.raises(UnknownOptionError, match="an Offer's limit of 'cable' is 'string'"):
+        Offer(limits={"cable": "string"})
+    with pytest.raises(AnctmmError, match="lacks 'zhai' and 'generalized-alpha'; one of them is needed"):
+        Offer(lacks={"zhai", "generalized-alpha"})
+    assert FEATURES.keys() >= REFUSED.keys()
+    assert import_module("reference.exudyn.reissner").OFFER.element_of("shear") == "reissner"

@@ -1,0 +1,252 @@
+"""Other people's solvers: the README's template installed as a package, and packages that are broken."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import PluginError, UnknownSolverError
+from anctmm.solvers import registry
+from studies.cantilever.statics import StaticScheme, static_sweep
+from studies.cli import read_options
+from studies.conformance.check import BROKEN, conform
+from studies.engine import tables
+from studies.engine.dynamics import Fine, Plan, Scheme, sweep
+from studies.engine.runner import Case, Runner
+from studies.engine.study import Options
+from studies.scenes import cantilever_fall, cantilever_tip_force
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+FALL = cantilever_fall()
+RUN = Discretisation(mesh=4, dt=1e-2, t_end=0.1)
+
+#: Packages by the name of their solver: module, what it is registered as, and what is said about it.
+BROKEN_PACKAGES = {
+    "raises": ('raise RuntimeError("no licence")', "raises:solve",
+               "solver 'raises' of package raises (raises:solve) cannot be loaded: RuntimeError: no licence"),
+    "absent": ("", "absent:solve", "cannot be loaded: AttributeError: module 'absent' has no attribute 'solve'"),
+    "nowhere": ("", "not_there_at_all:solve", "cannot be loaded: ModuleNotFoundError"),
+    "number": ("solve = 3", "number:solve", "(number:solve) is 3; a function (scene, run) is needed"),
+    "nothing": ("def solve(scene, run): pass", "nothing:solve",
+                "solver 'nothing' answers scene 'cantilever-fall' with a NoneType; an anctmm.Solution is needed"),
+    "nan": ("solve = changed(lambda p: p * float('nan'))", "nan:solve",
+            "solver 'nan' answers scene 'cantilever-fall' with positions of body 'beam' that are not finite"),
+    "flat": ("solve = changed(lambda p: p[:, 0])", "flat:solve", "positions of body 'beam' of shape ("),
+    "bodiless": ("solve = changed(lambda p: p, 'bream')", "bodiless:solve", "no field of body 'beam'"),
+    "backwards": ("solve = changed(lambda p: p, t=-1.0)", "backwards:solve", "times that do not grow"),
+    "worded": ("solve = changed(lambda p: p, status='fine')", "worded:solve", "the status 'fine'; an anctmm.Status"),
+}  # fmt: skip
+#: Put before those modules: a solution with one thing changed.
+PRELUDE = """
+from dataclasses import dataclass, replace
+from typing import Any
+import anctmm as at
+
+@dataclass
+class Moved:
+    of: Any
+    change: Any
+
+    def position(self, fraction):
+        return self.change(self.of.position(fraction))
+
+def changed(change, body="beam", t=1.0, **things):
+    def solve(scene, run):
+        answer = at.solve(scene, run)
+        fields = {body: Moved(field, change) for field in answer.fields.values()}
+        return replace(answer, fields=fields, t=t * answer.t, **things)
+    return solve
+"""
+
+
+def package(folder, name, module, solvers):
+    """Install a package as pip leaves it: its module and its metadata."""
+    folder.mkdir(exist_ok=True)
+    (folder / f"{name}.py").write_text(module)
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    lines = [f"{solver} = {value}" for solver, value in solvers.items()]
+    (info / "entry_points.txt").write_text("\n".join([f"[{registry.GROUP}]", *lines, ""]))
+
+
+@pytest.fixture
+def site(tmp_path, monkeypatch):
+    """A directory of packages on the path; modules imported from it are forgotten."""
+    folder = tmp_path / "site"
+    folder.mkdir()
+    monkeypatch.syspath_prepend(folder)
+    before = set(sys.modules)
+    yield folder
+    for name in set(sys.modules) - before:
+        if Path(getattr(sys.modules[name], "__file__", None) or "/").parent == folder:
+            del sys.modules[name]
+
+
+@pytest.fixture
+def ballistic(site):
+    """The README's template as an installed package."""
+    (module,) = re.findall(r"```python\n(import numpy.*?)```", README, re.DOTALL)
+    (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    package(site, "ballistic", module, tomllib.loads(toml)["project"]["entry-points"][registry.GROUP])
+    return site
+
+
+def broken(site, *names):
+    for name in names or BROKEN_PACKAGES:
+        module, value, _ = BROKEN_PACKAGES[name]
+        package(site, name, PRELUDE + module if "changed" in module else module, {name: value})
+
+
+def command(site, *arguments):
+    paths = [str(site), *filter(None, [os.environ.get("PYTHONPATH")])]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(paths), "COLUMNS": "250"}
+    line = [sys.executable, "-m", "studies", *arguments]
+    return subprocess.run(line, env=environment, capture_output=True, text=True, check=False)
+
+
+def test_the_template_is_a_solver(ballistic):
+    assert "ballistic" in registry.names()
+    assert read_options(None, None, "ballistic,anctmm", True).solvers == ("ballistic", "anctmm")
+    found = registry.solver("ballistic")(FALL.scene, RUN)
+    np.testing.assert_allclose(found.displacement("beam.end")[:, 1], -0.5 * 9.81 * found.t**2, atol=1e-15)
+
+
+def test_the_template_stands_in_the_list_beside_the_broken_ones(ballistic):
+    broken(ballistic, "raises", "absent")
+    done = command(ballistic, "list")
+    assert done.returncode == 0, done.stderr
+    lines = {line.split()[0]: line for line in done.stdout.splitlines() if line.strip()}
+    assert "ballistic: ballistic:solve" in lines["ballistic"]
+    assert "damping, drives, energy, generalized-alpha, joints, rigid, statics" in lines["ballistic"]
+    assert "broken: solver 'raises' of package raises" in lines["raises"]
+    assert "RuntimeError: no licence" in lines["raises"]
+    assert "broken: solver 'absent'" in lines["absent"]
+    assert "reference.global_dae:solve" in lines["global-dae"]
+
+
+def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(ballistic, tmp_path):
+    broken(ballistic, "raises", "nothing")
+    where = ["--only", "cantilever-fall/cable-implicit", "--baselines", str(tmp_path / "stored")]
+    asked = ["check", *where, "--out", str(tmp_path / "out"), "--solver"]
+    assert command(ballistic, *asked, "ballistic", "--update").returncode == 0
+    (stored,) = (tmp_path / "stored").rglob("ballistic.csv")
+    done = command(ballistic, *asked, "ballistic")
+    assert (done.returncode, "ballistic" in done.stdout) == (0, True), done.stdout
+    stored.write_text(stored.read_text().replace("-1.22625", "-1.22626"))  # the fall after 0.5 s, m
+    assert command(ballistic, *asked, "ballistic").returncode == 1
+    done = command(ballistic, *asked, "raises,nothing")
+    said = " ".join(done.stdout.split())
+    assert done.returncode == 1
+    assert (
+        "solver 'raises' of package raises (raises:solve) cannot be loaded: RuntimeError: no licence" in said
+    )
+    assert "with a NoneType; an anctmm.Solution is needed" in said
+
+
+def test_a_studys_table_has_its_rows_and_those_of_the_broken_ones(ballistic):
+    broken(ballistic)
+    plan = Plan(
+        (Scheme("cable", "full", "generalized-alpha", ("anctmm",), ((4,),), lambda mesh: (1e-2,)),),
+        {"cable": Fine(("anctmm",), (8,), (4,), 5e-3, 1e-2, "generalized-alpha")},
+    )
+    short = replace(FALL, t_end=0.1, output_dt=0.01)
+    swept = sweep(
+        short, plan, Options(solvers=("anctmm", "ballistic", *BROKEN_PACKAGES)), Runner(None, repeats=1)
+    )
+    rows = tables.accuracy(swept.rows).frame.set_index("solver")
+    assert rows.loc[["anctmm", "ballistic"], "status"].tolist() == ["ok", "ok"]
+    assert 0.0 < rows.loc["anctmm", "error"] < 0.6 * rows.loc["ballistic", "error"]
+    assert rows.loc["ballistic", ["dofs", "steps"]].tolist() == [2, 10]
+    for name, (_, _, reason) in BROKEN_PACKAGES.items():
+        assert reason in rows.loc[name, "status"]
+        assert f"'{name}'" in rows.loc[name, "status"]
+        assert np.isnan(rows.loc[name, "error"])
+
+
+def test_statics_leave_out_who_does_not_offer_them_and_name_who_is_broken(ballistic):
+    broken(ballistic, "raises", "nothing")
+    schemes = (
+        StaticScheme("cable", "full", ("anctmm",), ((4,),)),
+        StaticScheme("cable", "reduced", ("anctmm",), ((4,),)),
+    )
+    asked = Options(solvers=("anctmm", "ballistic", "raises", "nothing"))
+    frame = static_sweep([cantilever_tip_force(1.0)], schemes, asked, Runner(None, repeats=1)).frame
+    assert frame["solver"].tolist() == ["anctmm", "raises", "nothing", "anctmm"]
+    status = dict(zip(frame["solver"], frame["status"], strict=True))
+    assert "no licence" in status["raises"]
+    assert "solver 'nothing' has no solve_static beside it" in status["nothing"]
+
+
+@pytest.mark.parametrize("name", BROKEN_PACKAGES)
+def test_a_broken_package_is_named_and_the_others_go_on(site, name):
+    broken(site, name)
+    with pytest.raises(PluginError, match=re.escape(BROKEN_PACKAGES[name][2])):
+        registry.solver(name)(FALL.scene, RUN)
+    assert registry.solver("anctmm")(FALL.scene, RUN).status.ok
+
+
+def test_conformance_tells_what_the_template_does_not_do(ballistic):
+    found = {f.rule: f for f in conform("ballistic")}
+    assert {rule for rule, f in found.items() if f.verdict == BROKEN} == {
+        "units: Pa, kg",
+        "failure",
+        "limits",
+    }
+    assert (
+        "lacks 'damping' (Kelvin-Voigt damping of materials), but answers with status ok"
+        in found["limits"].measured
+    )
+
+
+def test_conform_exits_with_1_and_with_2_for_who_is_not_there(ballistic):
+    broken(ballistic, "raises")
+    done = command(ballistic, "conform", "raises")
+    assert (done.returncode, "no licence" in done.stdout) == (1, True)
+    done = command(ballistic, "conform", "nobody")
+    assert done.returncode == 2
+    assert done.stderr.startswith("anctmm: solver 'nobody' is not registered; known are anctmm, ballistic")
+
+
+def test_no_package_takes_our_names_and_two_cannot_share_one(ballistic, tmp_path, monkeypatch):
+    package(
+        ballistic,
+        "thief",
+        "def solve(scene, run): pass",
+        {"anctmm": "thief:solve", "ballistic": "thief:solve"},
+    )
+    assert registry.load("anctmm").__module__ == "anctmm.solve"
+    with pytest.raises(
+        PluginError, match=r"'ballistic' is registered by (ballistic and thief|thief and ballistic)"
+    ):
+        registry.solver("ballistic")
+
+
+def test_an_offer_that_is_none_is_named(site):
+    package(site, "boaster", "OFFER = 'all'\ndef solve(scene, run): pass", {"boaster": "boaster:solve"})
+    (finding,) = conform("boaster")
+    assert (finding.rule, finding.verdict) == ("loads", BROKEN)
+    assert (
+        "OFFER of module 'boaster' is 'all'; an anctmm.solvers.capabilities.Offer is needed"
+        in finding.measured
+    )
+    with pytest.raises(
+        UnknownSolverError, match="solver 'nobody' is not registered; known are anctmm, boaster"
+    ):
+        registry.solver("nobody")
+
+
+def test_an_answer_kept_in_a_cache_is_not_that_of_an_edited_plug_in(ballistic, tmp_path):
+    case = Case(FALL.scene, "ballistic", (4,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01)
+    first = Runner(tmp_path / "runs", repeats=1)
+    key = first.key(case)
+    assert first.solve(case).solution.status.ok
+    (ballistic / "ballistic.py").write_text((ballistic / "ballistic.py").read_text() + "\n# edited\n")
+    assert Runner(tmp_path / "runs", repeats=1).key(case) != key

@@ -1,0 +1,308 @@
+"""Rigid bodies: own equations of motion, the limit of stiff cables, every joint, and the readable projection."""
+
+from dataclasses import replace
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from samples import SQUARE, chain_of, gap
+from scipy.integrate import solve_ivp
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import DiscretisationError, MeshError
+from anctmm.integrators.stability import check_step, highest_frequency
+from anctmm.integrators.zhai import advance
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
+from anctmm.recursion.border import constrain_accelerations, project, rigid_system
+from anctmm.recursion.riccati import mass_factors
+from anctmm.recursion.riccati import solve as sweep
+from anctmm.solve import solve, solve_static
+from reference import exudyn_cable, global_dae
+from studies.scenes import four_bar
+
+SOFT = Material(E=1e7, density=1000.0)
+G = 9.81
+
+
+def beam(name, start, end, material=SOFT, velocity=None):
+    return Beam(name, start, end, SQUARE, material, velocity)
+
+
+def pendulum(turned=False):
+    """Two bars, one pinned to the ground, one hanging from it; or the second drawn the other way."""
+    second = ((1.0, -0.7), (1.0, 0.0)) if turned else ((1.0, 0.0), (1.0, -0.7))
+    hinge = "two.end" if turned else "two.start"
+    return Scene("pendulum", [beam("one", (0.0, 0.0), (1.0, 0.0)), beam("two", *second)],
+                 [Pin("one.start"), Pin("one.end", hinge)], gravity=(0.0, -G))  # fmt: skip
+
+
+def lagrange(t_end, n):
+    """Tip of the double pendulum of thin rigid bars by its own equations of motion, (n, 2)."""
+    l1, l2, m1, m2 = 1.0, 0.7, 0.4, 0.28  # kg: 1000 · 0.02²
+
+    def rate(_, y):
+        a, b, w, u = y
+        c, s = 0.5 * m2 * l1 * l2 * cos(a - b), 0.5 * m2 * l1 * l2 * sin(a - b)
+        M = [[(m1 / 3 + m2) * l1**2, c], [c, m2 * l2**2 / 3]]
+        f = [-s * u * u - (0.5 * m1 + m2) * G * l1 * cos(a), s * w * w - 0.5 * m2 * G * l2 * cos(b)]
+        return [w, u, *np.linalg.solve(M, f)]
+
+    y = solve_ivp(rate, (0.0, t_end), [0.0, -0.5 * pi, 0.0, 0.0], method="DOP853", rtol=1e-13, atol=1e-13,
+                  t_eval=np.linspace(0.0, t_end, n)).y  # fmt: skip
+    return np.stack([l1 * np.cos(y[0]) + l2 * np.cos(y[1]), l1 * np.sin(y[0]) + l2 * np.sin(y[1])], axis=1)
+
+
+def row(n):
+    """A metre of n equal bars, pinned to the ground and to each other."""
+    bars = [beam(f"bar{i}", (i / n, 0.0), ((i + 1) / n, 0.0)) for i in range(n)]
+    pins = [Pin(f"bar{i}.end", f"bar{i + 1}.start") for i in range(n - 1)]
+    return Scene("row", bars, [Pin("bar0.start"), *pins], gravity=(0.0, -G))
+
+
+def lagrange_row(n, t):
+    """Tip of `row` by its equations of motion, C_ij cos(θ_i − θ_j) θ″_j + C_ij sin(θ_i − θ_j) θ′_j² = −g_i cos θ_i."""
+    l, m, behind = 1.0 / n, 0.4 / n, n - 1 - np.maximum.outer(range(n), range(n))  # noqa: E741
+    C = m * l * l * (behind + 0.5) - np.eye(n) * m * l * l / 6.0
+    g = m * l * G * (np.diagonal(behind) + 0.5)
+
+    def rate(_, y):
+        d = np.subtract.outer(y[:n], y[:n])
+        return [*y[n:], *np.linalg.solve(C * np.cos(d), -(C * np.sin(d)) @ y[n:] ** 2 - g * np.cos(y[:n]))]
+
+    y = solve_ivp(rate, (0.0, t[-1]), np.zeros(2 * n), method="DOP853", rtol=1e-12, atol=1e-12, t_eval=t).y[
+        :n
+    ]
+    return np.stack([l * np.cos(y).sum(axis=0), l * np.sin(y).sum(axis=0)], axis=1)
+
+
+def rigidly(scene, dt, t_end=0.5, **options):
+    """Explicit run with 10 outputs, all bodies rigid unless told otherwise."""
+    common = {"mesh": 1, "element": "rigid", **options}
+    return solve(scene, integrator="zhai", dt=dt, t_end=t_end, output_dt=t_end / 10, **common)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_first_steps_are_those_of_the_equations_of_motion(turned):
+    ours, tip = rigidly(pendulum(turned), 1e-3, 0.1), ("two", 0.0 if turned else 1.0)
+    assert np.abs(ours.position(*tip) - lagrange(0.1, 11)).max() < 1e-5
+    for body, length in (("one", 1.0), ("two", 0.7)):
+        span = ours.position(body, 1.0) - ours.position(body, 0.0)
+        assert np.abs(np.hypot(*span.T) - length).max() < 1e-13
+    assert np.abs(ours.position("one", 1.0) - ours.position("two", 1.0 - tip[1])).max() < 1e-13
+
+
+def test_a_start_that_would_stretch_a_rigid_body_moves_it_as_a_whole():
+    """Velocities are projected by the mass: a stretch about the centre gives rest, one about an end its mean."""
+    for about, mean in ((0.5, 0.0), (0.0, 0.5)):
+        bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s, about=about: (s - about, 0.0))
+        ours = rigidly(Scene("stretched", [bar], ()), 1e-3, 1e-2)
+        assert ours.energy.kinetic == pytest.approx(np.full(11, 0.5 * 0.4 * mean**2), abs=1e-13)
+        moved = ours.displacement(("bar", 0.3))
+        assert np.abs(moved - np.outer(ours.t, [mean, 0.0])).max() < 1e-14
+
+
+def test_a_start_that_would_bend_a_rigid_body_turns_it():
+    """Of s² the nearest rigid motion is s − 1/6."""
+    bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s: (0.0, s * s))
+    ours = rigidly(Scene("bent", [bar], ()), 1e-4, 1e-3)
+    assert ours.energy.kinetic == pytest.approx(np.full(11, 0.2 * (1 / 3 - 1 / 6 + 1 / 36)), rel=1e-7)
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_double_pendulum_moves_by_its_own_equations(turned):
+    exact = lagrange(1.0, 11)
+    tip = ("two", 0.0 if turned else 1.0)
+    errors = []
+    for dt in (1e-4, 5e-6):
+        ours = rigidly(pendulum(turned), dt, 1.0)
+        errors.append(np.abs(ours.position(*tip) - exact).max())
+    assert errors[1] < 1e-8
+    assert errors[0] / errors[1] == pytest.approx(400.0, rel=0.05)  # second order
+    for body, length in (("one", 1.0), ("two", 0.7)):
+        span = ours.position(body, 1.0) - ours.position(body, 0.0)
+        assert np.abs(np.hypot(*span.T) - length).max() < 1e-13
+        assert np.abs(ours.position(body, 0.5) - ours.position(body, 0.0) - span / 2).max() < 1e-13
+    assert np.abs(ours.position("one", 1.0) - ours.position("two", 1.0 - tip[1])).max() < 1e-13
+    assert np.abs(ours.energy.balance).max() < 1e-7 * ours.energy.kinetic.max()
+
+
+def test_twenty_bodies_move_by_their_own_equations_and_stay_joined():
+    errors = []
+    for dt in (1e-4, 2e-5):
+        ours = rigidly(row(20), dt, 0.25)
+        errors.append(np.abs(ours.position("bar19", 1.0) - lagrange_row(20, ours.t)).max())
+    assert errors[0] < 1e-7
+    assert errors[0] / errors[1] == pytest.approx(25.0, rel=0.05)
+
+
+def test_nothing_drifts_over_a_hundred_thousand_steps():
+    ours = rigidly(row(5), 1e-4, 10.0)
+    for i in range(5):
+        span = ours.position(f"bar{i}", 1.0) - ours.position(f"bar{i}", 0.0)
+        assert np.abs(5.0 * np.hypot(*span.T) - 1.0).max() < 1e-13
+    assert np.abs(ours.position("bar0", 0.0)).max() == 0.0
+    assert np.abs(ours.energy.balance).max() < 1e-2 * ours.energy.kinetic.max()
+
+
+def test_rigid_crank_and_follower_are_the_limit_of_stiff_ones():
+    """In the four-bar: ten times the stiffness, a tenth of the distance; as the paper gives it, the modelling error."""
+    base = four_bar().scene
+    mesh, t_end = {"crank": 1, "coupler": 2, "follower": 1}, 0.8
+    kinds = {"crank": "rigid", "coupler": "cable", "follower": "rigid"}
+    rigid = solve(base, mesh=mesh, element=kinds, integrator="zhai", dt=1e-4, t_end=t_end, output_dt=0.1)
+    distances = []
+    for factor, dt in ((1.0, 1e-5), (10.0, 4e-6), (100.0, 1e-6)):
+        stiff = tuple(
+            b if b.name == "coupler" else replace(b, material=replace(b.material, E=factor * b.material.E))
+            for b in base.bodies
+        )
+        run = Discretisation(mesh=mesh, integrator="zhai", dt=dt, t_end=t_end, output_dt=0.1)
+        distances.append(gap(rigid, solve(replace(base, bodies=stiff), run), body="coupler"))
+    assert distances[0] < 4e-4  # m: of a path of about 1 m
+    assert distances[1] / distances[2] == pytest.approx(10.0, rel=0.05)
+    assert np.abs(rigid.energy.balance).max() < 1e-5  # J: the account of the drive's work, too
+
+
+WELDED = {
+    "straight": (0.0, "rigid", "rigid"),
+    "at an angle": (0.7, "rigid", "rigid"),
+    "before a cable": (0.7, "rigid", "cable"),
+    "behind a cable": (0.7, "cable", "rigid"),
+}
+
+
+@pytest.mark.parametrize("case", WELDED)
+def test_welded_bodies_turn_as_one(case):
+    """A weld holds the angle; two welded rigid bodies are a rigid body: a physical pendulum of known inertia."""
+    bend, *kinds = WELDED[case]
+    tip = (1.0 + 0.5 * cos(bend), 0.5 * sin(bend))
+    bodies = [beam("one", (0.0, 0.0), (1.0, 0.0)), beam("two", (1.0, 0.0), tip)]
+    scene = Scene("bent", bodies, [Pin("one.start"), Weld("one.end", "two.start")], gravity=(0.0, -G))
+    dt = 2e-5 if "cable" in kinds else 1e-4
+    ours = rigidly(scene, dt, element=dict(zip(("one", "two"), kinds, strict=True)))
+    assert ours.status.ok
+    assert np.abs(ours.energy.balance).max() < 1e-4 * ours.energy.kinetic.max()
+    one = ours.fields["one"].coordinates[:, -1, 1] @ [1.0, 1.0j]
+    two = ours.fields["two"].coordinates[:, 0, 1] @ [1.0, 1.0j]
+    assert np.abs(two - one * np.exp(1j * bend)).max() < 1e-12
+    if "cable" in kinds:
+        return
+    m, place = np.array([0.4, 0.2]), np.array([[0.5, 0.0], [0.5 * (1.0 + tip[0]), 0.5 * tip[1]]])
+    about = (m * np.array([1.0, 0.25]) / 12.0 + m * (place**2).sum(axis=1)).sum()
+    x, y = m @ place
+
+    def rate(_, s):
+        return [s[1], -G * (x * cos(s[0]) - y * sin(s[0])) / about]
+
+    angle = solve_ivp(rate, (0.0, 0.5), [0.0, 0.0], rtol=1e-12, atol=1e-12, t_eval=ours.t).y[0]
+    assert np.abs(np.angle(one) - angle).max() < 1e-6
+
+
+def test_free_rigid_bar_keeps_momentum_under_force_and_torque():
+    """Thrown and spinning, pushed at its centre line's end by a force and turned by a torque: Newton and Euler."""
+    spin, m, l, force, torque = 3.0, 0.4, 1.0, 0.3, 0.05  # noqa: E741
+    bar = beam("bar", (0.0, 0.0), (l, 0.0), velocity=lambda s: (1.0, spin * (s - 0.5)))
+    ours = rigidly(Scene("thrown", [bar], (), [Torque("bar.start", torque)]), 1e-4)
+    middle, span = ours.position("bar", 0.5), ours.position("bar", 1.0) - ours.position("bar", 0.0)
+    angle = np.unwrap(np.arctan2(span[:, 1], span[:, 0]))
+    assert np.abs(middle - np.stack([0.5 + ours.t, 0.0 * ours.t], axis=1)).max() < 1e-6
+    assert np.abs(angle - spin * ours.t - 0.5 * torque / (m * l * l / 12) * ours.t**2).max() < 1e-6
+    pushed = rigidly(Scene("pushed", [bar], (), [Force("bar.end", (force, 0.0))]), 1e-4)
+    x = pushed.position("bar", 0.5)[:, 0]
+    assert np.abs(x - 0.5 - pushed.t - 0.5 * force / m * pushed.t**2).max() < 1e-6
+
+
+def test_clamped_and_doubly_held_rigid_bodies_rest():
+    """Constraints that say what a support says already do no harm."""
+    for joints in (
+        [Clamp("bar.start")],
+        [Pin("bar.start"), Pin("bar.end")],
+        [Clamp("bar.start"), Clamp("bar.end")],
+    ):
+        ours = rigidly(Scene("held", [beam("bar", (0.0, 0.0), (0.6, 0.8))], joints, gravity=(0.0, -G)), 1e-2)
+        assert np.abs(ours.displacement(("bar", 0.5))).max() < 1e-14
+
+
+def test_compiled_accelerations_are_the_readable_ones():
+    """From any accelerations: the projection that numpy makes, once the centripetal part is taken off."""
+    bodies = [
+        beam("one", (0.0, 0.0), (1.0, 0.0)),
+        beam("two", (1.0, 0.0), (1.5, 0.3)),
+        beam("three", (1.5, 0.3), (2.0, 0.0)),
+    ]
+    scene = Scene(
+        "row", bodies, [Pin("one.start"), Pin("one.end", "two.start"), Weld("two.end", "three.start")]
+    )
+    chain = chain_of(scene, mesh={"one": 1, "two": 3, "three": 1},
+                     element={"one": "rigid", "two": "cable", "three": "rigid"}, integrator="zhai")  # fmt: skip
+    rigid, q = rigid_system(chain), chain.bodies.reference()
+    a = sweep(mass_factors(chain), np.random.default_rng(0).standard_normal(q.shape))
+    expected, found, f = project(rigid, q, a), a.copy(), np.zeros_like(q)
+    plain = getattr(
+        constrain_accelerations, "py_func", constrain_accelerations
+    )  # itself where nothing is compiled
+    plain(rigid, q, np.zeros_like(q), f, found)
+    assert np.abs(found - expected).max() < 1e-11 * np.abs(a).max()
+    assert np.abs(project(rigid, q, expected) - expected).max() < 1e-11 * np.abs(a).max()
+    # the forces reported are those that make the difference
+    assert np.abs(a + sweep(mass_factors(chain), f) - found).max() < 1e-11 * np.abs(a).max()
+
+
+def test_step_limit_is_that_of_what_can_still_move():
+    """A rigid crank and follower leave the coupler's limit; rigid bodies alone have none."""
+    base, mesh = four_bar().scene, {"crank": 1, "coupler": 2, "follower": 1}
+    kinds = {"crank": "rigid", "coupler": "cable", "follower": "rigid"}
+    chain = chain_of(base, mesh=mesh, element=kinds, integrator="zhai", dt=1e-5)
+    limit = 2.0 / highest_frequency(chain)
+    assert limit > 5.0 * 2.0 / highest_frequency(chain_of(base, mesh=mesh))
+    for factor, ok in ((0.98, True), (1.05, False)):
+        dt = factor * limit
+        ours = solve(base, mesh=mesh, element=kinds, integrator="zhai", dt=dt, t_end=3000 * dt, output_dt=3000 * dt,
+                     check_stability=False)  # fmt: skip
+        assert ours.status.ok == ok
+    check_step(chain_of(pendulum(), mesh=1, element="rigid", integrator="zhai", dt=0.1))
+
+
+def test_scenes_without_rigid_bodies_do_not_know_of_them():
+    assert rigid_system(chain_of(pendulum())) is None
+    before = len(advance.signatures)
+    solve(pendulum(), mesh=1, integrator="zhai", dt=1e-5, t_end=1e-4)
+    assert len(advance.signatures) - before <= 1
+    assert any("none" in str(s[-3]) for s in advance.signatures)
+
+
+@pytest.mark.parametrize(
+    ("error", "match", "make"),
+    [
+        (MeshError, "mesh is 2 for rigid body 'one'; 1 is needed", lambda: rigidly(pendulum(), 1e-3, mesh=2)),
+        (
+            DiscretisationError,
+            "'generalized-alpha' needs",
+            lambda: solve(pendulum(), mesh=1, element="rigid"),
+        ),
+        (DiscretisationError, "statics needs", lambda: solve_static(pendulum(), mesh=1, element="rigid")),
+        (
+            DiscretisationError,
+            "global solver needs",
+            lambda: global_dae.solve(pendulum(), mesh=1, element="rigid"),
+        ),
+        (
+            DiscretisationError,
+            "'rigid' of 'one', 'shear' of 'two'",
+            lambda: rigidly(
+                replace(pendulum(), joints=(Weld("one.end", "two.start"),)),
+                1e-3,
+                element={"one": "rigid", "two": "shear"},
+            ),
+        ),
+    ],
+)
+def test_what_cannot_be_is_named(error, match, make):
+    with pytest.raises(error, match=match):
+        make()
+
+
+def test_exudyn_peers_say_that_they_model_no_rigid_bodies():
+    peer = exudyn_cable.solve(pendulum(), mesh=1, element="rigid")
+    assert peer.status == "unsupported"
+    assert "rigid" in peer.status.message or "not installed" in peer.status.message

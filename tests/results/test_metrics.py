@@ -1,0 +1,147 @@
+"""Error measures on histories made by hand, whose differences are known."""
+
+import math
+
+import numpy as np
+import pytest
+from samples import bar
+
+from anctmm.errors import SolverError, UnknownNameError
+from anctmm.results.metrics import common_times, compare, history_error
+from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status
+
+SCENE = bar()
+START, END = np.array([0.0, 0.0]), np.array([0.6, 0.8])
+
+
+def moved(t, start, end, cpu_s=1.0, status=None):
+    """A bar whose ends have moved by given displacements, (n, 2), at times t."""
+    t, start, end = (np.asarray(x, dtype=float) for x in (t, start, end))
+    field = LagrangeField(np.stack([START + start, END + end], axis=1))
+    cost, status = Cost(cpu_s=cpu_s), status or Status()
+    return Solution("by hand", SCENE, None, t, {"bar": field}, Energy.unknown(len(t)), cost, status)
+
+
+STILL = np.zeros((3, 2))
+#: Reference: the end goes 0, 3, 5 m away; the other differs from it by 0, 0, 1 m and by 0, 2, 0 m at the start.
+THEIRS = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [0, 3], [3, 4]], cpu_s=4.0)
+OURS = moved([0.0, 1.0, 2.0], [[0, 0], [2, 0], [0, 0]], [[0, 0], [0, 3], [3, 5]], cpu_s=2.0)
+
+
+def test_error_is_the_root_mean_square_over_the_largest_displacement():
+    u, v = np.array([[0.0, 0.0], [3.0, 0.0]]), np.array([[0.0, 4.0], [3.0, -4.0]])
+    assert history_error(u, v) == pytest.approx(4.0 / 5.0)
+    assert history_error(v, v) == 0.0
+    assert history_error(0.1 * u, 0.1 * v) == pytest.approx(4.0 / 5.0)
+    assert (
+        history_error(v, np.zeros((2, 2))) == 5.0
+    )  # of a reference at rest: the largest difference itself, m
+
+
+def test_comparison_takes_the_worst_probe_and_its_own_scale():
+    result = compare(OURS, THEIRS, ["bar.end", ("bar", 0.0)])
+    assert result.by_probe == pytest.approx({"bar.end": math.sqrt(1 / 3) / 5.0, ("bar", 0.0): 2.0})
+    assert result.error == 2.0
+    assert result.largest == pytest.approx(2.0 / 5.0)  # one scale for all probes
+    assert result.cost_ratio == 0.5
+    assert result.common == 3
+    assert result.statuses == (OURS.status, THEIRS.status)
+    assert result.complete
+
+
+def test_largest_difference_is_that_of_one_time():
+    """Not of one component over the times, and of no more than there is."""
+    off = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [0.3, 3.4], [3, 4.4]])
+    assert compare(off, THEIRS, ["bar.end"]).largest == pytest.approx(0.5 / 5.0)
+
+
+def test_scale_is_that_of_one_time_and_cost_counts_however_small():
+    """The reference stays 5 m away, so that no other norm of it is 5 m."""
+    away = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [4, 3], [4, 3]], cpu_s=0.5)
+    near = moved([0.0, 1.0, 2.0], STILL, [[0, 0], [4, 3], [4, 2]], cpu_s=0.25)
+    result = compare(near, away, ["bar.end"])
+    assert result.largest == pytest.approx(1.0 / 5.0)
+    assert result.cost_ratio == 0.5
+    small = [moved(m.t, STILL, 0.1 * m.displacement("bar.end")) for m in (near, away)]
+    assert compare(*small, ["bar.end"]).largest == pytest.approx(1.0 / 5.0)
+
+
+def test_a_reference_at_rest_and_one_without_cost():
+    rest = moved([0.0, 1.0, 2.0], STILL, STILL, cpu_s=0.0)
+    result = compare(OURS, rest, ["bar.end"])
+    assert result.error == pytest.approx(math.sqrt(34.0))
+    assert math.isnan(result.largest)
+    assert math.isnan(result.cost_ratio)
+
+
+@pytest.mark.parametrize("many", [False, True], ids=["few", "many"])
+def test_only_common_times_are_compared(many):
+    """Ours has every second time of the reference and some of its own, all but rounding; in both searches."""
+    n = 3001 if many else 31
+    theirs = np.linspace(0.0, 3.0, n)
+    ours = np.sort(np.concatenate([theirs[::2] * (1.0 + 1e-13), theirs[1:-1:20] + 0.3 * theirs[1]]))
+    path = np.stack([theirs, np.zeros(n)], axis=1)
+    common = np.isin(np.round(ours, 9), np.round(theirs, 9))
+    found = np.stack(
+        [ours, np.where(common, 0.0, 100.0)], axis=1
+    )  # far off where there is nothing to compare
+    one = moved(ours, np.zeros_like(found), found)
+    two = moved(theirs, np.zeros_like(path), path)
+    assert (len(ours) * len(theirs) >= 4_000_000) == many
+    result = compare(one, two, ["bar.end"])
+    assert result.common == (n + 1) // 2
+    assert result.error < 1e-12
+    assert compare(two, one, ["bar.end"]).common == result.common
+    short = moved(theirs[: n // 2], path[: n // 2] * 0.0, path[: n // 2], status=Status("diverged", "early"))
+    assert compare(two, short, ["bar.end"]).common == n // 2
+
+
+def test_times_are_common_to_a_part_of_the_longer_history():
+    long, short = np.array([0.0, 1.0, 3.0]), np.array([0.0, 1.0 + 2e-9])
+    for pair in ((long, short), (short, long)):
+        assert [list(places) for places in common_times(*pair)] == [[0, 1], [0, 1]]
+    assert len(common_times(long, short + 2e-9)[0]) == 1
+    brief = np.array([0.0, 1e-3])  # a difference of a nanosecond is much there
+    assert len(common_times(brief, brief + 1e-9)[0]) == 0
+    assert [len(places) for places in common_times(brief[:0], brief)] == [0, 0]
+    assert [len(places) for places in common_times(brief, brief[:0])] == [0, 0]
+
+
+def test_a_run_cut_short_is_compared_up_to_its_end():
+    cut = moved([0.0, 1.0], STILL[:2], [[0, 0], [0, 4]], status=Status("diverged", "at 2 s"))
+    result = compare(cut, THEIRS, ["bar.end"])
+    assert result.common == 2
+    assert result.error == pytest.approx(math.sqrt(0.5) / 3.0)
+    assert not result.complete
+    first = compare(moved([0.0], STILL[:1], STILL[:1], status=cut.status), THEIRS, ["bar.end"])
+    assert (first.common, first.error) == (1, 0.0)
+    apart = moved([0.0, 0.7], STILL[:2], STILL[:2], status=cut.status)
+    for pair in ((apart, THEIRS), (THEIRS, apart)):
+        assert compare(*pair, ["bar.end"]).common == 1
+    empty = moved([], STILL[:0], STILL[:0], status=cut.status)
+    for pair in ((empty, THEIRS), (THEIRS, empty)):
+        nothing = compare(*pair, ["bar.end", "bar.start"])
+        assert nothing.common == 0
+        assert len(nothing.by_probe) == 2
+        assert all(math.isnan(x) for x in (nothing.error, nothing.largest, *nothing.by_probe.values()))
+
+
+def test_whole_runs_need_two_common_times():
+    apart = moved([0.0, 0.7, 1.4], STILL, STILL)
+    with pytest.raises(SolverError, match="have 1 common output times; at least 2 are needed"):
+        compare(apart, THEIRS, ["bar.end"])
+    two = moved([0.0, 1.4], STILL[:2], STILL[:2])
+    with pytest.raises(SolverError, match="have 1 common output times; at least 2 are needed"):
+        compare(apart, moved([0.0, 1.0], STILL[:2], STILL[:2]), ["bar.end"])
+    assert compare(apart, two, ["bar.end"]).common == 2
+    halves = moved([0.0, 1.5, 2.0], STILL, STILL)
+    assert compare(halves, THEIRS, ["bar.end"]).common == 2
+    single = moved([0.0], STILL[:1], STILL[:1])  # one output: nothing else could be common
+    assert compare(single, THEIRS, ["bar.end"]).common == 1
+
+
+def test_probes_are_those_of_the_scene():
+    with pytest.raises(SolverError, match="probes is empty; at least one probe is needed"):
+        compare(OURS, THEIRS, [])
+    with pytest.raises(UnknownNameError, match="body 'rod'"):
+        compare(OURS, THEIRS, ["rod.end"])
