@@ -1,0 +1,1 @@
+"""What a run answers: solutions, their fields and energies, comparisons, divergence checks."""
