@@ -7,10 +7,8 @@ Without numba's compiler the functions here are called themselves.
 from collections.abc import Callable
 from typing import Any
 
-from numba.extending import overload
-
 from anctmm.elements import cable_kernel, shear_kernel
-from anctmm.jit.compiling import CHOSEN
+from anctmm.jit.compiling import chosen_by_types
 
 #: Kinds of element, as a body has one of them.
 CABLE, SHEAR = 0, 1
@@ -61,12 +59,12 @@ def _choose(
     return (cables, shears, both)[blend.count - 1]
 
 
-@overload(components, **CHOSEN)
+@chosen_by_types(components)
 def _components(blend, kind):  # type: ignore[no-untyped-def]
     return _choose(blend, lambda blend, kind: 4, lambda blend, kind: 6, components)
 
 
-@overload(element_forces, **CHOSEN)
+@chosen_by_types(element_forces)
 def _element_forces(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         cable_kernel.forces(q, node, count, constants, out)
@@ -77,7 +75,7 @@ def _element_forces(blend, kind, q, node, count, constants, out):  # type: ignor
     return _choose(blend, cables, shears, element_forces)
 
 
-@overload(element_tangents, **CHOSEN)
+@chosen_by_types(element_tangents)
 def _element_tangents(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         cable_kernel.tangents(q, node, count, constants, out)
@@ -88,7 +86,7 @@ def _element_tangents(blend, kind, q, node, count, constants, out):  # type: ign
     return _choose(blend, cables, shears, element_tangents)
 
 
-@overload(element_energy, **CHOSEN)
+@chosen_by_types(element_energy)
 def _element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
     def cables(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
         return cable_kernel.energy(q, node, count, constants)
@@ -99,7 +97,7 @@ def _element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-
     return _choose(blend, cables, shears, element_energy)
 
 
-@overload(element_damping, **CHOSEN)
+@chosen_by_types(element_damping)
 def _element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
     def cables(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
         cable_kernel.damping_forces(q, v, node, count, constants, damping, out)

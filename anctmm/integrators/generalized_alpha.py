@@ -53,7 +53,7 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.stability import element_bound
-from anctmm.jit.compiling import announced, embedded, inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import (
@@ -214,9 +214,8 @@ def integrate(chain: Chain) -> Solution:
         t = run.times(np.arange(begin, end + 1))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
-    with announced():
-        one(0, 0)
-        start(*fixed[3:10], actuation, fixed[-1])
+    one(0, 0)
+    start(*fixed[3:10], actuation, fixed[-1])
     record.start()
     start(*fixed[3:10], actuation, fixed[-1])
     failed = run_batches(chain, one)

@@ -14,7 +14,6 @@ from anctmm.errors import DiscretisationError
 from anctmm.forces.actuation import Actuation, set_loads
 from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.stability import DIFFERENCE
-from anctmm.jit.compiling import announced
 from anctmm.model.scene import Scene
 from anctmm.recursion.border import refuse_rigid
 from anctmm.recursion.riccati import block_factors, factorize, links, solve
@@ -71,8 +70,7 @@ def solve_static(
     chain = Chain(scene, discretise(run, options))
     refuse_rigid(chain, "statics")
     search = _Search(chain)
-    with announced():
-        search.newton(0.0)
+    search.newton(0.0)
     search.reset()
     factors = np.arange(load_steps + 1) / load_steps
     record = Record(chain, outputs=load_steps + 1)

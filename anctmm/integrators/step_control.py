@@ -33,7 +33,7 @@ from anctmm.integrators.generalized_alpha import (
     start,
 )
 from anctmm.integrators.output import Output, Record, gradient_size, keep, too_large, worst_element
-from anctmm.jit.compiling import announced, inlined, kernel
+from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status, in_short
@@ -104,19 +104,18 @@ def integrate(chain: Chain) -> Solution:
     )
     system = (bodies.tables(), links(chain), block_factors(bodies.nodes, bodies.rows))
     acting = (actuation.hubs(), actuation.loads())
-    with announced():
-        advance(
-            0,
-            control,
-            state,
-            *system,
-            *acting,
-            newton,
-            record.arrays(),
-            actuation.hub_table(grid[:1]),
-            actuation.load_table(grid[:1]),
-        )
-        start(state, *system, *acting, newton, actuation)
+    advance(
+        0,
+        control,
+        state,
+        *system,
+        *acting,
+        newton,
+        record.arrays(),
+        actuation.hub_table(grid[:1]),
+        actuation.load_table(grid[:1]),
+    )
+    start(state, *system, *acting, newton, actuation)
     record.start()
     start(state, *system, *acting, newton, actuation)
     kept, t = advance(

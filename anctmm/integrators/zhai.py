@@ -34,7 +34,7 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.stability import check_step, largest_step
-from anctmm.jit.compiling import announced, kernel
+from anctmm.jit.compiling import kernel
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.border import Rigid, constrain_accelerations, constrain_motion, rigid_system
 from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
@@ -129,8 +129,7 @@ def integrate(chain: Chain) -> Solution:
         t = run.times(np.arange(begin, end))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
-    with announced():
-        one(0, 0)
+    one(0, 0)
     record.start()
     failed = run_batches(chain, one)
     if failed < 0:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from llvmlite import ir
 from numba.core import types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from anctmm.jit.compiling import CHOSEN
+from anctmm.jit.compiling import chosen_by_types
 
 Array = NDArray[np.float64]
 
@@ -60,7 +60,7 @@ def _place(context: Any, builder: Any, kind: Any, value: Any, row: Any, column: 
     return builder.bitcast(number, vector.as_pointer())
 
 
-@overload(in_double, **CHOSEN)
+@chosen_by_types(in_double)
 def _in_double(array, row, wide, place):  # type: ignore[no-untyped-def]
     if array.dtype == types.float64:
         return lambda array, row, wide, place: (array, row)

@@ -7,9 +7,9 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import cgutils, types
-from numba.extending import intrinsic, overload
+from numba.extending import intrinsic
 
-from anctmm.jit.compiling import CHOSEN
+from anctmm.jit.compiling import chosen_by_types
 
 #: Nodes of a chain whose factors do not stay in the cache, and how many nodes ahead they are asked for.
 LONG, AHEAD = 2000, 8
@@ -41,7 +41,7 @@ def _prefetch(typingctx: Any, array: Any, row: Any, byte: Any) -> Any:
     return types.void(array, types.int64, types.int64), codegen
 
 
-@overload(prefetch_row, **CHOSEN)
+@chosen_by_types(prefetch_row)
 def _prefetch_row(array, row):  # type: ignore[no-untyped-def]
     def every_line(array, row):  # type: ignore[no-untyped-def]
         for line in range((array.itemsize * array.shape[1] + _LINE - 1) // _LINE):
@@ -50,7 +50,7 @@ def _prefetch_row(array, row):  # type: ignore[no-untyped-def]
     return every_line
 
 
-@overload(prefetch_columns, **CHOSEN)
+@chosen_by_types(prefetch_columns)
 def _prefetch_columns(array, column):  # type: ignore[no-untyped-def]
     def every_row(array, column):  # type: ignore[no-untyped-def]
         for row in range(array.shape[0]):

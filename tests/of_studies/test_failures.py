@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 import anctmm as at
 from anctmm import errors
 from anctmm.jit import cache_dir as storage
-from anctmm.jit import compiling
+from anctmm.jit import compiling, kernel_files
 from anctmm.model.drives import Pulse, Quintic, tabulate
 from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Circle, Rectangle, Section
@@ -472,21 +472,24 @@ def noted(here, call):
     return "note", text
 
 
-def place(here, cache, home=None):
+def place(here, cache, home=None, temporary=None):
     """Where kernels are kept under faults; the note says so."""
     storage._once.cache_clear()
     here.patch.setenv("XDG_CACHE_HOME", "")
     here.patch.setenv("ANCTMM_CACHE", cache)
+    if temporary is None:
+        here.patch.setattr("tempfile.gettempdir", lambda: str(here.path))
+    else:
+        here.patch.setattr("tempfile.gettempdir", temporary)
     if not cache:
         here.patch.setattr(Path, "home", home)
     return noted(here, lambda note: storage.kept_in("kernels"))
 
 
 def nowhere(here):
-    here.patch.setattr(
-        "tempfile.gettempdir", raising(FileNotFoundError(errno.ENOENT, "no temporary directory"))
+    return place(
+        here, str(here.file), temporary=raising(FileNotFoundError(errno.ENOENT, "no temporary directory"))
     )
-    return place(here, str(here.file))
 
 
 def no_home(here):
@@ -557,31 +560,40 @@ def doubled(x):
 
 def kernel_cache(here, spoil):
     """A kernel whose kept machine code is spoilt, or cannot be kept; it is compiled and works all the same."""
-    compiling._not_kept.cache_clear()
-    here.patch.setattr(compiling, "cache_directory", lambda package: here.path / "kernels")
+    kernel_files._not_kept.cache_clear()
+    here.patch.setattr(kernel_files, "directory", lambda: here.path / "kernels")
     (here.path / "kernels").mkdir()
     assert compiling.kernel(doubled)(2.0) == 4.0
     spoil(here)
     said = []
-    here.patch.setattr(compiling, "note", said.append)
+    here.patch.setattr(kernel_files, "note", said.append)
     assert compiling.kernel(doubled)(2.0) == 4.0
     (text,) = said
     return "note", text
 
 
-def truncate_kernels(ending):
+def cut_kernel(here):
+    (path,) = (here.path / "kernels").iterdir()
+    path.write_bytes(path.read_bytes()[:-20])
+
+
+def spoil_kernel(place):
+    """One bit of a kernel's file is flipped."""
+
     def spoil(here):
-        (path,) = (here.path / "kernels").rglob(f"*.{ending}")
-        path.write_bytes(path.read_bytes()[:-20])
+        (path,) = (here.path / "kernels").iterdir()
+        content = bytearray(path.read_bytes())
+        content[int(place * len(content))] ^= 4
+        path.write_bytes(content)
 
     return spoil
 
 
 def forget_kernels(here):
-    for path in (here.path / "kernels").rglob("*.nb*"):
+    for path in (here.path / "kernels").iterdir():
         path.unlink()
     full = raising(OSError(errno.ENOSPC, "No space left on device"))
-    here.patch.setattr("numba.core.caching.FunctionCache.save_overload", full)
+    here.patch.setattr(kernel_files, "write_whole", full)
 
 
 def stored_history(here, spoil):
@@ -651,15 +663,20 @@ PLACES = {
     ),
     "no place at all": (nowhere, "note", ["file", "cannot be written", "nothing is kept", "ANCTMM_CACHE"]),
     "no home": (no_home, "note", ["nothing is kept", "ANCTMM_CACHE"]),
-    "kernel's index cut": (
-        lambda here: kernel_cache(here, truncate_kernels("nbi")),
-        "note",
-        ["doubled", "not readable", "compiled anew"],
-    ),
     "kernel cut": (
-        lambda here: kernel_cache(here, truncate_kernels("nbc")),
+        lambda here: kernel_cache(here, cut_kernel),
         "note",
-        ["doubled", "not readable", "compiled anew"],
+        ["doubled", "checksum is wrong", "compiled anew"],
+    ),
+    "bit of a kernel's machine code": (
+        lambda here: kernel_cache(here, spoil_kernel(0.7)),
+        "note",
+        ["doubled", "checksum is wrong", "compiled anew"],
+    ),
+    "bit of a kernel's checksum": (
+        lambda here: kernel_cache(here, spoil_kernel(0.001)),
+        "note",
+        ["doubled", "checksum is wrong", "compiled anew"],
     ),
     "no room for kernels": (
         lambda here: kernel_cache(here, forget_kernels),
@@ -797,7 +814,7 @@ def test_a_home_that_cannot_be_written_does_not_stop_a_run(tmp_path):
     """A user without home and cache, for real: another process."""
     (tmp_path / "file").write_text("")
     (tmp_path / "tmp").mkdir()
-    code = "from anctmm.jit.compiling import cache_directory; print(cache_directory('anctmm'))"
+    code = "from anctmm.jit.kernel_files import directory; print(directory())"
     environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment

@@ -1,0 +1,216 @@
+"""What the hash of a kernel's code notices, and what not."""
+
+import importlib
+import linecache
+import sys
+
+import numba
+import pytest
+
+from anctmm.integrators import generalized_alpha, zhai
+from anctmm.jit import code_digest as code_digest_module
+from anctmm.jit.code_digest import code_digest, signature_text
+
+pytestmark = pytest.mark.skipif(
+    bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler"
+)
+
+#: A package with every way in which a kernel can depend on code elsewhere.
+SOURCES = {
+    "outer": '''
+"""A docstring."""
+import numpy as np
+from PACKAGE import elements
+from PACKAGE.choice import chosen
+from PACKAGE.numbers import FACTOR, TABLE, UNUSED, Pair
+from anctmm.jit.compiling import embedded, inlined, kernel
+
+LOCAL = 3.0
+
+
+@inlined
+def square(x):
+    """A docstring."""
+    return x * x
+
+
+@embedded
+def cube(x):
+    return x * square(x)
+
+
+@kernel
+def top(x, n):
+    """A docstring."""
+    total = 0.0  # a comment
+    for i in range(n):
+        total += cube(x[i]) + FACTOR * TABLE[1] + LOCAL + elements.force(x[i]) + chosen((0,), x[i])
+    return Pair(total, np.sin(1.0))
+
+
+@kernel
+def other(x):
+    return x
+
+
+def plain(x):
+    return top(x, 3)
+''',
+    "numbers": '''
+from typing import NamedTuple
+
+FACTOR = 2.0
+TABLE = (1.0, 2.0)
+UNUSED = 7.0
+
+
+class Pair(NamedTuple):
+    """A docstring."""
+
+    first: float
+    second: float
+''',
+    "elements": '''
+from anctmm.jit.compiling import kernel
+
+
+@kernel
+def force(x):
+    """A docstring."""
+    return stretch(x) - 1.0
+
+
+@kernel
+def stretch(x):
+    return 2.0 * x
+
+
+@kernel
+def moment(x):
+    return 5.0 * x
+''',
+    "choice": '''
+from anctmm.jit.compiling import chosen_by_types
+from PACKAGE.more import one, two
+
+
+def chosen(kinds, x):
+    """A docstring."""
+    return one(x)
+
+
+@chosen_by_types(chosen)
+def _chosen(kinds, x):
+    def of_one(kinds, x):
+        """A docstring."""
+        return one(x)
+
+    def of_two(kinds, x):
+        return two(x)
+
+    return (of_one, of_two)[kinds.count - 1]
+''',
+    "more": """
+from anctmm.jit.compiling import kernel
+
+
+@kernel
+def one(x):
+    return x + 1.0
+
+
+@kernel
+def two(x):
+    return x + 2.0
+""",
+}
+
+
+@pytest.fixture
+def digest_of(tmp_path, monkeypatch):
+    """Function: the package with one text in the place of another → digest of its kernel `top`."""
+    made = []
+
+    def forget():
+        for module in [m for m in sys.modules if m.partition(".")[0] == "kernels_here"]:
+            del sys.modules[module]
+        linecache.clearcache()
+        code_digest_module._source.cache_clear()
+
+    def digest(module="outer", old="", new=""):
+        made.append(tmp_path / str(len(made)))
+        folder = made[-1] / "kernels_here"
+        folder.mkdir(parents=True)
+        for each, source in SOURCES.items():
+            if each == module:
+                assert old in source
+                source = source.replace(old, new) if old else source
+            (folder / f"{each}.py").write_text(source.replace("PACKAGE", "kernels_here"))
+        monkeypatch.syspath_prepend(str(made[-1]))
+        forget()
+        outer = importlib.import_module("kernels_here.outer")
+        assert outer.__file__.startswith(str(made[-1]))
+        return code_digest(outer.top.py_func)
+
+    yield digest
+    forget()
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("outer", "", ""),
+        ("outer", "A docstring", "Another docstring\n\n    of several lines."),
+        ("outer", "  # a comment", ""),
+        ("outer", "return x\n", "return 2 * x\n"),
+        ("outer", "return top(x, 3)", "return top(x, 4)"),
+        ("outer", "LOCAL = 3.0\n", "\n\n\nLOCAL = 6.0 / 2.0\n"),
+        ("numbers", "UNUSED = 7.0", "UNUSED = 8.0"),
+        ("numbers", "A docstring", "Another docstring"),
+        ("elements", "A docstring", "Another docstring"),
+        ("elements", "5.0 * x", "6.0 * x"),
+        ("choice", "A docstring", "Another docstring"),
+    ],
+)
+def test_what_the_machine_code_does_not_depend_on_changes_nothing(digest_of, module, old, new):
+    assert digest_of(module, old, new) == digest_of()
+
+
+@pytest.mark.parametrize(
+    ("module", "old", "new"),
+    [
+        ("outer", "total = 0.0", "total = 1.0"),
+        ("outer", "x * x", "x + x"),
+        ("outer", "x * square(x)", "x + square(x)"),
+        ("outer", "LOCAL = 3.0", "LOCAL = 4.0"),
+        ("outer", "@inlined", "@kernel"),
+        ("outer", "+ LOCAL +", "- LOCAL +"),
+        ("outer", "cube(x[i]) + FACTOR", "cube(x[i]) - FACTOR"),
+        ("outer", "np.sin(1.0)", "np.cos(1.0)"),
+        ("numbers", "FACTOR = 2.0", "FACTOR = 3.0"),
+        ("numbers", "(1.0, 2.0)", "(1.0, 3.0)"),
+        ("numbers", "FACTOR = 2.0", "FACTOR = 2"),
+        ("numbers", "    first: float\n    second: float", "    second: float\n    first: float"),
+        ("elements", "- 1.0", "- 2.0"),
+        ("elements", "2.0 * x", "3.0 * x"),
+        ("choice", "[kinds.count - 1]", "[2 - kinds.count]"),
+        ("choice", "        return two(x)", "        return two(x) + 1.0"),
+        ("more", "x + 1.0", "x + 3.0"),
+        ("more", "x + 2.0", "x + 3.0"),
+    ],
+)
+def test_what_the_machine_code_depends_on_changes_the_digest(digest_of, module, old, new):
+    assert digest_of(module, old, new) != digest_of()
+
+
+def test_types_of_one_name_are_told_apart_by_their_classes():
+    kinds = [
+        numba.types.NamedTuple((numba.float64,) * len(module.State._fields), module.State)
+        for module in (zhai, generalized_alpha)
+    ]
+    texts = {signature_text((kind,)) for kind in kinds}
+    assert len(texts) == 2
+    matrix = numba.float64[:, ::1]
+    assert signature_text((matrix,)) != signature_text((numba.float64[::1, :],))
+    assert signature_text((matrix,)) != signature_text((matrix.copy(readonly=True),))
+    assert signature_text((matrix, numba.none)) != signature_text((matrix, matrix))
