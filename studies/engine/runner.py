@@ -214,9 +214,9 @@ class Runner:
         """One case."""
         return self.sweep([case])[0]
 
-    def remember(self, key: str, compute: Callable[[], Any]) -> Any:
-        """Result of any computation, cached under a key, the source and the versions."""
-        return self._store.remember(_stamped(key), compute)
+    def remember(self, key: str, compute: Callable[[], Any], given: Sequence[Any] = ()) -> Any:
+        """Result of any computation, cached under a key, the source and the versions; `given` as for `Store`."""
+        return self._store.remember(_stamped(key), compute, given)
 
     def jobs(
         self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
@@ -269,7 +269,8 @@ class Runner:
             solver = self.resolve(case.solver)
             if not reproducible(case):
                 return self._run(case, solver, k)
-            return self.remember(f"{self.key(case)}|sample {k}", lambda: self._run(case, solver, k))  # type: ignore[no-any-return]
+            key = f"{self.key(case)}|sample {k}"
+            return self.remember(key, lambda: self._run(case, solver, k), [case.scene])  # type: ignore[no-any-return]
 
         return guarded(case.solver, case.scene, solution)
 

@@ -1,8 +1,7 @@
 """Finished runs on disk: a file each, whole or not there, written by one process at a time."""
 
 import hashlib
-import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,8 +12,9 @@ from filelock import FileLock, Timeout
 from anctmm.errors import OutputError
 from anctmm.jit import cache_dir as storage
 from studies.engine.files import atomic_write
+from studies.engine.plain_data import NotPlain, decode, encode
 
-MAGIC = b"anctmm run 1\n"
+MAGIC = b"anctmm run 2\n"
 
 
 class Unreadable(Exception):
@@ -40,7 +40,7 @@ class Store:
     note: Callable[[str], None] = storage.note
     _said: set[str] = field(default_factory=set)
 
-    def remember(self, key: str, compute: Callable[[], Any]) -> Any:
+    def remember(self, key: str, compute: Callable[[], Any], given: Sequence[Any] = ()) -> Any:
         """The result kept under a key, or else the computed one, which is then kept.
 
         Parameters
@@ -49,46 +49,43 @@ class Store:
             Tells this computation from every other.
         compute : callable
             What it raises is passed on, and nothing is kept.
+        given : sequence
+            Parts of the result that the caller has anyway and that need not be kept, such as its scene.
         """
         if self.directory is None:
             return compute()
         path = self.directory / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
         try:
-            return self._read(path)
+            return self._read(path, given)
         except (OSError, Unreadable):
             pass  # told below, under the lock: another process may be at it
         with self._locked(path):
             try:
-                return self._read(path)
+                return self._read(path, given)
             except FileNotFoundError:
                 pass
             except (OSError, Unreadable) as error:
                 self.note(f"finished run {path} is not readable ({error}); it is computed again")
             result = compute()
-            self._write(path, result)
+            self._write(path, result, given)
             return result
 
     @staticmethod
-    def _read(path: Path) -> Any:
+    def _read(path: Path, given: Sequence[Any]) -> Any:
         content = path.read_bytes()
         digest, data = content[len(MAGIC) : len(MAGIC) + 32], content[len(MAGIC) + 32 :]
         if not content.startswith(MAGIC) or hashlib.sha256(data).digest() != digest:
             raise Unreadable("truncated or of another make")
         try:
-            return pickle.loads(data)
-        except Exception as error:  # whole, but of a class that is no more
-            raise Unreadable(f"{type(error).__name__}: {error}") from error
+            return decode(data, given)
+        except NotPlain as error:  # whole, but of a class that is no more
+            raise Unreadable(str(error)) from error
 
-    def _write(self, path: Path, result: Any) -> None:
+    def _write(self, path: Path, result: Any, given: Sequence[Any]) -> None:
         try:
-            data = pickle.dumps(result)
-        except (
-            Exception
-        ) as error:  # pickling runs code of what it pickles: whatever it raises, the result stands
-            self._once(
-                "result",
-                f"a result cannot be kept ({type(error).__name__}: {error}); it is computed each time",
-            )
+            data = encode(result, given)
+        except NotPlain as error:
+            self._once("result", f"a result cannot be kept ({error}); it is computed each time")
             return
         try:
             atomic_write(path, MAGIC + hashlib.sha256(data).digest() + data)

@@ -82,7 +82,8 @@ def _rounds(cases: Mapping[Contestant, Case], repeats: int, runner: Runner) -> d
         return {m: [replace(s, t=s.t[:0], fields={}) for s in found] for m, found in rounds.items()}
 
     keys = [runner.key(case) for case in cases.values()]
-    return runner.remember(f"in turn {repeats} times: {keys}", measure)  # type: ignore[no-any-return]
+    scenes = [case.scene for case in cases.values()]
+    return runner.remember(f"in turn {repeats} times: {keys}", measure, scenes)  # type: ignore[no-any-return]
 
 
 def _line(

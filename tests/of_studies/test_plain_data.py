@@ -1,0 +1,175 @@
+"""Kept results are data: what is written comes back the same, and reading runs no code."""
+
+import pickle
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+from hypothesis import given as such
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import array_shapes, arrays, scalar_dtypes
+from samples import bar
+
+import anctmm as at
+from anctmm.discretise.discretisation import NOT_GIVEN
+from studies.engine.plain_data import NotPlain, decode, encode
+from studies.engine.store import MAGIC, Store
+
+
+class Pair(NamedTuple):
+    first: object
+    second: object
+
+
+@dataclass(frozen=True)
+class Thing:
+    inside: object
+    table: np.ndarray
+
+    def __post_init__(self):
+        Thing.made += 1
+
+
+Thing.made = 0
+
+PLAIN = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers()
+    | st.floats()
+    | st.text()
+    | st.binary()
+    | st.complex_numbers()
+    | arrays(scalar_dtypes(), array_shapes(min_dims=0, max_dims=3, min_side=0, max_side=3)),
+    lambda inside: (
+        st.lists(inside, max_size=4)
+        | st.tuples(inside, inside)
+        | st.builds(Pair, inside, inside)
+        | st.dictionaries(
+            st.text() | st.integers() | st.tuples(st.text(), st.floats(allow_nan=False)), inside
+        )
+        | st.sets(st.integers())
+        | st.frozensets(st.text())
+    ),
+    max_leaves=12,
+)
+
+
+def same(a, b):
+    """Equal in type and value, down to the last bit of NaN's sign."""
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray | np.generic):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, dict):
+        return same(list(a.items()), list(b.items()))
+    if isinstance(a, float | complex):
+        return repr(a) == repr(b)
+    return a == b
+
+
+@settings(max_examples=150, deadline=None)
+@such(PLAIN)
+def test_data_comes_back_the_same(value):
+    assert same(decode(encode(value)), value)
+
+
+def test_a_solution_comes_back_the_same_with_the_scene_of_the_caller():
+    scene = bar(velocity=lambda s: (0.0, s))
+    found = at.solve(scene, mesh=2, dt=1e-3, t_end=5e-3)
+    content = encode(found, [scene])
+    back = decode(content, [scene])
+    assert back.scene is scene
+    assert back.run == found.run
+    for field in fields(at.Energy):
+        np.testing.assert_array_equal(getattr(back.energy, field.name), getattr(found.energy, field.name))
+    assert (back.cost, back.status, back.dofs) == (found.cost, found.status, found.dofs)
+    np.testing.assert_array_equal(back.position("bar", 0.3), found.position("bar", 0.3))
+    with pytest.raises(NotPlain, match="function"):
+        encode(found)
+
+
+def test_a_discretisation_still_knows_what_was_not_given():
+    run = at.Discretisation(mesh={"bar": 2}, tolerance=1e-3, t_end=1.0)
+    back = decode(encode(run))
+    assert back == run
+    assert type(back.dt) is type(NOT_GIVEN)
+    assert hash(back.mesh) == hash(run.mesh)
+
+
+def test_reading_calls_no_code_of_a_class():
+    content = encode(Thing(1.0, np.arange(3)))
+    made = Thing.made
+    assert decode(content).inside == 1.0
+    assert Thing.made == made
+
+
+@pytest.mark.parametrize("value", [lambda: 0, print, object(), np, type, np.array([object()]), iter([])])
+def test_what_is_no_data_is_refused(value):
+    with pytest.raises(NotPlain):
+        encode({"key": [value]})
+
+
+def test_a_result_that_holds_itself_is_refused():
+    value = []
+    value.append(value)
+    with pytest.raises(NotPlain):
+        encode(value)
+
+
+def described(text):
+    return len(text).to_bytes(8, "little") + text.encode()
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        described('{"dataclass": ["os:system", [], []]}'),
+        described('{"dataclass": ["subprocess:Popen", ["args"], [["true"]]]}'),
+        described('{"namedtuple": ["builtins:tuple", ["a"], [1]]}'),
+        described('{"number": ["builtins:str", 1.0]}'),
+        described('{"number": ["never_imported:kind", 1.0]}'),
+        described('{"call": ["os:system", "true"]}'),
+        described('{"array": ["|O", [1], 0]}'),
+        described('{"array": ["<f8", [1000], 0]}'),
+        described('{"given": 3}'),
+        described("[1, 2"),
+        described('{"a": 1, "b": 2}'),
+    ],
+)
+def test_bytes_that_are_no_result_are_refused(content):
+    with pytest.raises(NotPlain):
+        decode(content)
+
+
+def test_a_class_with_other_fields_is_another_class(monkeypatch):
+    content = encode(Pair(1, 2))
+    monkeypatch.setattr(Pair, "_fields", ("second", "first"))
+    with pytest.raises(NotPlain, match="other fields"):
+        decode(content)
+
+
+class Trap:
+    """Runs code when it is unpickled."""
+
+    sprung = False
+
+    def __reduce__(self):
+        return setattr, (Trap, "sprung", True)
+
+
+def test_a_pickle_in_the_place_of_a_result_is_not_run(tmp_path):
+    import hashlib
+
+    store, key = Store(tmp_path, lambda text: None), "key"
+    data = pickle.dumps(Trap())
+    path = tmp_path / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
+    path.write_bytes(MAGIC + hashlib.sha256(data).digest() + data)
+    assert store.remember(key, lambda: "computed") == "computed"
+    assert not Trap.sprung
+    assert store.remember(key, lambda: "again") == "computed"
