@@ -121,9 +121,14 @@ class Discretisation:
         kept = np.arange(0, self.steps + 1, self.stride)
         return kept if kept[-1] == self.steps else np.append(kept, self.steps)
 
+    @property
+    def exact_dt(self) -> float:
+        """Step that fills the run exactly, s; `dt` may differ from it by rounding. With a tolerance, of the output."""
+        return self.t_end / self.steps
+
     def times(self, steps: NDArray[np.int64]) -> NDArray[Any]:
-        """Times of numbered steps, s, exact at the end of the run."""
-        return steps * (self.t_end / self.steps)
+        """Times of numbered steps, s: t_end itself at the last, and none later."""
+        return np.where(steps == self.steps, self.t_end, steps * self.t_end / self.steps)
 
     def of(self, scene: Scene) -> dict[str, tuple[int, str]]:
         """Number and kind of the elements of every body.

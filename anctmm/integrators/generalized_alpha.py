@@ -198,7 +198,7 @@ def integrate(chain: Chain) -> Solution:
     fixed = (
         run.steps,
         run.stride,
-        GeneralizedAlpha(run.spectral_radius).of_step(run.dt),
+        GeneralizedAlpha(run.spectral_radius).of_step(run.exact_dt),
         state,
         bodies.tables(),
         links(chain),
@@ -211,7 +211,7 @@ def integrate(chain: Chain) -> Solution:
     )
 
     def one(begin: int, end: int) -> int:
-        t = run.times(np.arange(begin, end + 1))
+        t = run.times(np.arange(begin, min(end, run.steps) + 1))
         return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
 
     one(0, 0)
@@ -235,7 +235,7 @@ def new_state(chain: Chain) -> State:
 
 def new_damping(chain: Chain) -> Damping | None:
     """Damping of a scene that has some, for steps of the discretisation's length."""
-    bodies, c = chain.bodies, GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    bodies, c = chain.bodies, GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     if bodies.damping is None:
         return None
     v = bodies.initial_velocity()
@@ -258,7 +258,7 @@ def single_will_do(chain: Chain) -> bool:
     """
     if chain.bodies.nodes <= LONG:
         return False
-    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     condition = 1.0 + element_bound(chain, _stiff(chain.bodies, c)) ** 2 / c.to_w
     return float(np.finfo(np.float32).eps) * condition <= ROUNDED
 
@@ -356,7 +356,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     The kernel does not form them: a step that succeeds has no use for them.
     """
     bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.scene, chain.bodies)
-    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.dt)
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
     force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))

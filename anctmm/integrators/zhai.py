@@ -104,7 +104,7 @@ def integrate(chain: Chain) -> Solution:
     q, v = bodies.reference(), chain.initial_velocity()
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     fixed = (
-        Numbers(run.steps, run.stride, run.dt, run.psi, run.phi),
+        Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),
         State(
             q,
             v,

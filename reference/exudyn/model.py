@@ -15,6 +15,7 @@ from typing import Any, Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import Angle, Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
 from anctmm.results.solution import Field
@@ -23,6 +24,8 @@ Array = NDArray[np.float64]
 
 #: Inertia added to fixed coordinates in an explicit run, relative to the scene's mass, see `Model.hold`.
 HUGE = 1e12
+#: Part of a step by which Exudyn's time may miss that of a step and still mean it: what rounding adds up to.
+DRIFT = 1e-3
 
 
 class Unsupported(Exception):
@@ -121,6 +124,8 @@ class Model:
     exu : module
     scene : Scene
     beams : Beams
+    run : Discretisation, optional
+        Whose times histories are asked at: Exudyn adds its steps up, which drifts by rounding.
     static : bool
         Whether loads are held at their values of t = 0 and drives at their start.
     """
@@ -128,6 +133,7 @@ class Model:
     exu: Any
     scene: Scene
     beams: Beams
+    run: Discretisation | None = None
     static: bool = False
     nodes: dict[str, list[Any]] = field(default_factory=dict)
     held: dict[int, set[int]] = field(default_factory=dict)
@@ -247,7 +253,7 @@ class Model:
 
     def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
         side, drive = self.scene.body_end(clamp.end)[1], cast(Angle, clamp.angle)
-        angle = _remembered(lambda t: float(drive(t)[0]))
+        angle = _remembered(lambda t: float(drive(t)[0]), self.run)
         for index, displacement in self.beams.turned(body).items():
             function = _offset(angle, displacement)
             constraint = self.mbs.AddObject(
@@ -281,23 +287,30 @@ class Model:
             vector = [0.0, 0.0, 0.0 if history else float(value)]  # type: ignore[arg-type]
             item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
         if history is not None:
-            item.loadVectorUserFunction = _load_vector(history, isinstance(load, Torque))
+            item.loadVectorUserFunction = _load_vector(history, isinstance(load, Torque), self.run)
         number = self.mbs.AddLoad(item)
         if isinstance(load, Torque) and isinstance(history, Pulse):
             compiled = _symbolic_pulse(self.exu.symbolic, history)
             self.symbolic.append((number, "loadVectorUserFunction", compiled))
 
 
-def _remembered(history: Callable[[float], Any]) -> Callable[[float], Any]:
-    """The same history, computed once for the many evaluations at one time of a Newton iteration."""
+def _remembered(history: Callable[[float], Any], run: Discretisation | None) -> Callable[[float], Any]:
+    """The same history at the times of a run, computed once for the many evaluations of a Newton iteration."""
     last: list[Any] = [None, None]
 
     def value(t: float) -> Any:
         if last[0] != t:
-            last[:] = t, history(t)
+            last[:] = t, history(t if run is None else _undrifted(t, run))
         return last[1]
 
     return value
+
+
+def _undrifted(t: float, run: Discretisation) -> float:
+    """The time of the step that t is but for rounding, s; never after the end of the run."""
+    step = round(t / run.exact_dt)
+    exact = run.t_end if step >= run.steps else step * run.t_end / run.steps
+    return exact if abs(t - exact) <= DRIFT * run.exact_dt else min(t, run.t_end)
 
 
 def _offset(angle: Callable[[float], float], displacement: Callable[[Any, Any], Any]) -> Callable[..., float]:
@@ -320,12 +333,14 @@ def _symbolic_offset(
     return offset
 
 
-def _load_vector(history: Callable[[float], Any], torque: bool) -> Callable[..., list[float]]:
+def _load_vector(
+    history: Callable[[float], Any], torque: bool, run: Discretisation | None
+) -> Callable[..., list[float]]:
     def plain(t: float) -> list[float]:
         value = history(t)
         return [0.0, 0.0, float(value)] if torque else [float(value[0]), float(value[1]), 0.0]
 
-    remembered = _remembered(plain)
+    remembered = _remembered(plain, run)
     return lambda mbs, t, constant: remembered(t)  # type: ignore[no-any-return]
 
 

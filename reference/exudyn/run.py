@@ -70,7 +70,7 @@ def dynamics(
     except Unsupported as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     with silence(exu):
-        model = Model(exu, scene, beams)
+        model = Model(exu, scene, beams, run)
         if run.integrator == "zhai":
             model.hold()
         model.assemble()

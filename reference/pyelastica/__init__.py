@@ -186,10 +186,10 @@ class System:
         """Step to the end, or until the motion has diverged."""
         run, kept, status = self.run, 0, Status()
         self.simulator.finalize()
-        cpu, wall, step = process_time(), perf_counter(), 0
+        cpu, wall, step, dt = process_time(), perf_counter(), 0, run.exact_dt
         for k in run.output_steps:
             while step < k:
-                self.stepper.step(self.simulator, step * run.dt, run.dt)
+                self.stepper.step(self.simulator, step * dt, dt)
                 step += 1
             self._keep()
             if self._diverged():
