@@ -29,19 +29,27 @@ class UnknownNameError(SceneError, KeyError):
 
 
 class TopologyError(SceneError):
-    """The joints do not make chains from ground or free end to ground or free end."""
+    """The joints do not fit each other, or the bodies, or what a solver can do."""
 
 
 class EndJoinedTwiceError(TopologyError):
-    """One end of a body is part of two joints."""
+    """A joint names one end twice, or an end is in more joints than a solver can do."""
+
+
+class RepeatedJointError(TopologyError):
+    """A joint holds what other joints hold already."""
+
+
+class ContradictingJointsError(TopologyError):
+    """Joints hold a thing in different ways."""
 
 
 class BranchError(TopologyError):
-    """A joint connects more than two ends: the chain branches."""
+    """A joint connects more ends than a solver can do."""
 
 
 class ClosedLoopError(TopologyError):
-    """Bodies close a loop that does not pass through the ground."""
+    """Bodies close a loop, which a solver cannot do."""
 
 
 class JointGapError(TopologyError):

@@ -4,8 +4,10 @@ Bodies stand in the order and direction in which the chain passes through them. 
 of their own.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +16,10 @@ from scipy.sparse import csr_array
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import body_meshes, constant_forces
-from anctmm.errors import DiscretisationError
+from anctmm.errors import BranchError, ClosedLoopError, DiscretisationError, EndJoinedTwiceError
+from anctmm.model.joints import Joint
 from anctmm.model.scene import Clamp, Scene, Weld
+from anctmm.model.topology import End, end_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -24,6 +28,75 @@ Ints = NDArray[np.int64]
 PIN, WELD, BREAK = 1, 2, 3
 #: Turn of a weld below which its two frames count as one, rad.
 ALIGNED = 1e-12
+
+
+class Link(NamedTuple):
+    """A body of a chain, passed from its inboard to its outboard end, with the joints at both.
+
+    A joint between two bodies is the `outboard` one of the first and the `inboard` one of the next.
+    """
+
+    body: str
+    reversed: bool
+    inboard: Joint | None
+    outboard: Joint | None
+
+
+def chains_of(scene: Scene) -> list[list[Link]]:
+    """Chains from ground or free end to ground or free end, in the order of their first bodies.
+
+    Raises
+    ------
+    BranchError
+        If more than two ends meet.
+    EndJoinedTwiceError
+        If an end is in two joints.
+    ClosedLoopError
+        If bodies are left that no end of a chain leads to.
+    """
+    at: dict[End, tuple[Joint, End | None]] = {}
+    for joint in scene.joints:
+        ends = [end_of(scene, name) for name in joint.ends]
+        if len(ends) > 2:
+            raise BranchError(
+                f"{joint!r} joins {len(ends)} ends; solver 'anctmm' allows two so far, 'global-dae' any number"
+            )
+        for i, end in enumerate(ends):
+            if end in at:
+                raise EndJoinedTwiceError(
+                    f"end {joint.ends[i]!r} is in {at[end][0]!r} and in {joint!r}; solver 'anctmm' allows one joint "
+                    f"an end so far, 'global-dae' several"
+                )
+            at[end] = (joint, ends[1 - i] if len(ends) == 2 else None)
+    free: tuple[Joint | None, End | None] = (None, None)
+    chains: list[list[Link]] = []
+    seen: set[str] = set()
+    for body in scene.bodies:
+        for side in (0, 1):
+            if body.name not in seen and at.get((body.name, side), free)[1] is None:
+                chain = _walk((body.name, side), at, free)
+                seen.update(link.body for link in chain)
+                chains.append(chain)
+    left = [body.name for body in scene.bodies if body.name not in seen]
+    if left:
+        raise ClosedLoopError(
+            f"bodies {', '.join(map(repr, left))} close a loop that does not pass through the ground; solver 'anctmm' "
+            f"needs chains from ground or free end to ground or free end so far, 'global-dae' does not"
+        )
+    return chains
+
+
+def _walk(
+    first: End, at: Mapping[End, tuple[Joint | None, End | None]], free: tuple[Joint | None, End | None]
+) -> list[Link]:
+    chain: list[Link] = []
+    entry: End | None = first
+    while entry is not None:
+        body, side = entry
+        inboard = at.get(entry, free)[0]
+        outboard, entry = at.get((body, 1 - side), free)
+        chain.append(Link(body, side == 1, inboard, outboard))
+    return chain
 
 
 @dataclass(frozen=True)
@@ -59,7 +132,7 @@ class Chain:
 
     @cached_property
     def _links(self):  # type: ignore[no-untyped-def]
-        return [link for chain in self.scene.chains() for link in chain]
+        return [link for chain in chains_of(self.scene) for link in chain]
 
     @cached_property
     def bodies(self) -> Bodies:

@@ -10,21 +10,18 @@ import numpy as np
 from anctmm.errors import (
     DegenerateBodyError,
     DuplicateNameError,
-    EndJoinedTwiceError,
-    JointGapError,
     PropertyError,
     SceneError,
     UnknownNameError,
 )
-from anctmm.model.drives import Angle, tabulate
+from anctmm.model.drives import tabulate
+from anctmm.model.joint_checks import check_joints
+from anctmm.model.joints import Clamp, Joint, Pin, Weld
 from anctmm.model.sections import Section
-from anctmm.model.topology import Link, chains_of
 from anctmm.validation import not_negative, number, positive, vector, within
 
 Point = tuple[float, float]
 Probe = str | tuple[str, float]
-#: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
-GAP = 1e-9
 
 
 def distance(a: Point, b: Point) -> float:
@@ -131,72 +128,6 @@ class Beam:
         return vector(f"beam {self.name!r} velocity at fraction {fraction!r} (m/s)", self.velocity(fraction))
 
 
-@dataclass(frozen=True, init=False)
-class Pin:
-    """Hinge of two ends, or of one end with the ground.
-
-    Parameters
-    ----------
-    *ends : str
-    grounded : bool
-        Whether a hinge of two ends is held in place, as by a support.
-    """
-
-    ends: tuple[str, ...]
-    grounded: bool
-
-    def __init__(self, *ends: str, grounded: bool = False) -> None:
-        object.__setattr__(self, "ends", ends)
-        object.__setattr__(self, "grounded", bool(grounded) or len(ends) == 1)
-
-
-@dataclass(frozen=True, init=False)
-class Weld:
-    """Rigid connection of two ends: positions and all gradients, at the angle they have in the reference.
-
-    Parameters
-    ----------
-    *ends : str
-    grounded : bool
-        Whether its place is pinned to the ground, as where a continuous beam passes over a support.
-    """
-
-    ends: tuple[str, ...]
-    grounded: bool
-
-    def __init__(self, *ends: str, grounded: bool = False) -> None:
-        object.__setattr__(self, "ends", ends)
-        object.__setattr__(self, "grounded", bool(grounded))
-
-
-@dataclass(frozen=True)
-class Clamp:
-    """An end fixed to the ground, or to a hub there that turns.
-
-    Parameters
-    ----------
-    end : str
-    angle : callable, optional
-        t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², from the reference direction, θ(0) = 0; fixed without it.
-    """
-
-    end: str
-    angle: Angle | None = None
-
-    @property
-    def ends(self) -> tuple[str, ...]:
-        """The one end it holds."""
-        return (self.end,)
-
-    @property
-    def grounded(self) -> bool:
-        """Always."""
-        return True
-
-
-Joint = Pin | Weld | Clamp
-
-
 @dataclass(frozen=True)
 class Force:
     """Dead force on an end: constant (Fx, Fy) or t → (Fx, Fy), N."""
@@ -237,7 +168,7 @@ class Scene:
     name : str
     bodies : iterable of Beam
     joints : iterable of Pin, Weld, Clamp
-        Edges of a graph; the order of the chains is derived from them. A body without a joint is free.
+        Edges of a graph, which may branch and close loops. A body without a joint is free.
     loads : iterable of Force, Torque
     gravity : (float, float)
         m/s².
@@ -272,10 +203,12 @@ class Scene:
             raise DuplicateNameError(
                 f"body name {twice!r} is used {names.count(twice)} times; once is allowed"
             )
-        self._check_joints()
+        check_joints(self)
+        for joint in self.joints:
+            if isinstance(joint, Clamp) and joint.angle is not None:
+                _check_angle(joint)
         for load in self.loads:
             self.body_end(load.end)
-        chains_of([b.name for b in self.bodies], self._links())
 
     def body(self, name: str) -> Beam:
         """The body of a name; raises UnknownNameError."""
@@ -300,58 +233,6 @@ class Scene:
             return body.name, float(side)
         name, fraction = probe
         return self.body(name).name, within(f"probe fraction on {name!r}", fraction, 0.0, 1.0, "[]")
-
-    def chains(self) -> list[list["Link"]]:
-        """Chains of bodies in their order, see `anctmm.model.topology`."""
-        return chains_of([b.name for b in self.bodies], self._links())
-
-    def _links(self) -> list[tuple[Any, tuple[tuple[str, int], ...]]]:
-        links = []
-        for joint in self.joints:
-            ends = [self.body_end(e) for e in joint.ends]
-            links.append((joint, tuple((body.name, side) for body, side in ends)))
-        return links
-
-    def _check_joints(self) -> None:
-        taken: dict[str, Joint] = {}
-        for joint in self.joints:
-            if not joint.ends or (isinstance(joint, Weld) and len(joint.ends) == 1):
-                raise SceneError(f"{joint!r} names {len(joint.ends)} end(s); two are needed")
-            places = [self.body_end(end) for end in joint.ends]
-            for end in joint.ends:
-                if end in taken:
-                    raise EndJoinedTwiceError(
-                        f"end {end!r} is part of {taken[end]!r} and of {joint!r}; one joint an end is allowed "
-                        f"(chains may not branch)"
-                    )
-                taken[end] = joint
-            if isinstance(joint, Clamp) and joint.angle is not None:
-                _check_angle(joint)
-            for other in (
-                places[1:] if len(places) == 2 else ()
-            ):  # more are refused as a branch, whatever their gap
-                self._check_meeting(joint, places[0], other)
-            if joint.grounded and not (isinstance(joint, Clamp) and joint.angle is not None):
-                body, side = places[0]
-                if (velocity := body.velocity_at(float(side))) != (0.0, 0.0):
-                    raise JointGapError(
-                        f"{joint!r} holds an end whose initial velocity is {velocity!r} m/s; (0, 0) is needed"
-                    )
-
-    def _check_meeting(self, joint: Joint, a: tuple[Beam, int], b: tuple[Beam, int]) -> None:
-        (one, i), (two, j) = a, b
-        p, q = (one.start, one.end)[i], (two.start, two.end)[j]
-        allowed = GAP * min(one.length, two.length) + 8 * np.finfo(float).eps * max(map(abs, p + q))
-        if distance(p, q) > allowed:
-            raise JointGapError(
-                f"{joint!r} joins ends at {p!r} and {q!r}, {distance(p, q):.3g} m apart; "
-                f"at most {allowed:.3g} m is allowed"
-            )
-        u, v = one.velocity_at(float(i)), two.velocity_at(float(j))
-        if distance(u, v) > 1e-9 * max(map(abs, (*u, *v))):
-            raise JointGapError(
-                f"{joint!r} joins ends whose initial velocities are {u!r} and {v!r} m/s; they must be equal"
-            )
 
 
 def _all_of(what: str, things: Iterable[Any], kinds: tuple[type, ...]) -> tuple[Any, ...]:

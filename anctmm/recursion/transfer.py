@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.chain import PIN, WELD, Chain
+from anctmm.discretise.chain import PIN, WELD, Chain, chains_of
 from anctmm.errors import SolverError
 from anctmm.recursion.border import refuse_rigid
 
@@ -110,7 +110,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         If the scene has several chains or mixes kinds of elements: the readable form keeps to one.
     """
     bodies = chain.bodies
-    if len(chain.scene.chains()) > 1:
+    if len(chains_of(chain.scene)) > 1:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:
         raise SolverError(

@@ -222,11 +222,12 @@ class Model:
         elif len(joint.ends) == 1:
             self._fix(node, range(2))
         else:
-            other_body, other = self.node(joint.ends[1])
-            matrix = self.beams.welded(body, other_body) if isinstance(joint, Weld) else np.eye(2, width)
+            for end in joint.ends[1:]:
+                other_body, other = self.node(end)
+                matrix = self.beams.welded(body, other_body) if isinstance(joint, Weld) else np.eye(2, width)
+                self._tie(node, other, matrix)
             if joint.grounded:
-                self._fix(other, range(2))
-            self._tie(node, other, matrix)
+                self._fix(self.node(joint.ends[1])[1], range(2))
 
     def _fix(self, node: Any, coordinates: range) -> None:
         self.held.setdefault(node, set()).update(coordinates)

@@ -70,7 +70,11 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
     drives = drives_of(scene)
     kinds = {m.body.name: m for m in bodies.meshes}
     rows: list[Row] = []
+    joined: set[str] = set()
     for joint in scene.joints:
+        if len(joint.ends) > 2 or not joined.isdisjoint(joint.ends):
+            raise DiscretisationError(f"{joint!r}: joints of two ends, one an end, are allowed so far")
+        joined.update(joint.ends)
         names = [scene.body_end(end) for end in joint.ends]
         nodes = [bodies.node(body.name, side) for body, side in names]
         vectors = [kinds[body.name].vectors for body, _ in names]

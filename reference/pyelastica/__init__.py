@@ -324,7 +324,7 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
     for joint in scene.joints:
         if len(joint.ends) > 1:
             raise Unsupported(
-                f"{joint!r} joins two ends; PyElastica's joints are penalty springs, another model: "
+                f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
                 f"bodies held by the ground or free are allowed"
             )
         if isinstance(joint, Clamp) and joint.angle is not None:
