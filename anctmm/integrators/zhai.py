@@ -36,7 +36,14 @@ from anctmm.integrators.output import (
 from anctmm.integrators.stability import check_step, largest_step
 from anctmm.jit.compiling import kernel
 from anctmm.recursion.accelerations import by_blocks, by_scalars
-from anctmm.recursion.border import Rigid, constrain_accelerations, constrain_motion, rigid_system
+from anctmm.recursion.border import (
+    KEPT,
+    Rigid,
+    constrain_accelerations,
+    constrain_motion,
+    rigid_system,
+    strains,
+)
 from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
@@ -103,6 +110,7 @@ def integrate(chain: Chain) -> Solution:
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
     q, v = bodies.reference(), chain.initial_velocity()
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
+    rigid = rigid_system(chain)
     fixed = (
         Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),
         State(
@@ -122,7 +130,7 @@ def integrate(chain: Chain) -> Solution:
         actuation.loads(),
         record.arrays(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
-        rigid_system(chain),
+        rigid,
     )
 
     def one(begin: int, end: int) -> int:
@@ -136,7 +144,31 @@ def integrate(chain: Chain) -> Solution:
         return record.solution(len(run.output_steps), Status(), run.steps)
     kept = 1 + (failed - 1) // run.stride
     before = record.q[kept - 1] if kept else bodies.reference()
-    return record.solution(kept, _diverged(chain, failed, q, before), failed)
+    status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
+    return record.solution(kept, status, failed)
+
+
+def _locked(chain: Chain, step: int, q: Array, rigid: Rigid | None) -> Status | None:
+    """What is known of a run whose rigid bodies have not kept their shape at a step; None where they have."""
+    if rigid is None or not np.isfinite(q).all():
+        return None
+    strain = strains(rigid, q)
+    worst = int(np.abs(strain).argmax())
+    if abs(strain[worst]) <= KEPT:
+        return None
+    body, element = chain.bodies.element_at(int(rigid.nodes[worst]))
+    t = float(chain.run.times(np.array([step]))[0])
+    return Status(
+        "failed",
+        f"rigid body {body!r} would have to change its length by {strain[worst]:.1e} of itself at t = {t:.6g} s "
+        f"(step {step}): joints and drives leave the rigid bodies no place there, as where a linkage locks; "
+        f"a flexible body, other lengths or another drive may do, or, where the linkage can move, a smaller dt than "
+        f"{chain.run.dt:g} s",
+        time=t,
+        step=step,
+        body=body,
+        element=element,
+    )
 
 
 def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
@@ -196,8 +228,8 @@ def advance(
         if driven:
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
-        if rigid is not None:
-            constrain_motion(rigid, step == 0, q, v)
+        if rigid is not None and not constrain_motion(rigid, step == 0, q, v):
+            return step
         if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
         if damping is not None:

@@ -18,7 +18,9 @@ at t_b. They cost as many operations as rigid bodies times nodes: meant for a fe
 are projected in the same way after each step, so that nothing drifts.
 
 Constraints may be void, as on a clamped body, or depend on each other, as of two welded ones: S is inverted in the
-generalized sense, and pivots of A that vanish are passed over.
+generalized sense, and pivots of A that vanish are passed over. What they would have changed stays as it is then: right
+where nothing had to change, and wrong where a linkage locks. So shapes are looked at again after the projection, at
+each step.
 """
 
 from typing import NamedTuple
@@ -37,12 +39,15 @@ Ints = NDArray[np.int64]
 
 #: Parts of the unconstrained answer below which a constraint is void or follows from others.
 VOID = 1e-9
-#: Newton's corrections of |t|² = 1 after a step, at most: from an error of h³ the second reaches rounding.
-CORRECTIONS = 2
+#: Newton's corrections of |t|² = 1 after a step, at most: from an error of h³ the second reaches rounding; a body that
+#: turns by half a radian in a step needs five.
+CORRECTIONS = 10
 #: Correction of |t|² = 1 below which its square, the error left, is rounding.
 ENOUGH = 1e-8
 #: Error of shape below which it is rounding: only drives and the start bring more, since J q, like q, is summed up.
 OFF = 1e-14
+#: Strain of a rigid body above which its shape is not kept: Newton's iteration ends at 1e-16, or does not converge.
+KEPT = 1e-6
 
 
 class Rigid(NamedTuple):
@@ -200,8 +205,11 @@ def constrain_accelerations(rigid: Rigid, q: Array, v: Array, f: Array, a: Array
 
 
 @kernel
-def constrain_motion(rigid: Rigid, start: bool, q: Array, v: Array) -> None:
-    """Take from positions and velocities what truncation, rounding, drives and the start add to the bodies' shapes."""
+def constrain_motion(rigid: Rigid, start: bool, q: Array, v: Array) -> bool:
+    """Take from positions and velocities what truncation, rounding, drives and the start add to the bodies' shapes.
+
+    Returns whether the shapes are kept: they are not where joints and drives leave the bodies no place.
+    """
     if _residual(rigid, q) > OFF or start:
         _keep_shape(rigid, q)
         _residual(rigid, v)
@@ -219,6 +227,17 @@ def constrain_motion(rigid: Rigid, start: bool, q: Array, v: Array) -> None:
         i = rigid.nodes[b]
         rigid.unknown[b] = -(q[2, i] * v[2, i] + q[3, i] * v[3, i])
     _turn(rigid, q, v)
+    worst = _residual(rigid, q)
+    for b in range(len(rigid.nodes)):
+        i = rigid.nodes[b]
+        worst = max(worst, 0.5 * abs(1.0 - q[2, i] ** 2 - q[3, i] ** 2))
+    return worst <= KEPT
+
+
+def strains(rigid: Rigid, q: Array) -> Array:
+    """How much longer each rigid body is than it should be, as a part of its length, (m,)."""
+    one, two = q[:2, rigid.nodes], q[:2, rigid.nodes + 1]
+    return np.asarray(np.hypot(*(two - one)) / rigid.length - 1.0)
 
 
 @inlined

@@ -12,6 +12,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, MeshError
 from anctmm.integrators.stability import check_step, highest_frequency
 from anctmm.integrators.zhai import advance
+from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.recursion.border import constrain_accelerations, project, rigid_system
 from anctmm.recursion.riccati import mass_factors
@@ -221,6 +222,85 @@ def test_clamped_and_doubly_held_rigid_bodies_rest():
     ):
         ours = rigidly(Scene("held", [beam("bar", (0.0, 0.0), (0.6, 0.8))], joints, gravity=(0.0, -G)), 1e-2)
         assert np.abs(ours.displacement(("bar", 0.5))).max() < 1e-14
+
+
+def slider_that_locks(reach):
+    """A crank that a drive turns, pinned to a coupler whose far end is pinned to the ground: it cannot move."""
+    bodies = [beam("crank", (0.0, 0.0), (0.2, 0.0)), beam("coupler", (0.2, 0.0), reach)]
+    turn = Quintic(turn=2.0 * pi, duration=2.0)
+    return Scene("locked", bodies,
+                 [Clamp("crank.start", angle=turn), Pin("crank.end", "coupler.start"), Pin("coupler.end")])  # fmt: skip
+
+
+def driven_four_bar(crank, coupler, follower, ground):
+    """A four-bar whose crank stands upright at first and is to make a whole turn."""
+    along = np.arctan2(-crank, ground)  # from the crank's end to the follower's ground
+    far = np.hypot(crank, ground)
+    angle = along + np.arccos((coupler**2 + far**2 - follower**2) / (2.0 * coupler * far))
+    knee = (coupler * cos(angle), crank + coupler * sin(angle))
+    bodies = [
+        beam("crank", (0.0, 0.0), (0.0, crank)),
+        beam("coupler", (0.0, crank), knee),
+        beam("follower", knee, (ground, 0.0)),
+    ]
+    turn = Quintic(turn=2.0 * pi, duration=2.0)
+    joints = [Clamp("crank.start", angle=turn), Pin("crank.end", "coupler.start"),
+              Pin("coupler.end", "follower.start"), Pin("follower.end")]  # fmt: skip
+    return Scene("four-bar", bodies, joints)
+
+
+LOCKS = {
+    "no mobility": lambda: slider_that_locks((0.6, 0.3)),
+    "no mobility, square": lambda: slider_that_locks((0.2, 0.3)),
+    "not Grashof": lambda: driven_four_bar(0.3, 0.45, 0.3, 0.6),
+    "long crank": lambda: driven_four_bar(0.5, 0.45, 0.4, 0.6),
+    "welded crank": lambda: replace(
+        slider_that_locks((0.6, 0.3)),
+        joints=(Pin("crank.start"), Weld("crank.end", "coupler.start"), Clamp("coupler.end", angle=Quintic(1.0, 1.0))),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("output_dt", [0.05, 2.0])
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+@pytest.mark.parametrize("what", LOCKS)
+def test_a_linkage_that_locks_has_failed_where_it_locks(what, dt, output_dt):
+    """Whatever the outputs: a crank that comes back to where it was may have stretched everything on its way."""
+    scene = LOCKS[what]()
+    ours = solve(scene, mesh=1, element="rigid", integrator="zhai", dt=dt, t_end=2.0, output_dt=output_dt)
+    status = ours.status
+    assert status == "failed", status
+    assert f"rigid body {status.body!r}" in status.message
+    assert f"t = {status.time:.6g} s" in status.message
+    assert "locks" in status.message
+    assert status.time == pytest.approx(status.step * dt)
+    assert 0 < len(ours.t) < len(ours.run.output_steps)
+    assert ours.t[-1] < status.time
+    assert stretched(ours) < 1e-6
+
+
+@pytest.mark.parametrize("lengths", [(0.2, 0.5, 0.4, 0.6), (0.3, 0.5, 0.3, 0.5), (0.15, 0.4, 0.4, 0.6)])
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+def test_a_linkage_that_can_turn_is_whole(lengths, dt):
+    """Grashof's, and the parallelogram that passes through its change points."""
+    ours = solve(driven_four_bar(*lengths), mesh=1, element="rigid", integrator="zhai", dt=dt, t_end=2.0)
+    assert ours.status.ok, ours.status
+    assert stretched(ours) < 1e-9
+
+
+def stretched(solution):
+    """Largest strain of the bodies of a solution."""
+    ends = {b: solution.position(b.name, 1.0) - solution.position(b.name, 0.0) for b in solution.scene.bodies}
+    return max(float(np.abs(np.hypot(*span.T) / b.length - 1.0).max()) for b, span in ends.items())
+
+
+def test_coarse_steps_of_a_fast_bar_keep_its_length():
+    """Half a radian a step: the projection takes the corrections it needs."""
+    bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s: (0.0, 50.0 * s))
+    ours = solve(Scene("fast", [bar], [Pin("bar.start")]), mesh=1, element="rigid", integrator="zhai", dt=1e-2,
+                 t_end=0.03)  # fmt: skip
+    assert ours.status.ok
+    assert stretched(ours) < 1e-12
 
 
 def test_compiled_accelerations_are_the_readable_ones():
