@@ -241,9 +241,10 @@ def check(
     from studies.engine.files import check_writable
     from studies.regression import check as checking
     from studies.regression.report import show, write_check
-    from studies.regression.scenes import base_watches, declared_in, tasks_of
+    from studies.regression.scenes import declared_in, tasks_of
+    from studies.regression.small_watches import all_watches
 
-    every = tasks_of(declared_in(scenes) if scenes else base_watches())
+    every = tasks_of(declared_in(scenes) if scenes else all_watches())
     texts, solvers = _texts(only), _texts(solver)
     tasks = checking.select(every, texts, solvers)
     stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)

@@ -18,8 +18,9 @@ from anctmm.solvers import registry
 from studies.engine.files import check_writable
 from studies.engine.provenance import stamp
 from studies.regression.history import Baseline, Column, History, is_ours, read_baseline, write_baseline
+from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, Static, Task, Watch
-from studies.regression.tolerance import simulate, tolerances_of
+from studies.regression.tolerance import measured, simulate
 
 __all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "select", "update"]
 
@@ -28,7 +29,7 @@ BASELINES = Path(__file__).parent / "baselines"
 OURS = "anctmm"
 #: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable, stepped implicitly or at rest (its
 #: explicit clamps are large inertias).
-SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable")
+SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
 #: Growth of the number of Newton corrections that is told. Turning a scene changes it by up to a third (statics) or a
 #: fiftieth (dynamics), a wrong tangent doubles it.
 MORE_WORK = 0.5
@@ -203,7 +204,7 @@ def _done(task: Task) -> Done:
     begun = perf_counter()
     solution = simulate(task)
     status, history = solution.status, None
-    if status.ok:
+    if status.code == task.ends:
         try:
             history = History.of(solution, task)
         except Exception as error:
@@ -262,6 +263,11 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
     if computed.columns != stored.history.columns:
         labels = ([c.label for c in h.columns] for h in (stored.history, computed))
         return replace(found, verdict=DIFFERS, reason="stored are {}; now there are {}".format(*labels))
+    if not set(stored.history.ending.split(", ")) <= set(computed.ending.split(", ")):
+        told = (h.ending or "ok" for h in (stored.history, computed))
+        return replace(found, verdict=DIFFERS, reason="it ended with {}; now with {}".format(*told))
+    if not len(computed.columns):
+        return found
     times = stored.history.t
     if computed.t.shape != times.shape or np.abs(computed.t - times).max() > 1e-9 * max(times[-1], 1e-300):
         told = (f"{len(t)} up to {t[-1]:g}" for t in (times, computed.t))
@@ -273,6 +279,11 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
     if against == task.solver and now > (1.0 + MORE_WORK) * before:
         reason = f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
         return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
+    for name, margin in stored.margins.items() if against == task.solver else ():
+        before, now = stored.history.counts[name], computed.counts[name]
+        if abs(now - before) > margin:
+            reason = f"{name} are {now}, stored are {before} ± {margin}"
+            return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
     return replace(found, worst=worst)
 
 
@@ -300,7 +311,7 @@ def _renewed(done: Done, baselines: Path) -> Finding:
     if not np.isfinite(computed.values).all():
         return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
     try:
-        stored = Baseline(task.settings, tolerances_of(task, computed), computed)
+        stored = measured(task, computed)
     except CheckError as error:
         return Finding(task.name, FAILED, str(error))
     write_baseline(path, task, stored, stamp())
@@ -335,11 +346,14 @@ def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
         return Finding(task.name, NOT_RUN, absent or str(status))
     # What was stored could be run once: that the solver now says it cannot is a change.
     unable = status.code == "unsupported" and not stored
-    return Finding(task.name, NOT_RUN if unable else FAILED, str(status))
+    told = str(status) if task.ends == "ok" else f"it must end as {task.ends!r}, and ended {status}"
+    return Finding(task.name, NOT_RUN if unable else FAILED, told)
 
 
 def _absent(solver: str) -> str | None:
     """Why a solver is not here; None if it is."""
+    if solver in READABLE:
+        return None
     if solver not in registry.names():
         return f"solver {solver!r} is not installed; installed are {', '.join(registry.names())}"
     try:

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import ceil, log10
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.results.metrics import common_times
-from anctmm.results.solution import Solution
+from anctmm.results.solution import Solution, Status
 from studies.engine.tables import atomic_write
 from studies.regression.scenes import CheckError, Static, Task
 
@@ -24,6 +24,12 @@ UNITS = {
     "strain energy": "J",
     "potential energy": "J",
     "work": "J",
+}
+#: What is counted of a run's work, and its name in `Cost`.
+COUNTED = {
+    "Newton corrections": "newton_iterations",
+    "factorizations": "factorizations",
+    "steps": "steps",
 }
 #: Digits kept below the tolerance.
 SPARE_DIGITS = 2
@@ -56,6 +62,10 @@ class History:
     values : ndarray, shape (n, columns)
     corrections : int
         Newton corrections of the whole run: a wrong tangent leaves the history as it is, but takes more of them.
+    counts : mapping of str to int
+        What else the solver counts of its work.
+    ending : str
+        How the run ended, where it did not end well: status, and step, body and element it names.
     """
 
     t: Array
@@ -63,6 +73,8 @@ class History:
     columns: tuple[Column, ...]
     values: Array
     corrections: int = 0
+    counts: Mapping[str, int] = field(default_factory=dict)
+    ending: str = ""
 
     @classmethod
     def of(cls, solution: Solution, task: Task) -> "History":
@@ -71,6 +83,10 @@ class History:
         A solver may take more samples (smaller load steps), or have fewer (a run cut short). An energy that is zero
         throughout (kinetic in statics) or that the solver does not give is left out.
         """
+        axis = "load factor" if isinstance(task.run, Static) else "t (s)"
+        ending, cost = _ending(solution.status), solution.cost
+        if len(solution.t) < 2:  # of a run that never came to its first output, only the ending tells
+            return cls(np.empty(0), axis, (), np.empty((0, 0)), ending=ending)
         mine, _ = common_times(solution.t, task.times)
         columns, values = [], []
         for probe in task.probes:
@@ -83,9 +99,9 @@ class History:
             if np.any(series != 0.0) and np.isfinite(series).all():
                 columns.append(Column("work" if name == "work" else f"{name} energy"))
                 values.append(series)
-        axis = "load factor" if isinstance(task.run, Static) else "t (s)"
         table = np.column_stack(values)[mine]
-        return cls(solution.t[mine], axis, tuple(columns), table, solution.cost.newton_iterations)
+        counts = {name: getattr(cost, attribute) for name, attribute in COUNTED.items()}
+        return cls(solution.t[mine], axis, tuple(columns), table, cost.newton_iterations, counts, ending)
 
     def of_quantity(self, quantity: str) -> Array:
         """The columns of a quantity, (n, m)."""
@@ -107,11 +123,15 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Baseline:
-    """A stored history with the settings it belongs to and its tolerance of each quantity."""
+    """A stored history with its settings, its tolerance of each quantity, and how far counts may lie apart.
+
+    Histories that were stored before work was counted have no margins: only their Newton corrections are looked at.
+    """
 
     settings: str
     tolerances: Mapping[str, Tolerance]
     history: History
+    margins: Mapping[str, int] = field(default_factory=dict)
 
 
 def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
@@ -131,6 +151,8 @@ def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> No
             for name, t in stored.tolerances.items()
         ),
         f"# Newton corrections: {history.corrections}",
+        *(f"# count of {name}: {history.counts[name]} ± {margin}" for name, margin in stored.margins.items()),
+        *([f"# ending: {history.ending}"] if history.ending else []),
         f"# rows: {len(history.t)}",
         ",".join([history.axis, *(c.label for c in history.columns)]),
     ]
@@ -168,17 +190,26 @@ def read_baseline(path: Path) -> Baseline:
             f"its end; {rows or 'a number of'} rows and {LAST!r} are needed; renew it with --update"
         )
     try:
-        table = np.array(body[1:], dtype=float)
+        table = np.array(body[1:], dtype=float).reshape(len(body) - 1, len(body[0]))
         columns = tuple(map(_column, body[0][1:]))
         corrections = int(_after(head, "# Newton corrections: "))
+        counted = [_count(line) for line in head if line.startswith("# count of ")]
         tolerances = dict(_tolerance(line) for line in head if line.startswith("# tolerance of "))
         if table.shape[1] != len(columns) + 1 or {c.quantity for c in columns} - set(tolerances):
             raise ValueError("a column or a tolerance is missing")
     except (ValueError, KeyError, IndexError) as error:
         raise CheckError(f"{path} cannot be read: {error}; renew it with --update") from None
     settings = _after(head, "# settings: ")
-    history = History(table[:, 0], body[0][0], columns, table[:, 1:], corrections)
-    return Baseline(settings, tolerances, history)
+    history = History(
+        table[:, 0],
+        body[0][0],
+        columns,
+        table[:, 1:],
+        corrections,
+        {name: count for name, count, _ in counted},
+        _after(head, "# ending: "),
+    )
+    return Baseline(settings, tolerances, history, {name: margin for name, _, margin in counted})
 
 
 def is_ours(path: Path) -> bool:
@@ -211,6 +242,22 @@ def _column(label: str) -> Column:
     if Column(quantity, where).label != label:
         raise ValueError(f"column {label!r} is unknown")
     return Column(quantity, where)
+
+
+def _ending(status: Status) -> str:
+    """What a status says of the end of a run that did not end well, but for its words, which may be bettered."""
+    if status.ok:
+        return ""
+    kind = [status.message.partition(":")[0]] if status.code == "refused" else []
+    parts = {"step": status.step, "body": status.body, "element": status.element}
+    return ", ".join([status.code, *kind, *(f"{k} {v}" for k, v in parts.items() if v is not None)])
+
+
+def _count(line: str) -> tuple[str, int, int]:
+    """Name, count and margin."""
+    name, _, rest = line.removeprefix("# count of ").partition(": ")
+    count, _, margin = rest.partition(" ± ")
+    return name, int(count), int(margin)
 
 
 def _tolerance(line: str) -> tuple[str, Tolerance]:

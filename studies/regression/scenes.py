@@ -75,6 +75,9 @@ class Watch:
         By a short name, which becomes a directory's. Few output times, so that the stored history can be read.
     solvers : iterable of str
         Registered names; one that is not installed becomes a row that says so.
+    ends : str
+        Code of the status with which the runs must end: "ok", or what must be found ("diverged", …); "refused" where
+        the solver must raise one of `anctmm.errors`.
 
     Raises
     ------
@@ -88,6 +91,7 @@ class Watch:
     probes: tuple[Probe, ...]
     runs: Mapping[str, Run]
     solvers: tuple[str, ...] = ("anctmm",)
+    ends: str = "ok"
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
@@ -126,6 +130,7 @@ class Task:
     run_name: str
     run: Run
     solver: str
+    ends: str = "ok"
 
     @property
     def name(self) -> str:
@@ -164,7 +169,7 @@ def tasks_of(watches: tuple[Watch, ...]) -> tuple[Task, ...]:
         If two would share a file.
     """
     tasks = tuple(
-        Task(watch.scene, watch.probes, name, run, solver)
+        Task(watch.scene, watch.probes, name, run, solver, watch.ends)
         for watch in watches
         for name, run in watch.runs.items()
         for solver in watch.solvers

@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import SolverError
+from anctmm.errors import AnctmmError, PluginError, SolverError
 from anctmm.model.scene import Beam, Force, Load, Point, Scene
-from anctmm.results.solution import Solution
+from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from studies.engine.runner import guarded, static_of
 from studies.engine.timing import undisturbed
-from studies.regression.history import History, Tolerance
+from studies.regression.history import Baseline, History, Tolerance
+from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, Run, Static, Task
 
 Array = NDArray[np.float64]
@@ -47,19 +48,30 @@ LOAD_STEPS = "iteration (twice the load steps)"
 #: statics 1e-10, which is taken as the least one iteration leaves.
 EXUDYN = {"tolerances": (1e-6, 1e-7)}
 EXUDYN_STATIC = 1e-10
+#: Least margin of a count: where an iteration stops may hang on a rounding here and there.
+LEAST_MARGIN = 2
 OPTIONS = {"exudyn-cable": EXUDYN, "exudyn-reissner": EXUDYN}
 
 
 def simulate(task: Task, **options: Any) -> Solution:
     """Run a task; whatever is raised becomes a status."""
 
-    def solve() -> Solution:
-        solver, run = registry.solver(task.solver), task.run
+    def answer_of() -> Solution:
+        run = task.run
+        solver = READABLE[task.solver] if task.solver in READABLE else registry.solver(task.solver)
         if isinstance(run, Static):
             static = static_of(task.solver, solver)
-            answer = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
-        else:
-            answer = solver(task.scene, run, **options)
+            return static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
+        return solver(task.scene, run, **options)
+
+    def solve() -> Solution:
+        try:
+            answer = answer_of()
+        except PluginError:
+            raise
+        except AnctmmError as error:
+            refused = Status("refused", f"{type(error).__name__}: {error}")
+            return nothing(task.solver, task.scene, None, refused)
         if not isinstance(answer, Solution):
             raise SolverError(f"solver {task.solver!r} answers {answer!r}; a Solution is needed")
         return answer
@@ -69,7 +81,14 @@ def simulate(task: Task, **options: Any) -> Solution:
 
 
 def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
-    """Tolerance of every quantity of a history.
+    """Tolerance of every quantity of a history, see `measured`."""
+    return dict(measured(task, history).tolerances)
+
+
+def measured(task: Task, history: History) -> Baseline:
+    """A history with the tolerance of every quantity, and how far counts of the work may lie from it.
+
+    What the end of a run names that hangs on rounding, such as one of two elements alike, is left out.
 
     Raises
     ------
@@ -77,13 +96,19 @@ def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
         If a run that measures it fails, or gives other quantities.
     """
     moved: dict[str, dict[str, float]] = {}
+    ending = history.ending.split(", ")
+    margins = {name: max(LEAST_MARGIN, count // 32) for name, count in history.counts.items() if count}
     for cause, angle, other, options in _disturbed(task):
         solution = simulate(other, **options)
-        if not solution.status.ok:
+        if solution.status.code != task.ends:
             raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {solution.status}")
         found = _turned_back(History.of(solution, task), angle)
         if found.columns != history.columns or found.t.shape != history.t.shape:
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
+        ending = [part for part in ending if part in found.ending.split(", ")]
+        for name in margins if cause == ROUNDING else ():
+            apart = abs(found.counts[name] - history.counts[name])
+            margins[name] = max(margins[name], 2 * apart)
         for quantity in history.quantities:
             distance = np.abs(found.of_quantity(quantity) - history.of_quantity(quantity)).max()
             by_cause = moved.setdefault(quantity, {})
@@ -92,7 +117,8 @@ def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
     scales = _scales(task, history)
     for quantity, by_cause in moved.items():
         by_cause[cause] = relative * scales[quantity]
-    return {quantity: _tolerance(by_cause) for quantity, by_cause in moved.items()}
+    tolerances = {quantity: _tolerance(by_cause) for quantity, by_cause in moved.items()}
+    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), margins)
 
 
 def turned(scene: Scene, angle: float) -> Scene:
@@ -127,6 +153,8 @@ def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
     for angle in ANGLES:
         yield ROUNDING, angle, replace(task, scene=turned(task.scene, angle)), {}
     run = task.run
+    if task.ends != "ok":
+        return  # another tolerance may well end it elsewhere
     if isinstance(run, Static):
         yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps)), {}
     if task.solver in OPTIONS:
@@ -161,6 +189,8 @@ def _least(task: Task) -> tuple[str, float]:
 
 def _scales(task: Task, history: History) -> dict[str, float]:
     """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest."""
+    if not history.columns:
+        return {}
     ends = [end for body in task.scene.bodies for end in (body.start, body.end)]
     farthest = max(hypot(*end) for end in ends)
     energy = max((float(np.abs(history.of_quantity(q)).max()) for q in history.quantities[1:]), default=0.0)

@@ -12,8 +12,6 @@ printed with and without those. What is listed but seen by the tests, or gone fr
 """
 
 import argparse
-import importlib.abc
-import importlib.machinery
 import os
 import random
 import re
@@ -34,6 +32,7 @@ import pytest  # noqa: E402
 from cosmic_ray.ast import Visitor, get_ast  # noqa: E402
 from cosmic_ray.mutating import MutationVisitor  # noqa: E402
 from cosmic_ray.plugins import get_operator, operator_names  # noqa: E402
+from planted import Planted  # noqa: E402
 
 import anctmm  # noqa: E402, F401
 
@@ -77,25 +76,6 @@ TESTS = {
 }
 #: Longest time of a fault's tests, s: a loop that does not end is seen, too.
 PATIENCE = 120
-
-
-class Planted(importlib.abc.MetaPathFinder, importlib.abc.SourceLoader):
-    """Import one module from another source text."""
-
-    def __init__(self, path, source):
-        self.path, self.source = str(path), source
-        self.name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-
-    def find_spec(self, fullname, path, target=None):
-        if fullname != self.name:
-            return None
-        return importlib.machinery.ModuleSpec(fullname, self, origin=self.path, is_package=False)
-
-    def get_filename(self, fullname):
-        return self.path
-
-    def get_data(self, path):
-        return self.source.encode()
 
 
 class Positions(Visitor):

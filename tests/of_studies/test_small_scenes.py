@@ -1,0 +1,78 @@
+"""What `anctmm check` watches beside the base scenes: small scenes that see the faults planted in the solver."""
+
+import json
+import os
+import subprocess
+import sys
+
+import planted
+import pytest
+
+from anctmm.discretise.discretisation import Discretisation
+from studies.regression.scenes import tasks_of
+from studies.regression.small_watches import LIMITS, small_watches
+
+TASKS = tasks_of(small_watches())
+FAULTS = planted.faults()
+KINDS = sorted({fault.kind for fault in FAULTS})
+
+
+def test_the_table_of_faults_has_every_kind_and_each_can_be_planted(tmp_path):
+    assert set(KINDS) == {
+        "elements", "transfer", "recursion", "integrators", "statics", "rigid", "damping", "drives", "loads",
+        "error control", "divergence checks",
+    }  # fmt: skip
+    assert len(FAULTS) >= 60
+    for fault in FAULTS:
+        source = (planted.ROOT / fault.file).read_text(encoding="utf-8")
+        assert source.count(fault.old) == 1, fault.name
+        assert fault.old != fault.new
+
+
+def test_a_planted_fault_of_each_kind_is_seen():
+    """And none without a fault. The first of each kind; all are tried by `python tests/helpers/planted.py`."""
+    done = subprocess.run(
+        [sys.executable, planted.__file__, "--first"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"seen {len(KINDS)} of {len(KINDS)}" in done.stdout
+
+
+@pytest.fixture(scope="module")
+def beside_dae():
+    """Uncompiled, as the planted faults are tried: the kernels of another solver would take longer to compile."""
+    done = subprocess.run(
+        [sys.executable, planted.TABLE.with_name("small_against_dae.py")],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(planted.ROOT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def test_stored_histories_of_small_scenes_are_those_of_the_global_dae(beside_dae):
+    """They are stored by the solver they watch: another one finds the same, wherever it takes the scene."""
+    apart, _ = beside_dae
+    assert len(apart) >= 45
+    assert max(apart.values()) < 1e-9, max(apart, key=apart.get)
+
+
+def test_stable_steps_end_where_the_global_dae_says(beside_dae):
+    """The limits are those of another solver, which finds them from its own matrices."""
+    _, ends = beside_dae
+    assert set(ends) == set(LIMITS) - {"rigid"}
+    assert all(codes == ["ok", "refused"] for codes in ends.values()), ends
+
+
+def test_what_the_small_scenes_are_for_is_there():
+    """Options that the base scenes leave at their defaults; each is asked for by name."""
+    runs = [t.run for t in TASKS if isinstance(t.run, Discretisation)]
+    bodies = [b for t in TASKS for b in t.scene.bodies]
+    assert {r.quadrature for r in runs} == {"full", "reduced", "lobatto"}
+    assert {r.spectral_radius for r in runs} >= {0.0, 0.4, 0.9, 1.0}
+    assert any(r.psi != r.phi for r in runs)
+    assert any(r.tolerance is not None for r in runs)
+    assert any(b.material.poisson > 0.0 for b in bodies)
+    assert any(b.material.damping > 0.0 for b in bodies)
+    assert any(t.scene.gravity[0] != 0.0 for t in TASKS)
+    assert {t.ends for t in TASKS} >= {"ok", "refused", "diverged"}
