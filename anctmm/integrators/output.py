@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.jit.compiling import kernel
-from anctmm.results.divergence_checks import sound
+from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ class Record:
             status=status,
             dofs=chain.dofs,
         )
-        return sound(found, static=t is not None)
+        return checked(found, static=t is not None)
 
 
 def batches(steps: int, stride: int) -> list[tuple[int, int]]:

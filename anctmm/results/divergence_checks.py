@@ -1,8 +1,9 @@
-"""What no beam does, found in a finished history: it is cut there, and its status says where and when.
+"""What no run of a scene may show, found in a finished history: its status says what, where and when.
 
-Three signs that a run has diverged though its numbers are finite: a gradient beyond all bounds, an element turned
-inside out (no energy of these elements forbids that), and, where an integrator may blow up, energy from nowhere.
-They are looked for at the outputs, after the run: a step costs nothing.
+Signs that a run has diverged though its numbers are finite: a gradient beyond all bounds, an element turned inside out
+(no energy of these elements forbids that), nearly all energy from nowhere. Signs that it has failed: joints or rigid
+bodies that are not kept. There the history is cut. One that stays whole may be inaccurate: too much energy came from
+nowhere. All are looked for at the outputs, after the run: a step costs nothing.
 """
 
 from collections.abc import Iterator
@@ -11,21 +12,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.results.solution import Energy, HermiteField, Solution, Status
+from anctmm.results.constraint_check import constraint_findings
+from anctmm.results.energy_check import energy_findings
+from anctmm.results.finding import FATAL, Finding
+from anctmm.results.solution import HermiteField, LagrangeField, Solution, Status
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-#: Number of the output, message with a place for when, body and element.
-Fault = tuple[int, str, str | None, int | None]
 
-EPS = float(np.finfo(float).eps)
 #: A gradient longer than this is taken as divergence: no elastic beam stretches a thousandfold.
 STRETCH_LIMIT = 1e3
-#: Part of all energy present or exchanged that, come from nowhere, means that a run has diverged. A stable vibration at
-#: a part x of the limit of its step shows up to 1/(1 − x²) times its energy: 0.81 from nowhere at x = 0.9.
-NOWHERE = 0.85
-#: Errors of strain that rounding of positions makes in a long run, in units of one rounding.
-ROUNDINGS = 1e3
 #: Elements times outputs that are looked at together: a bound of the memory this takes.
 BATCH = 100_000
 
@@ -64,116 +60,85 @@ def out_of_bounds(q: Array) -> Mask:
     return bad[:, :-1] | bad[:, 1:]  # type: ignore[no-any-return]
 
 
-def from_nowhere(energy: Energy) -> Mask:
-    """Whether nearly all of the energy at an output, (n,), is none that was there, came in or was exchanged."""
-    parts = np.abs([energy.kinetic + energy.strain, energy.potential, energy.work])
-    with np.errstate(invalid="ignore"):
-        return energy.balance > NOWHERE * np.maximum.accumulate(parts.sum(axis=0))  # type: ignore[no-any-return]
-
-
-def rounding_energy(solution: Solution) -> float:
-    """Energy, J, that rounding alone may make: positions of size R are wrong by ε R, strains by ε R/l.
-
-    A scene at rest has no other energy: what comes from nowhere there is no divergence.
-    """
-    total = 0.0
-    for name, field in solution.fields.items():
-        if isinstance(field, HermiteField) and field.coordinates.size:
-            body, elements = solution.scene.body(name), field.coordinates.shape[1] - 1
-            reach = float(np.abs(field.coordinates[0, :, 0]).max())
-            strain = ROUNDINGS * EPS * reach * elements / field.length
-            total += 0.5 * body.material.E * body.section.area * field.length * strain**2
-    return total
-
-
-def sound(solution: Solution, *, static: bool = False, energies: bool = True) -> Solution:
-    """The solution, cut before the first output that no beam could have.
+def checked(solution: Solution, *, static: bool = False, energies: bool = True) -> Solution:
+    """The solution as far as nothing speaks against it, its status saying what does.
 
     Parameters
     ----------
     solution : Solution
-        Of any solver; fields that are no `HermiteField` are not looked at.
+        Of any solver.
     static : bool
         Whether its times are load factors.
     energies : bool
-        Whether energies are exact enough to tell whether an explicit run has made some.
+        Whether energies are exact enough to tell whether a run has made some.
 
     Returns
     -------
     Solution
-        The same, or a shorter one with the status "diverged".
+        The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
+        "diverged" or "failed"; or a whole one with the status "inaccurate".
     """
     explicit = not static and solution.run is not None and solution.run.integrator == "zhai"
-    if explicit and not solution.status.ok:  # an unstable step shows in all three; its solver knows it best
+    if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
-    faults = list(_faults(solution))
-    if energies and explicit:
-        faults += _made_energy(solution)
-    if not faults:
+    with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
+        found = [*_shape_findings(solution), *constraint_findings(solution, static=static)]
+        if energies and not static and solution.status.ok:  # else the solver knows better what has failed
+            found += energy_findings(solution)
+    fatal = [finding for finding in found if finding.code in FATAL]
+    if not found:
         return solution
-    k, message, body, element = min(faults, key=lambda fault: fault[0])
-    when, run = float(solution.t[k]), solution.run
-    step = None if static or run is None or run.tolerance is not None else int(run.output_steps[k])
+    first = min(fatal or found, key=lambda finding: finding.output)
+    status = _status(solution, first, static)
+    return solution.until(first.output, status) if fatal else replace(solution, status=status)
+
+
+def _status(solution: Solution, finding: Finding, static: bool) -> Status:
+    run, when = solution.run, float(solution.t[finding.output])
+    step = (
+        None if static or run is None or run.tolerance is not None else int(run.output_steps[finding.output])
+    )
     said = f"load factor {when:.6g}" if static else f"t = {when:.6g} s"
-    fields = {
-        n: replace(f, coordinates=f.coordinates[:k]) if isinstance(f, HermiteField) else f
-        for n, f in solution.fields.items()
-    }
-    return replace(
-        solution,
-        t=solution.t[:k],
-        fields=fields,
-        energy=Energy(*(series[:k] for series in vars(solution.energy).values())),
-        status=Status("diverged", message.format(when=said), when, step, body, element),
+    return Status(
+        finding.code, finding.message.replace("{when}", said), when, step, finding.body, finding.element
     )
 
 
-def _faults(solution: Solution) -> Iterator[Fault]:
-    """The first fault of each body."""
+def _shape_findings(solution: Solution) -> Iterator[Finding]:
+    """The first output of each body that is stretched beyond all bounds or turned inside out."""
     for name, field in solution.fields.items():
-        if not isinstance(field, HermiteField):
-            continue
-        q, size = field.coordinates, max(1, BATCH // field.coordinates.shape[1])
-        for first in range(0, len(q), size):
-            part = q[first : first + size]
-            wild = out_of_bounds(part)
-            with np.errstate(invalid="ignore", over="ignore"):
-                bad = wild | inside_out(part, field.length / (q.shape[1] - 1))
-            if bad.any():
-                k = int(bad.any(axis=1).argmax())
-                stretched = bool(wild[k].any())
-                element = int((wild if stretched else bad)[k].argmax())
-                yield first + k, _message(stretched, name, element), name, element
-                break
+        match field:
+            case HermiteField():
+                yield from _shapes_of_hermite(name, field)
+            case LagrangeField():
+                yield from _shapes_of_lagrange(name, field, solution.scene.body(name).length)
 
 
-def _made_energy(solution: Solution) -> list[Fault]:
-    """The fault of an explicit run that makes energy, if it does."""
-    bad = from_nowhere(solution.energy) & (solution.energy.balance > rounding_energy(solution))
-    if not bad.any():
-        return []
-    assert solution.run is not None
-    k = int(bad.argmax())
-    body, element = _most_stretched(solution, k)
-    message = (
-        "nearly all energy at {when} came from nowhere, where an explicit step is above the stability limit, which "
-        f"deformation lowers; worst in element {element} of body {body!r}; a smaller dt than "
-        f"{solution.run.dt:g} s may do"
-    )
-    return [(k, message, body, element)]
+def _shapes_of_hermite(name: str, field: HermiteField) -> Iterator[Finding]:
+    q, size = field.coordinates, max(1, BATCH // field.coordinates.shape[1])
+    for first in range(0, len(q), size):
+        part = q[first : first + size]
+        wild = out_of_bounds(part)
+        with np.errstate(invalid="ignore", over="ignore"):
+            bad = wild | inside_out(part, field.length / (q.shape[1] - 1))
+        if bad.any():
+            k = int(bad.any(axis=1).argmax())
+            stretched = bool(wild[k].any())
+            element = int((wild if stretched else bad)[k].argmax())
+            yield Finding(first + k, "diverged", _message(stretched, name, element), name, element)
+            return
 
 
-def _most_stretched(solution: Solution, k: int) -> tuple[str | None, int | None]:
-    """Body and element with the largest gradient at an output."""
-    sizes = {
-        n: np.abs(f.coordinates[k, :, 1:]).max(axis=(1, 2))
-        for n, f in solution.fields.items()
-        if isinstance(f, HermiteField)
-    }
-    if not sizes:
-        return None, None
-    body = max(sizes, key=lambda n: float(sizes[n].max()))
-    return body, min(int(sizes[body].argmax()), len(sizes[body]) - 2)
+def _shapes_of_lagrange(name: str, field: LagrangeField, length: float) -> Iterator[Finding]:
+    spans = field.positions.shape[1] - 1
+    with np.errstate(all="ignore"):
+        wild = ~(
+            np.hypot(*np.moveaxis(np.diff(field.positions, axis=1), 2, 0)) * spans / length <= STRETCH_LIMIT
+        )
+    if wild.any():
+        k = int(wild.any(axis=1).argmax())
+        element = int(wild[k].argmax()) // field.order
+        yield Finding(k, "diverged", _message(True, name, element), name, element)
 
 
 def _message(wild: bool, body: str, element: int) -> str:

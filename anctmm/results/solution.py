@@ -50,6 +50,10 @@ class HermiteField:
             + l * (x**3 - x**2) * q[:, i + 1, 1]
         )
 
+    def until(self, outputs: int) -> "HermiteField":
+        """The first outputs."""
+        return replace(self, coordinates=self.coordinates[:outputs])
+
 
 @dataclass(frozen=True)
 class LagrangeField:
@@ -76,6 +80,10 @@ class LagrangeField:
         )
         first = i * self.order
         return sum(w * self.positions[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
+
+    def until(self, outputs: int) -> "LagrangeField":
+        """The first outputs."""
+        return replace(self, positions=self.positions[:outputs])
 
 
 @dataclass(frozen=True)
@@ -122,8 +130,9 @@ class Status:
     Parameters
     ----------
     code : str
-        "ok"; "diverged" or "failed" (what was computed until then is kept); "imprecise" (rounding leaves fewer than
-        four digits of a rest position; the message says how many); "unsupported" (nothing was done).
+        "ok": nothing known speaks against the answer. "diverged" or "failed": what was computed until then is kept.
+        "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere. "imprecise": it is whole,
+        but rounding leaves fewer digits than it should; the message says how many. "unsupported": nothing was done.
     message : str
         Why, and what to try.
     time : float, optional
@@ -210,6 +219,15 @@ class Solution:
         """Displacements of a probe from its place at the first output, (n, 2), m."""
         path = self.position(*self.scene.probe(probe))
         return path - path[:1]
+
+    def until(self, outputs: int, status: Status) -> "Solution":
+        """The first outputs, with the status that says why the others are left out."""
+        fields = {
+            name: field.until(outputs) if isinstance(field, HermiteField | LagrangeField) else field
+            for name, field in self.fields.items()
+        }
+        energy = Energy(*(series[:outputs] for series in vars(self.energy).values()))
+        return replace(self, t=self.t[:outputs], fields=fields, energy=energy, status=status)
 
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""

@@ -169,12 +169,6 @@ class Cables:
             strain[rows] = _strain(mesh, _by_element(coordinates[rows]))
         return kinetic, strain
 
-    def stretched(self, body: Beam, coordinates: Array) -> Array:
-        """Larger gradient of the nodes of each element, (n, elements)."""
-        with np.errstate(all="ignore"):
-            sizes = np.hypot(coordinates[..., 2], coordinates[..., 3])
-            return np.maximum(sizes[:, :-1], sizes[:, 1:])
-
 
 def _by_element(nodal: Array) -> Array:
     """(n, nodes, 4) → (n, elements, 4, 2): the rows r, r', r, r' of both nodes of an element."""

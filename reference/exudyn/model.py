@@ -75,10 +75,6 @@ class Beams(Protocol):
         """Kinetic and strain energy, each (n,), J."""
         ...
 
-    def stretched(self, body: Beam, coordinates: Array) -> Array:
-        """Largest gradient in each element, (n, elements); `coordinates` (n, nodes, width) are absolute."""
-        ...
-
 
 def load_exudyn() -> Any:
     """Exudyn's fast module (no range checks), silent; raises Unsupported where it is not installed."""

@@ -208,13 +208,6 @@ class ReissnerBeams:
             strain += 0.5 * w * l * np.einsum("s,ste->t", self.stiffness(body), strains**2)
         return kinetic, strain
 
-    def stretched(self, body: Beam, coordinates: Array) -> Array:
-        """Largest stretch between neighbouring nodes of each element, (n, elements)."""
-        with np.errstate(all="ignore"):
-            gaps = np.diff(coordinates[..., :2], axis=1)
-            stretch = np.hypot(gaps[..., 0], gaps[..., 1]) * self.order / self.length(body)
-        return stretch.reshape(len(stretch), -1, self.order).max(axis=2)  # type: ignore[no-any-return]
-
     def _by_element(self, nodal: Array) -> Array:
         """(n, nodes, 3) → (n, elements, nodes of an element, 3)."""
         last = nodal.shape[1] - self.order

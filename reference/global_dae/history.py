@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from anctmm.jit.compiling import kernel
-from anctmm.results.divergence_checks import sound
+from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status, in_short
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
@@ -175,4 +175,4 @@ def solution(
     }
     energy = Energy(*(column.copy() for column in energies.T))
     found = Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)
-    return sound(found, static=static)
+    return checked(found, static=static)

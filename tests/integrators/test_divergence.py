@@ -10,7 +10,8 @@ import anctmm as at
 from anctmm.discretise.chain import Chain
 from anctmm.integrators.stability import highest_frequency
 from anctmm.model.scene import Clamp, Force, Material
-from anctmm.results.divergence_checks import from_nowhere, inside_out, out_of_bounds, sound
+from anctmm.results.divergence_checks import checked, inside_out, out_of_bounds
+from anctmm.results.energy_check import from_nowhere
 from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
 from reference import exudyn_cable, global_dae
 from studies.cantilever import pictures as cantilever_pictures
@@ -69,7 +70,12 @@ DIVERGED = {
     "limit falls, global": (global_dae.solve, pulled, ABOVE, ["not finite at t = 0.12", "smaller dt"]),
     "gradients": (at.solve, struck, STEP, ["gradients grew beyond 1000 by t = 0.06 s", "smaller dt"]),
     "gradients, global": (global_dae.solve, struck, STEP, ["beyond 1000 by t = 0.06 s", "smaller dt"]),
-    "gradients, Exudyn": (exudyn_cable.solve, struck, STEP, ["before t = 0.06 s", "dt below 0.01 s"]),
+    "gradients, Exudyn": (
+        exudyn_cable.solve,
+        struck,
+        STEP,
+        ["gradients grew beyond 1000 by t = 0.06 s", "smaller dt"],
+    ),
     "Newton": (
         at.solve,
         lambda: cantilever_fall().scene,
@@ -211,13 +217,13 @@ def moving(q):
 
 def test_history_is_cut_before_the_first_fault():
     q = np.repeat(straight(), 6, axis=0)
-    assert sound(moving(q)).status.ok
+    assert checked(moving(q)).status.ok
     q[4, 2, 2] *= -1.0
-    cut = sound(moving(q))
+    cut = checked(moving(q))
     assert cut.status == "diverged"
     assert (cut.status.time, cut.status.step, cut.status.element) == (pytest.approx(0.4), 4, 1)
     assert len(cut.t) == len(cut.position("bar", 0.5)) == len(cut.energy.work) == 4
-    at_rest = sound(moving(q), static=True)
+    at_rest = checked(moving(q), static=True)
     assert "at load factor 0.4" in at_rest.status.message
     assert at_rest.status.step is None
 

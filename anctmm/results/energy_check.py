@@ -1,0 +1,174 @@
+"""Energy that comes from nowhere: the one check of energies, for every solver that knows its own.
+
+The balance of a run is the energy that has appeared since t = 0 and that nothing has brought: the error of the
+integrator. It is measured by all energy that is present or was exchanged. Numerical damping (ρ∞ < 1) may take any part
+of it, as a user of it wants of vibrations that the step does not resolve; nothing may add any.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.drives import tabulate
+from anctmm.model.scene import Clamp, Force, Scene
+from anctmm.results.finding import Finding, most_stretched, place
+from anctmm.results.solution import Energy, HermiteField, Solution
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+EPS = float(np.finfo(float).eps)
+#: Part of all energy that, come from nowhere, means that a run has diverged. A stable explicit vibration at a part x of
+#: the limit of its step shows up to 1/(1 − x²) times its energy: 0.81 from nowhere at x = 0.9.
+NOWHERE = 0.85
+#: The same of an implicit run, or one of rigid bodies, that is inaccurate: nothing there shows more energy than it has.
+#: Of a thousand random runs those of more than 0.1 had errors of 0.1 and more; the base scenes' at the coarsest steps
+#: that Newton's iteration bears have 0.03.
+INACCURATE = 0.1
+#: Errors of strain that rounding of positions makes in a long run, in units of one rounding.
+ROUNDINGS = 1e3
+#: What Newton's iteration may leave of its tolerance.
+NEWTON = 0.01
+#: Outputs below which they may miss energy exchanged between them, and times at which drives and loads are seen then.
+FEW, SEEN = 32, 65
+
+
+def all_energy(energy: Energy) -> Array:
+    """All energy present or exchanged at each output, (n,), J."""
+    return np.abs([energy.kinetic + energy.strain, energy.potential, energy.work]).sum(axis=0)  # type: ignore[no-any-return]
+
+
+def from_nowhere(
+    energy: Energy, part: float = NOWHERE, least: float = 0.0, *, lost: bool = False, damped: bool = False
+) -> Mask:
+    """Whether more than a part of all energy until an output, (n,), has come from nowhere there.
+
+    Parameters
+    ----------
+    energy : Energy
+    part : float
+    least : float
+        All energy is no less than this, J.
+    lost : bool
+        Whether energy must not vanish either.
+    damped : bool
+        Whether forces of damping act.
+    """
+    made = balance_of(energy, damped=damped)
+    with np.errstate(invalid="ignore"):
+        return (np.abs(made) if lost else made) > part * np.maximum(
+            np.maximum.accumulate(all_energy(energy)), least
+        )  # type: ignore[no-any-return]
+
+
+def balance_of(energy: Energy, *, damped: bool) -> Array:
+    """Energy from nowhere at each output, (n,), J; with damping the least that it can be.
+
+    What damping takes within the first step of a motion that it stops at once is known badly (the mean force times
+    the displacement is many times the energy there was); so no more counts as taken than others have brought.
+    """
+    if not damped:
+        return energy.balance
+    return energy.balance + np.minimum(energy.work, 0.0)  # type: ignore[no-any-return]
+
+
+def noise(solution: Solution) -> float:
+    """Energy, J, of what rounding and Newton's tolerance leave: a scene at rest has no other.
+
+    Positions of size R are wrong by ε R, or by what is left of the tolerance, and strains by that over the length of
+    an element.
+    """
+    run, total = solution.run, 0.0
+    length = sum(body.length for body in solution.scene.bodies)
+    implicit = run is not None and run.integrator != "zhai"
+    left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
+    for name, field in solution.fields.items():
+        if isinstance(field, HermiteField) and field.coordinates.size:
+            body, elements = solution.scene.body(name), field.coordinates.shape[1] - 1
+            reach = float(np.abs(field.coordinates[0, :, 0]).max())
+            strain = max(ROUNDINGS * EPS * reach, left) * elements / field.length
+            total += 0.5 * body.material.E * body.section.area * field.length * strain**2
+    return total
+
+
+def energy_findings(solution: Solution) -> Iterator[Finding]:
+    """What a run's energies say against it."""
+    run, energy = solution.run, solution.energy
+    if run is None or solution.t.size < 2:
+        return
+    explicit = run.integrator == "zhai"
+    vibrates = any(kind != "rigid" for _, kind in run.of(solution.scene).values())
+    keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
+    damped = any(body.material.damping > 0.0 for body in solution.scene.bodies)
+    beyond, least = np.abs(balance_of(energy, damped=damped)) > noise(solution), _exchangeable(solution)
+    limits = [("diverged", NOWHERE, False)]
+    if not (explicit and vibrates):
+        limits.append(("inaccurate", INACCURATE, keeps))
+    for code, part, lost in limits:
+        bad = from_nowhere(energy, part, least, lost=lost and not damped, damped=damped) & beyond
+        if bad.any():
+            yield _finding(solution, int(bad.argmax()), code)
+
+
+def _finding(solution: Solution, k: int, code: str) -> Finding:
+    run, energy = solution.run, solution.energy
+    assert run is not None
+    body, element = most_stretched(solution, k)
+    balance, present = float(energy.balance[k]), float(all_energy(energy)[: k + 1].max())
+    share = "nearly all energy" if code == "diverged" else "much of the energy"
+    verb = "came from nowhere" if balance > 0.0 else "vanished"
+    return Finding(
+        k,
+        code,
+        f"{share} at {{when}} {verb} ({abs(balance):.3g} J of {present:.3g} J){place(body, element)}: {_advice(run)}",
+        body,
+        element,
+    )
+
+
+def _advice(run: Discretisation) -> str:
+    """Why energy may come from nowhere, and what to try."""
+    if run.integrator == "zhai":
+        return (
+            f"an explicit step is above the stability limit, which deformation lowers, or too long for the motion; "
+            f"a smaller dt than {run.dt:g} s may do"
+        )
+    if run.tolerance is not None:
+        return f"the steps are too long for the motion; a tolerance below {run.tolerance:g} may do"
+    return f"the steps are too long for the motion; a smaller dt than {run.dt:g} s may do"
+
+
+def _exchangeable(solution: Solution) -> float:
+    """Energy, J, that drives, loads and weight may exchange between outputs that are few; 0 where they are many.
+
+    A crank that has come back to where it was, at rest, shows nothing of the energy that it had on its way.
+    """
+    scene, run = solution.scene, solution.run
+    if run is None or solution.t.size >= FEW:
+        return 0.0
+    span = sum(body.length for body in scene.bodies)
+    mass = sum(body.material.density * body.section.area * body.length for body in scene.bodies)
+    t = run.times(
+        np.unique(np.linspace(0, run.steps, SEEN).astype(np.int64))
+    )  # no time that the run has not asked for
+    total = mass * float(np.hypot(*scene.gravity)) * span
+    return total + sum(_of_drives(scene, t, mass * span**2)) + sum(_of_loads(scene, t, span))
+
+
+def _of_drives(scene: Scene, t: Array, inertia: float) -> Iterator[float]:
+    for joint in scene.joints:
+        if isinstance(joint, Clamp) and joint.angle is not None:
+            rate = tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 1]
+            yield 0.5 * inertia * float(np.abs(rate).max()) ** 2
+
+
+def _of_loads(scene: Scene, t: Array, span: float) -> Iterator[float]:
+    for load in scene.loads:
+        width, way = (2, span) if isinstance(load, Force) else (1, 2.0 * np.pi)
+        if callable(load.value):
+            values = tabulate(f"load on {load.end!r}", load.value, t, width)
+        else:
+            values = np.atleast_2d(np.asarray(load.value, dtype=float))
+        yield way * float(np.abs(values).max())

@@ -1,0 +1,115 @@
+"""Joints and lengths that a history does not keep: its status says which, by how much and when."""
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from samples import beam
+
+import anctmm as at
+from anctmm.results.constraint_check import PARTED
+from anctmm.results.divergence_checks import checked
+from anctmm.results.solution import LagrangeField
+from reference import exudyn_cable, global_dae
+
+BODIES = [beam("a{0}"), beam("b", (1.0, 0.0), (1.5, 0.5)), beam("c", (1.5, 0.5), (2.0, 0.5))]
+JOINTS = [
+    at.Clamp("a{0}.start", angle=at.Quintic(turn=0.5 * pi, duration=0.4)),
+    at.Pin("a{0}.end", "b.start"),
+    at.Weld("b.end", "c.start"),
+    at.Pin("c.end"),
+]
+SCENE = at.Scene("arch", BODIES, JOINTS, gravity=(0.0, -1.0))
+RUN = at.Discretisation(mesh=2, dt=5e-3, t_end=0.1, output_dt=0.02)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return at.solve(SCENE, RUN)
+
+
+def changed(solution, body, change):
+    """The solution with other coordinates, (n, nodes, vectors, 2), of a body from the fourth output on."""
+    field = solution.fields[body]
+    q = field.coordinates.copy()
+    q[3:] = change(q[3:])
+    return replace(solution, fields={**solution.fields, body: replace(field, coordinates=q)})
+
+
+def lifted(node, size):
+    def change(q):
+        q[:, node, 0, 1] += size
+        return q
+
+    return change
+
+
+def turned(node, angle):
+    def change(q):
+        c, s = np.cos(angle), np.sin(angle)
+        q[:, node, 1:] = q[:, node, 1:] @ np.array([[c, s], [-s, c]])
+        return q
+
+    return change
+
+
+#: What is changed by more than is allowed, and what the status must say of it.
+BROKEN = {
+    "support": ("c", lifted(-1, 1e-3), "'c.end', which is held, has left its place by 0.001 m"),
+    "clamp's place": ("a{0}", lifted(0, 1e-3), "'a{0}.start', which is held, has left its place by 0.001 m"),
+    "clamp's angle": ("a{0}", turned(0, 1e-3), "'a{0}.start', which is clamped, has left its direction by 0.001 rad"),
+    "pin": ("b", lifted(0, 1e-3), "'a{0}.end' and 'b.start', which are joined, have parted by 0.001 m"),
+    "weld's place": ("b", lifted(-1, 1e-3), "'b.end' and 'c.start', which are joined, have parted by 0.001 m"),
+    "weld's angle": ("b", turned(-1, 1e-3), "'b.end' and 'c.start', which are welded, have turned"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_what_is_not_kept_is_told_and_the_history_cut_there(whole, what):
+    body, change, words = BROKEN[what]
+    found = checked(changed(whole, body, change))
+    assert found.status == "failed"
+    assert words in found.status.message
+    assert "at t = 0.06 s" in found.status.message
+    assert (found.status.step, len(found.t)) == (12, 3)
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_what_newton_leaves_is_no_fault(whole, what):
+    body, _, _ = BROKEN[what]
+    node = 0 if "start" in BROKEN[what][2].split("'")[1] else -1
+    assert checked(changed(whole, body, lifted(node, 0.1 * PARTED))).status.ok
+    assert checked(changed(whole, body, turned(node, 0.1 * PARTED))).status.ok
+
+
+def test_positions_are_looked_at_of_every_field(whole):
+    path = LagrangeField(whole.fields["c"].coordinates[:, :, 0] + [0.0, 1e-2])
+    found = checked(replace(whole, fields={**whole.fields, "c": path}))
+    assert found.status == "failed"
+    assert len(found.t) == 0
+    assert "'b.end' and 'c.start'" in found.status.message or "'c.end'" in found.status.message
+
+
+def test_a_rigid_body_that_is_longer_is_told():
+    kinds = {"a{0}": "rigid", "b": "cable", "c": "cable"}
+    rigid = at.solve(SCENE, mesh=1, element=kinds, integrator="zhai", dt=5e-4, t_end=0.1, output_dt=0.02)
+    assert rigid.status.ok, rigid.status
+
+    def stretch(q):
+        return q[:, :1] + (q - q[:, :1]) * 1.00005
+
+    found = checked(changed(rigid, "a{0}", stretch))
+    assert found.status == "failed"
+    assert "rigid body 'a{0}' has changed its length by 5e-05 of itself at t = 0.06 s" in found.status.message
+
+
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve, exudyn_cable.solve])
+def test_every_road_keeps_them(solve):
+    found = solve(SCENE, RUN)
+    assert found.status.ok, found.status
+
+
+def test_in_statics_drives_stand_as_at_the_start():
+    found = at.solve_static(SCENE, mesh=2)
+    assert found.status.ok, found.status

@@ -1,0 +1,174 @@
+"""Energy from nowhere: implicit runs that make it are told, and coarse runs that are right are not."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import bar
+
+import anctmm as at
+from anctmm.results.divergence_checks import checked
+from anctmm.results.energy_check import from_nowhere
+from anctmm.results.solution import Energy
+from reference import exudyn_cable, global_dae
+from studies.scenes import cantilever_fall, four_bar
+
+STEEL = at.Material(E=2e11, density=7850.0)
+SQUARE = at.Rectangle(0.02, 0.02)
+
+
+def steel_bar(spin=0.0, torque=0.0, material=STEEL):
+    """A metre of steel, pinned at one end, spinning (rad/s) or turned by a torque on its end (N m)."""
+    velocity = (lambda s: (0.0, spin * s)) if spin else None
+    body = at.Beam("bar", (0.0, 0.0), (1.0, 0.0), SQUARE, material, velocity)
+    return at.Scene("steel", [body], [at.Pin("bar.start")], [at.Torque("bar.end", torque)] if torque else [])
+
+
+#: Runs that make energy: scene and options. Without the check all end with "ok".
+MADE = {
+    "spinning": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 1e-2}),
+    "spinning, few outputs": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 1e-2, "output_dt": 1.0}),
+    "spinning, more damping": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-2, "spectral_radius": 0.8}),
+    "softer": (
+        lambda: steel_bar(50.0, material=at.Material(E=1e7, density=7850.0)),
+        {"mesh": 4, "dt": 1e-2, "spectral_radius": 0.8},
+    ),
+    "torque": (lambda: steel_bar(torque=100.0), {"mesh": 1, "dt": 1e-2, "t_end": 0.18}),
+    "short": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-2, "t_end": 0.1, "spectral_radius": 1.0}),
+}
+
+
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve])
+@pytest.mark.parametrize("what", MADE)
+def test_implicit_runs_that_make_energy_are_not_ok(what, solve):
+    scene, options = MADE[what]
+    found = solve(scene(), **{"t_end": 1.0, **options})
+    assert found.status.code in ("diverged", "inaccurate"), found.status
+    assert "smaller dt" in found.status.message or "finer mesh" in found.status.message
+    assert f"t = {found.status.time:.6g} s" in found.status.message
+    assert found.status.body == "bar"
+
+
+def test_exudyn_is_told_of_the_energy_it_makes():
+    found = exudyn_cable.solve(steel_bar(50.0), mesh=1, dt=1e-2, t_end=1.0)
+    assert not found.status.ok
+    fine = exudyn_cable.solve(steel_bar(50.0), mesh=1, dt=1e-3, t_end=0.1)
+    assert fine.status.ok, fine.status
+
+
+#: Coarse runs that are right: scene, coarse options, and the error that they have against steps four times smaller.
+RIGHT = {
+    "bar, a twentieth of a radian a step": (lambda: steel_bar(50.0), {"mesh": 4, "dt": 1e-3, "t_end": 0.2}),
+    "torque": (lambda: steel_bar(torque=100.0), {"mesh": 4, "dt": 1e-3, "t_end": 0.5}),
+    "four-bar": (lambda: four_bar().scene, {"mesh": 1, "dt": 2e-2, "t_end": 2.4}),
+    "four-bar, both ends of the motion": (
+        lambda: four_bar().scene,
+        {"mesh": 1, "dt": 1e-2, "t_end": 2.4, "output_dt": 1.2},
+    ),
+    "four-bar, annihilating": (
+        lambda: four_bar().scene,
+        {"mesh": 1, "dt": 2e-2, "t_end": 2.4, "spectral_radius": 0.0},
+    ),
+    "fall": (lambda: cantilever_fall().scene, {"mesh": 8, "dt": 2e-2}),
+    "fall, no damping of the method": (
+        lambda: cantilever_fall().scene,
+        {"mesh": 8, "dt": 1e-2, "spectral_radius": 1.0},
+    ),
+    "rest": (lambda: bar([at.Pin("bar.start"), at.Pin("bar.end")]), {"mesh": 4, "dt": 1e-2}),
+}
+
+
+@pytest.mark.parametrize("what", RIGHT)
+def test_coarse_runs_that_are_right_are_ok(what):
+    scene, options = RIGHT[what]
+    coarse = at.solve(scene(), **options)
+    assert coarse.status.ok, coarse.status
+    fine = at.solve(
+        scene(), **options | {"dt": options["dt"] / 4, "output_dt": options.get("output_dt", options["dt"])}
+    )
+    ends = [f"{b.name}.end" for b in scene().bodies]
+    assert np.isfinite(fine.energy.balance).all()
+    assert at.compare(coarse, fine, ends).error < 0.1
+
+
+def test_a_bar_that_floats_far_away_is_at_rest():
+    """Rounding is all the energy that it has."""
+    far = replace(bar().bodies[0], start=(1e6, 1e6), end=(1e6 + 0.6, 1e6 + 0.8))
+    for spectral_radius in (0.0, 0.9, 1.0):
+        found = at.solve(at.Scene("far", [far]), mesh=4, dt=1e-2, t_end=1.0, spectral_radius=spectral_radius)
+        assert found.status.ok, found.status
+
+
+def test_a_rigid_crank_seen_only_at_the_ends_of_its_turn_is_ok():
+    """All is at rest there: the energy that it had on its way is not to be seen."""
+    scene = four_bar().scene
+    for integrator, element, dt in (("zhai", "rigid", 1e-3), ("generalized-alpha", "cable", 1e-2)):
+        run = {
+            "mesh": 1,
+            "element": element,
+            "integrator": integrator,
+            "dt": dt,
+            "t_end": 2.0,
+            "output_dt": 2.0,
+        }
+        found = at.solve(scene, **run)
+        assert found.status.ok, found.status
+
+
+def test_rigid_bodies_of_too_long_steps_are_told():
+    """Nothing vibrates, so that nothing excuses an energy that is wrong: here the bar turns a radian a step."""
+    found = at.solve(steel_bar(50.0), mesh=1, element="rigid", integrator="zhai", dt=2e-2, t_end=1.0)
+    assert found.status.code in ("inaccurate", "diverged"), found.status
+
+
+@pytest.mark.parametrize("damping", [1e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+def test_damping_within_a_step_makes_no_energy(damping, speed):
+    """Stretching velocities die out within the first step, whatever damping takes there."""
+    body = at.Beam("bar", (0.0, 0.0), (1.0, 0.0), SQUARE, at.Material(E=1e9, density=1000.0, damping=damping),
+                   lambda s: (speed * s, 0.3 * speed * s))  # fmt: skip
+    scene = at.Scene("damped", [body], [at.Pin("bar.start")], gravity=(0.0, -9.81))
+    for dt in (2e-4, 5e-4):
+        found = at.solve(scene, mesh=2, dt=dt, t_end=0.1)
+        assert found.status.ok, found.status
+
+
+def test_the_work_of_damping_closes_the_balance():
+    """Over steps that resolve the decay it is second order, and a tenth of the energy at 30 radians a step."""
+    body = at.Beam("bar", (0.0, 0.0), (1.0, 0.0), SQUARE, at.Material(E=1e9, density=1000.0, damping=1e-3),
+                   lambda s: (s, 0.3 * s))  # fmt: skip
+    scene = at.Scene("damped", [body], [at.Pin("bar.start")])
+    errors = []
+    for dt in (4e-6, 2e-6):
+        found = at.solve(scene, mesh=1, dt=dt, t_end=2e-3, output_dt=1e-4)
+        errors.append(np.abs(found.energy.balance).max() / found.energy.kinetic[0])
+    assert errors[1] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.3)
+    coarse = at.solve(scene, mesh=1, dt=2e-4, t_end=2e-2)
+    assert np.abs(coarse.energy.balance).max() < 0.3 * coarse.energy.kinetic[0]
+
+
+def test_an_inaccurate_run_is_kept_whole():
+    """A bar of rubber that swings and falls at ten steps a swing: a fifth of its energy comes from nowhere."""
+    energy = Energy(np.linspace(1.0, 1.5, 11), np.zeros(11), np.zeros(11), np.zeros(11))
+    found = at.solve(bar([at.Pin("bar.start")]), mesh=2, dt=1e-2, t_end=0.1)
+    told = checked(replace(found, energy=energy))
+    assert told.status == "inaccurate"
+    assert told.status.time == pytest.approx(0.03)
+    assert len(told.t) == 11
+    assert "came from nowhere (0.15 J of 1.15 J)" in told.status.message
+    assert checked(replace(found, energy=energy), energies=False).status.ok
+    lost = Energy(energy.kinetic[::-1], energy.strain, energy.potential, energy.work)
+    assert checked(replace(found, energy=lost)).status.ok  # damping of the method
+    undamped = at.Discretisation(mesh=2, dt=1e-2, t_end=0.1, spectral_radius=1.0)
+    assert "vanished" in checked(replace(found, energy=lost, run=undamped)).status.message
+
+
+def test_parts_of_all_energy():
+    zero = np.zeros(3)
+    energy = Energy(np.array([1.0, 1.15, 1.3]), zero, zero, zero)
+    assert from_nowhere(energy, 0.2).tolist() == [False, False, True]
+    assert from_nowhere(energy, 0.2, least=10.0).tolist() == [False, False, False]
+    lost = Energy(np.array([1.0, 0.9, 0.5]), zero, zero, zero)
+    assert from_nowhere(lost, 0.2).tolist() == [False, False, False]
+    assert from_nowhere(lost, 0.2, lost=True).tolist() == [False, False, True]
