@@ -1,22 +1,28 @@
 """Joints as constraints Φ q = b(t), linear in the coordinates with a constant Φ.
 
 Vectors of the plane are written as complex numbers here, so that a rotation is a factor: the row of a weld between
-gradients is g_B − e^{iΔ} g_A = 0. As an end is part of one joint only, no coordinate is in two rows: Φ Φᴴ is diagonal.
+gradients is g_B − e^{iΔ} g_A = 0. A joint of n ends has the rows of n − 1 pairs, each end with the next. Rows of one
+joint, and of joints that share an end, have vectors in common: Φ Φᴴ is sparse, and diagonal where there are none.
 """
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from itertools import pairwise
+from typing import NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
 from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.mesh import BodyMesh
 from anctmm.errors import DiscretisationError
 from anctmm.jit.compiling import inlined
-from anctmm.model.scene import Clamp, Joint, Scene, Weld
+from anctmm.model.scene import Clamp, Pin, Scene, Weld
+from reference.global_dae.lu import Factors, Matrix, factorise, solve_factored
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Complex = NDArray[np.complex128]
 
 
 class Term(NamedTuple):
@@ -38,18 +44,22 @@ class Rows(NamedTuple):
     """Constraint rows for the kernels.
 
     Row j has the terms first[j] … first[j + 1] with the factors real + i imag on the components at `place` (x) and
-    place + nodes (y) of the flat coordinates; weight is 1/|Φ_j|²; reference (m, 2) the value of Φ q at t = 0;
-    row driven[k] turns by drive drive[k]. Multipliers and rows are scaled by `scale` in the linear system.
+    place + nodes (y) of the flat coordinates; reference (m, 2) is the value of Φ q at t = 0; row driven[k] turns by
+    drive drive[k]. `gram` are the factors of Φ Φᴴ; gap, shift and permuted are scratch, complex (m,). Multipliers and
+    rows are scaled by `scale` in the linear system.
     """
 
     first: Ints
     place: Ints
     real: Array
     imag: Array
-    weight: Array
     reference: Array
     driven: Ints
     drive: Ints
+    gram: Factors
+    gap: Complex
+    shift: Complex
+    permuted: Complex
     nodes: int
     scale: float
 
@@ -68,45 +78,56 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
         If a weld joins a cable to a shear-deformable body: their gradients do not correspond.
     """
     drives = drives_of(scene)
-    kinds = {m.body.name: m for m in bodies.meshes}
+    reference = bodies.reference()
+    meshes = {m.body.name: m for m in bodies.meshes}
     rows: list[Row] = []
-    joined: set[str] = set()
     for joint in scene.joints:
-        if len(joint.ends) > 2 or not joined.isdisjoint(joint.ends):
-            raise DiscretisationError(f"{joint!r}: joints of two ends, one an end, are allowed so far")
-        joined.update(joint.ends)
-        names = [scene.body_end(end) for end in joint.ends]
-        nodes = [bodies.node(body.name, side) for body, side in names]
-        vectors = [kinds[body.name].vectors for body, _ in names]
-        if isinstance(joint, Weld) and vectors[0] != vectors[1]:
-            (a, _), (b, _) = names
-            raise DiscretisationError(
-                f"{joint!r} joins {a.name!r} of element {kinds[a.name].kind!r} to {b.name!r} of element "
-                f"{kinds[b.name].kind!r}; one element kind is needed on both sides of a weld"
-            )
-        rows.extend(_rows_of(joint, nodes, vectors[0], bodies.reference(), drives))
+        ends = [scene.body_end(end) for end in joint.ends]
+        nodes = [bodies.node(body.name, side) for body, side in ends]
+        vectors = meshes[ends[0][0].name].vectors
+        match joint:
+            case Clamp():
+                drive = next((k for k, clamp in enumerate(drives) if clamp is joint), -1)
+                rows.extend(_fixed(nodes[0], k, drive if k > 0 else -1) for k in range(vectors))
+            case Pin():
+                rows.extend(_together(nodes, joint.grounded))
+            case Weld():
+                _refuse_mixed(joint, [meshes[body.name] for body, _ in ends])
+                rows.extend(_together(nodes, joint.grounded))
+                rows.extend(_aligned(nodes, vectors, reference))
+            case _:
+                assert_never(joint)
     return rows
 
 
-def _rows_of(
-    joint: Joint, nodes: list[int], vectors: int, reference: Array, drives: list[Clamp]
-) -> Iterator[Row]:
-    if isinstance(joint, Clamp):
-        drive = next((k for k, clamp in enumerate(drives) if clamp is joint), -1)
-        for k in range(vectors):
-            yield Row((Term(nodes[0], k, 1.0),), drive if k > 0 else -1)
-    elif len(nodes) == 1:
-        yield Row((Term(nodes[0], 0, 1.0),))
+def _refuse_mixed(joint: Weld, meshes: list[BodyMesh]) -> None:
+    for mesh in meshes[1:]:
+        if mesh.vectors != meshes[0].vectors:
+            raise DiscretisationError(
+                f"{joint!r} joins {meshes[0].body.name!r} of element {meshes[0].kind!r} to {mesh.body.name!r} of "
+                f"element {mesh.kind!r}; one element kind is needed on all sides of a weld"
+            )
+
+
+def _fixed(node: int, vector: int, drive: int = -1) -> Row:
+    """A vector that is known."""
+    return Row((Term(node, vector, 1.0),), drive)
+
+
+def _together(nodes: list[int], grounded: bool) -> Iterator[Row]:
+    """Ends at one place; if it is held, each is held by itself."""
+    if grounded:
+        yield from (_fixed(node, 0) for node in nodes)
     else:
-        a, b = nodes
-        if joint.grounded:
-            yield from (Row((Term(node, 0, 1.0),)) for node in nodes)
-        else:
-            yield Row((Term(a, 0, 1.0), Term(b, 0, -1.0)))
-        if isinstance(joint, Weld):
-            turn = _turn(reference, a, b)
-            for k in range(1, vectors):
-                yield Row((Term(a, k, -turn), Term(b, k, 1.0)))
+        yield from (Row((Term(a, 0, 1.0), Term(b, 0, -1.0))) for a, b in pairwise(nodes))
+
+
+def _aligned(nodes: list[int], vectors: int, reference: Array) -> Iterator[Row]:
+    """Gradients that keep the angles between them."""
+    for a, b in pairwise(nodes):
+        turn = _turn(reference, a, b)
+        for k in range(1, vectors):
+            yield Row((Term(a, k, -turn), Term(b, k, 1.0)))
 
 
 def _turn(reference: Array, a: int, b: int) -> complex:
@@ -126,18 +147,35 @@ def compiled_rows(rows: Sequence[Row], bodies: Bodies, scale: float) -> Rows:
         sum(t.factor * complex(*q[2 * t.vector : 2 * t.vector + 2, t.node]) for t in r.terms) for r in rows
     ]
     driven = [j for j, row in enumerate(rows) if row.drive >= 0]
+    scratch = np.zeros((3, len(rows)), dtype=complex)
     return Rows(
         first=first,
         place=np.array([2 * t.vector * bodies.nodes + t.node for t in terms], dtype=np.int64),
         real=factors.real.copy(),
         imag=factors.imag.copy(),
-        weight=np.array([1.0 / sum(abs(t.factor) ** 2 for t in row.terms) for row in rows]),
         reference=np.array([[complex(v).real, complex(v).imag] for v in values]).reshape(len(rows), 2),
         driven=np.array(driven, dtype=np.int64),
         drive=np.array([rows[j].drive for j in driven], dtype=np.int64),
+        gram=_gram(rows),
+        gap=scratch[0],
+        shift=scratch[1],
+        permuted=scratch[2],
         nodes=bodies.nodes,
         scale=scale,
     )
+
+
+def _gram(rows: Sequence[Row]) -> Factors:
+    """Factors of Φ Φᴴ, (m, m)."""
+    number: dict[tuple[int, int], int] = {}
+    j, i, factor = [], [], []
+    for k, row in enumerate(rows):
+        for term in row.terms:
+            j.append(k)
+            i.append(number.setdefault((term.node, term.vector), len(number)))
+            factor.append(complex(term.factor))
+    phi = sparse.csr_array((np.array(factor, dtype=complex), (j, i)), shape=(len(rows), len(number)))
+    return factorise(Matrix(phi @ phi.conj().T), np.arange(len(rows))[:, None])
 
 
 @inlined
@@ -188,7 +226,10 @@ def add_transposed(rows: Rows, j: int, x: float, y: float, f: Array) -> None:
 
 @inlined
 def project(rows: Rows, q: Array, b: Array) -> None:
-    """q ← q − Φᵀ (Φ Φᵀ)⁻¹ (Φ q − b), row by row as Φ Φᵀ is diagonal."""
-    for j in range(len(rows.weight)):
+    """q ← q − Φᵀ (Φ Φᵀ)⁻¹ (Φ q − b)."""
+    for j in range(len(rows.gap)):
         x, y = misfit(rows, j, q, b)
-        add_transposed(rows, j, -rows.weight[j] * x, -rows.weight[j] * y, q)
+        rows.gap[j] = complex(x, y)
+    solve_factored(rows.gram, rows.gap, rows.shift, rows.permuted)
+    for j in range(len(rows.shift)):
+        add_transposed(rows, j, -rows.shift[j].real, -rows.shift[j].imag, q)

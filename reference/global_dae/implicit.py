@@ -118,7 +118,7 @@ def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: St
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i] - inertia[i]
     add_loads(loads, table, n, s.new_q, s.right)
-    for j in range(len(rows.weight)):
+    for j in range(len(rows.reference)):
         x, y = misfit(rows, j, s.new_q, s.motion.b)
         s.right[size + 2 * j], s.right[size + 2 * j + 1] = -rows.scale * x, -rows.scale * y
         add_transposed(

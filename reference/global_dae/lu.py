@@ -85,6 +85,10 @@ def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
 
 def factorise(A: Matrix, places: Ints) -> Factors:
     """Factors of a constant matrix; places (n, width) of its unknowns in the flat vectors."""
+    if A.shape[0] == 0:
+        return no_factors(places)._replace(
+            width=(0,) * places.shape[1], upper=A.data, lower=A.data, inverse=A.data
+        )
     lu, rows, columns = order(A)
     lower = sparse.csc_array(sparse.tril(lu.L, -1))
     upper = sparse.csc_array(sparse.triu(lu.U, 1))

@@ -33,22 +33,40 @@ def stiffness(model: Model, bodies: Bodies | None = None) -> Matrix:
 
 
 def null_space(model: Model) -> Matrix:
-    """Z with Φ Z = 0, (dofs, free coordinates): the last coordinate of each row follows from the others.
+    """Z with Φ Z = 0, (dofs, free coordinates): of vectors that rows connect, all follow from the first, or none moves.
 
-    A row holds a vector g_B = e^{iΔ} g_A, or a single one that is fixed; no vector is in two rows.
+    A row holds a vector g_B = e^{iΔ} g_A, or a single one that is fixed; rows close no circles.
     """
-    follower, source, factor = [], [], []
+    linked: dict[int, list[tuple[int, complex]]] = {}
+    fixed = set()
     for row in model.joints:
-        last = row.terms[-1]
-        follower.append(model.numbers[last.vector, last.node])
-        for term in row.terms[:-1]:
-            source.append((follower[-1], model.numbers[term.vector, term.node]))
-            factor.append(-term.factor / last.factor)
-    free = np.setdiff1d(np.arange(model.vectors), follower)
-    rows = np.concatenate([free, np.array([s[0] for s in source], dtype=np.int64)])
-    columns = np.concatenate([free, np.array([s[1] for s in source], dtype=np.int64)])
-    values = np.concatenate([np.ones(len(free)), np.array(factor, dtype=complex)])
-    Z = sparse.csc_array((values, (rows, columns)), shape=(model.vectors, model.vectors))[:, free]
+        at = [int(model.numbers[term.vector, term.node]) for term in row.terms]
+        if len(at) == 1:
+            fixed.add(at[0])
+            continue
+        ratio = -row.terms[0].factor / row.terms[1].factor
+        linked.setdefault(at[0], []).append((at[1], ratio))
+        linked.setdefault(at[1], []).append((at[0], 1.0 / ratio))
+    seen = np.zeros(model.vectors, dtype=bool)
+    entries: list[tuple[int, int, complex]] = []
+    free = 0
+    for first in range(model.vectors):
+        if seen[first]:
+            continue
+        group = {first: 1.0 + 0.0j}
+        queue = [first]
+        for here in queue:  # it grows meanwhile
+            for there, ratio in linked.get(here, ()):
+                if there not in group:
+                    group[there] = ratio * group[here]
+                    queue.append(there)
+        seen[queue] = True
+        if fixed.isdisjoint(queue):
+            entries.extend((vector, free, factor) for vector, factor in group.items())
+            free += 1
+    rows, columns, factors = zip(*entries, strict=True) if entries else ((), (), ())
+    where = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
+    Z = sparse.csc_array((np.array(factors, dtype=complex), where), shape=(model.vectors, free))
     turn = np.array([[0.0, -1.0], [1.0, 0.0]])
     return Matrix(sparse.kron(Z.real, np.eye(2)) + sparse.kron(Z.imag, turn))
 
