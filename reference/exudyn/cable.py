@@ -18,7 +18,7 @@ from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.solution import HermiteField, Solution
 from anctmm.solvers.capabilities import Offer
-from reference.exudyn.model import Model, clamped_rates
+from reference.exudyn.model import Model
 from reference.exudyn.run import dynamics, statics
 
 Array = NDArray[np.float64]
@@ -101,22 +101,23 @@ class Cables:
         return self.meshes[body.name].reference.reshape(-1, 4)
 
     def velocity(self, body: Beam) -> Array:
-        """Velocities at t = 0, (nodes, 4); a clamp decides about its node's gradient."""
-        v = self.meshes[body.name].initial_velocity.reshape(-1, 4).copy()
-        for node, rate in clamped_rates(self.scene, body).items():
-            v[node, 2:] = -rate * sin(body.angle), rate * cos(body.angle)
-        return v
+        """Velocities at t = 0, (nodes, 4)."""
+        return self.meshes[body.name].initial_velocity.reshape(-1, 4)
+
+    def spin(self, body: Beam, rate: float) -> Array:
+        """Velocity of a gradient that turns."""
+        return np.array([0.0, 0.0, -rate * sin(body.angle), rate * cos(body.angle)])
 
     def weight(self, body: Beam) -> Array:
         """Consistent forces of gravity, (nodes, 4), N."""
         return self.meshes[body.name].weight.reshape(-1, 4)
 
-    def add(self, model: Model, body: Beam) -> list[Any]:
+    def add(self, model: Model, body: Beam, velocity: Array) -> list[Any]:
         """Add a body's nodes and elements."""
         mesh, items = self.meshes[body.name], model.items
         nodes = [
             model.mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=q, initialVelocities=v))
-            for q, v in zip(self.reference(body), self.velocity(body), strict=True)
+            for q, v in zip(self.reference(body), velocity, strict=True)
         ]
         for pair in pairwise(nodes):
             model.mbs.AddObject(

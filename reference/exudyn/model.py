@@ -10,14 +10,15 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Protocol, cast
+from typing import Any, Protocol, assert_never, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import Angle, Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.model.scene import Beam, Clamp, Force, Joint, Pin, Scene, Torque, Weld
+from anctmm.model.topology import junctions_of
 from anctmm.results.solution import Field
 
 Array = NDArray[np.float64]
@@ -44,15 +45,19 @@ class Beams(Protocol):
         ...
 
     def velocity(self, body: Beam) -> Array:
-        """Velocities of the coordinates at t = 0, (nodes, width)."""
+        """Velocities of the coordinates at t = 0 as the body has them, (nodes, width); joints may change them."""
+        ...
+
+    def spin(self, body: Beam, rate: float) -> Array:
+        """Velocities of the coordinates of a node at rest that turns with a rate (rad/s), (width,)."""
         ...
 
     def weight(self, body: Beam) -> Array:
         """Consistent forces of gravity, (nodes, width)."""
         ...
 
-    def add(self, model: "Model", body: Beam) -> list[Any]:
-        """Add a body's nodes and elements; the nodes from its start to its end."""
+    def add(self, model: "Model", body: Beam, velocity: Array) -> list[Any]:
+        """Add a body's nodes, with their velocities at t = 0, and elements; the nodes from its start to its end."""
         ...
 
     def welded(self, one: Beam, two: Beam) -> Array:
@@ -101,14 +106,25 @@ def silence(exu: Any) -> Iterator[None]:
         exu.config.printToConsole, exu.config.suppressWarnings = before
 
 
-def clamped_rates(scene: Scene, body: Beam) -> dict[int, float]:
-    """Rates of turn at t = 0 that clamps give to a body's first (0) or last (-1) node, rad/s."""
-    rates = {}
-    for joint in scene.joints:
-        holder, side = scene.body_end(joint.ends[0])
-        if isinstance(joint, Clamp) and holder is body:
-            rates[-side] = float(joint.angle(0.0)[1]) if joint.angle else 0.0
-    return rates
+def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
+    """Velocities at t = 0 that the joints allow, (nodes, width) by body.
+
+    Ends welded to each other turn with the mean of their rates, with a clamp as the clamp does.
+    """
+    velocities = {body.name: beams.velocity(body).copy() for body in scene.bodies}
+    for junction in junctions_of(scene):
+        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+            bodies = [scene.body(name) for name, _ in group]
+            nodes = [velocities[name][-side] for name, side in group]
+            to_each = [beams.welded(bodies[0], body) for body in bodies]
+            if clamp is not None:
+                shared = beams.spin(bodies[0], float(clamp.angle(0.0)[1]) if clamp.angle else 0.0)
+            else:
+                own = zip(to_each, nodes, strict=True)
+                shared = np.mean([np.linalg.solve(matrix, node) for matrix, node in own], axis=0)
+            for matrix, node in zip(to_each, nodes, strict=True):
+                node[2:] = (matrix @ shared)[2:]
+    return velocities
 
 
 @dataclass
@@ -144,8 +160,9 @@ class Model:
         self.mbs = self.container.AddSystem()
         ground = self.mbs.AddNode(self.items.NodePointGround())
         self.ground = self.coordinate(ground, 0)
+        velocities = joined_velocities(self.scene, self.beams)
         for body in self.scene.bodies:
-            self.nodes[body.name] = self.beams.add(self, body)
+            self.nodes[body.name] = self.beams.add(self, body, velocities[body.name])
             self._add_weight(body)
         for joint in self.scene.joints:
             self._add_joint(joint)
@@ -207,23 +224,24 @@ class Model:
                 marker = self.coordinate(node, int(index))
                 self.mbs.AddLoad(self.items.LoadCoordinate(markerNumber=marker, load=float(forces[index])))
 
-    def _add_joint(self, joint: Pin | Weld | Clamp) -> None:
+    def _add_joint(self, joint: Joint) -> None:
         body, node = self.node(joint.ends[0])
         width = self.beams.width
-        if isinstance(joint, Clamp) and joint.angle is not None and not self.static:
-            self._fix(node, range(2))
-            self._turn(joint, body, node)
-        elif isinstance(joint, Clamp):
-            self._fix(node, range(width))
-        elif len(joint.ends) == 1:
-            self._fix(node, range(2))
-        else:
-            for end in joint.ends[1:]:
-                other_body, other = self.node(end)
-                matrix = self.beams.welded(body, other_body) if isinstance(joint, Weld) else np.eye(2, width)
-                self._tie(node, other, matrix)
-            if joint.grounded:
-                self._fix(self.node(joint.ends[1])[1], range(2))
+        match joint:
+            case Clamp(angle=angle) if angle is not None and not self.static:
+                self._fix(node, range(2))
+                self._turn(joint, body, node)
+            case Clamp():
+                self._fix(node, range(width))
+            case Pin() | Weld():
+                for end in joint.ends[1:]:
+                    other_body, other = self.node(end)
+                    weld = isinstance(joint, Weld)
+                    self._tie(node, other, self.beams.welded(body, other_body) if weld else np.eye(2, width))
+                if joint.grounded:
+                    self._fix(self.node(joint.ends[-1])[1], range(2))
+            case _:
+                assert_never(joint)
 
     def _fix(self, node: Any, coordinates: range) -> None:
         self.held.setdefault(node, set()).update(coordinates)

@@ -17,7 +17,7 @@ from anctmm.model.scene import Beam, Scene
 from anctmm.results.solution import LagrangeField, Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
-from reference.exudyn.model import Model, clamped_rates
+from reference.exudyn.model import Model
 from reference.exudyn.run import dynamics, statics
 
 Array = NDArray[np.float64]
@@ -125,13 +125,15 @@ class ReissnerBeams:
         return np.column_stack([q[:, 0], np.full(len(q), body.angle)])
 
     def velocity(self, body: Beam) -> Array:
-        """Velocities at t = 0, (nodes, 3); sections turn with the axis, at a clamp with the clamp."""
+        """Velocities at t = 0, (nodes, 3); sections turn with the axis."""
         mesh = self.meshes[body.name]
         along, v = mesh.reference[0, 1], mesh.initial_velocity
         rates = v[:, 1] @ np.array([-along[1], along[0]])
-        for node, rate in clamped_rates(self.scene, body).items():
-            rates[node] = rate
         return np.column_stack([v[:, 0], rates])
+
+    def spin(self, body: Beam, rate: float) -> Array:
+        """The rate of the angle."""
+        return np.array([0.0, 0.0, rate])
 
     def weight(self, body: Beam) -> Array:
         """Consistent forces of gravity, (nodes, 3), N."""
@@ -151,13 +153,13 @@ class ReissnerBeams:
         A, I = body.section.area, body.section.second_moment  # noqa: E741
         return body.material.density * np.array([A, A, I])
 
-    def add(self, model: Model, body: Beam) -> list[Any]:
+    def add(self, model: Model, body: Beam, velocity: Array) -> list[Any]:
         """Add a body's nodes and elements."""
         items, (EA, GA, EI) = model.items, self.stiffness(body).tolist()
         mass, _, inertia = self.inertia(body).tolist()
         nodes = [
             model.mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=q, initialVelocities=v))
-            for q, v in zip(self.reference(body), self.velocity(body), strict=True)
+            for q, v in zip(self.reference(body), velocity, strict=True)
         ]
         for first in range(0, len(nodes) - 1, self.order):
             model.mbs.AddObject(
