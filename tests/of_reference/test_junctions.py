@@ -1,0 +1,266 @@
+"""Branches, loops and shared ends: the global DAE and Exudyn's cables agree, and what must be kept is kept."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+from random_graphs import Kinds, random_graph
+from samples import KINDS, SOFT, SQUARE
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import DiscretisationError
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from reference import exudyn_cable, global_dae
+from reference.global_dae.model import Model
+from reference.global_dae.stability import highest_frequency, null_space
+
+O = (0.0, 0.0)  # noqa: E741
+DOWN = (0.0, -2.0)
+TIGHT = {"newton_tolerance": 1e-12, "dt": 1e-3, "t_end": 0.05, "output_dt": 0.01}
+
+
+def beam(name, start, end, velocity=None):
+    return Beam(name, start, end, SQUARE, SOFT, velocity)
+
+
+def fork(*joints, gravity=DOWN, first=Clamp("a.start")):  # noqa: B008 (frozen)
+    """A Y of three beams that meet at the origin."""
+    bodies = [beam("a", (0.0, -0.5), O), beam("b", O, (0.4, 0.3)), beam("c", (-0.4, 0.3), O)]
+    loads = [Force("b.end", (0.3, 0.0)), Torque("c.start", 0.01)]
+    return Scene("Y", bodies, [first, *joints], loads, gravity)
+
+
+def field(start, end):
+    """Velocities of a drift, a turn and a stretch, m/s."""
+
+    def velocity(s):
+        x, y = ((1.0 - s) * p + s * q for p, q in zip(start, end, strict=True))
+        return 1.0 - 2.0 * y + 0.5 * x, 0.5 + 3.0 * x
+
+    return velocity
+
+
+def square(kind):
+    """Four beams in a loop that floats and turns."""
+    corners = [O, (0.5, 0.0), (0.5, 0.5), (0.0, 0.5)]
+    sides = [(corners[i], corners[(i + 1) % 4]) for i in range(4)]
+    bodies = [beam(f"b{i}", *side, field(*side)) for i, side in enumerate(sides)]
+    return Scene("square", bodies, [kind(f"b{i}.end", f"b{(i + 1) % 4}.start") for i in range(4)])
+
+
+def tree(*joints):
+    """Three beams and one more that float and turn."""
+    lines = {
+        "a": ((0.0, -0.5), O),
+        "b": (O, (0.4, 0.3)),
+        "c": (O, (-0.4, 0.3)),
+        "d": ((0.4, 0.3), (0.8, 0.0)),
+    }
+    bodies = [beam(name, *line, field(*line)) for name, line in lines.items()]
+    return Scene("tree", bodies, joints)
+
+
+def grid(size=3, h=0.3):
+    """Cells of beams, hinged at every third node and welded at the others, on two supports."""
+    bodies, meeting = [], {}
+    for i in range(size + 1):
+        for j in range(size + 1):
+            for k, l in ((i + 1, j), (i, j + 1)):  # noqa: E741
+                if k <= size and l <= size:
+                    name = f"{i}{j}-{k}{l}"
+                    bodies.append(beam(name, (i * h, j * h), (k * h, l * h)))
+                    meeting.setdefault((i, j), []).append(f"{name}.start")
+                    meeting.setdefault((k, l), []).append(f"{name}.end")
+    joints = []
+    for (i, j), ends in meeting.items():
+        kind = Pin if (i + j) % 3 == 1 else Weld
+        joints.append(kind(*ends, grounded=(i, j) in ((0, 0), (size, 0))))
+    return Scene("grid", bodies, joints, gravity=DOWN)
+
+
+def gap(one, two, rows=slice(None)):
+    """Largest distance of points of two solutions, m."""
+    places = [(b.name, s) for b in one.scene.bodies for s in (0.0, 0.5, 1.0)]
+    return max(np.abs(one.position(*p)[rows] - two.position(*p)[rows]).max() for p in places)
+
+
+def way(solution):
+    """Largest displacement, m."""
+    return max(np.ptp(solution.position(b.name, 1.0), axis=0).max() for b in solution.scene.bodies)
+
+
+SCENES = {
+    "Y welded": fork(Weld("a.end", "b.start", "c.end")),
+    "Y hinged": fork(Pin("a.end", "b.start", "c.end")),
+    "Y of both": fork(Weld("c.end", "a.end"), Pin("b.start", "c.end")),
+    "Y turned": fork(Weld("a.end", "b.start", "c.end"), first=Clamp("a.end", Quintic(0.5, 0.04))),
+    "Y driven at a weld": fork(
+        Weld("b.start", "c.end"), Pin("b.start", "a.end"), first=Clamp("c.end", Quintic(1.0, 0.1))
+    ),
+    "square hinged": square(Pin),
+    "square welded": square(Weld),
+    "grid": grid(),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_motion_equals_exudyn(name):
+    scene = SCENES[name]
+    own = global_dae.solve(scene, Discretisation(mesh=2, **TIGHT))
+    peer = exudyn_cable.solve(scene, own.run, tolerances=(1e-10, 1e-10))
+    assert (own.status.ok, peer.status.ok) == (True, True)
+    assert way(own) > 1e-3
+    assert gap(own, peer) < 1e-10
+
+
+@pytest.mark.parametrize("name", ["Y welded", "grid"])
+def test_equilibrium_equals_exudyn(name):
+    own = global_dae.solve_static(SCENES[name], mesh=2, newton_tolerance=1e-12)
+    peer = exudyn_cable.solve_static(SCENES[name], mesh=2)
+    assert own.status.ok
+    assert peer.status.ok
+    assert way(own) > 1e-3
+    assert gap(own, peer, -1) < 1e-8
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_random_graphs_equal_exudyn(seed):
+    scene, run = random_graph(
+        seed, Kinds(elements=("cable",)), dt=1e-3, output_dt=5e-3, newton_tolerance=1e-12
+    )
+    own, peer = global_dae.solve(scene, run), exudyn_cable.solve(scene, run, tolerances=(1e-10, 1e-10))
+    assert (own.status.ok, peer.status.ok) == (True, True)
+    assert way(own) > 1e-6
+    assert gap(own, peer) < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_structures_rest_where_exudyn_says(seed):
+    scene, run = random_graph(seed, Kinds(structure=True, elements=("cable",)), newton_tolerance=1e-12)
+    own, peer = global_dae.solve_static(scene, run), exudyn_cable.solve_static(scene, run)
+    assert (own.status.ok, peer.status.ok) == (True, True)
+    assert gap(own, peer, -1) < 1e-8
+
+
+FLOATING = {
+    "tree of pins": tree(Pin("a.end", "b.start", "c.start"), Pin("b.end", "d.start")),
+    "tree of both": tree(Weld("a.end", "b.start"), Pin("c.start", "b.start"), Weld("b.end", "d.start")),
+    "loop of pins": square(Pin),
+    "loop of welds": square(Weld),
+}
+
+
+def momenta(solution):
+    """Linear (steps, 2) and angular (steps,) momentum between outputs, which are those of all steps.
+
+    p = m (q_{n+1} − q_n)/h, and q_n × p, which an explicit step of Störmer and Verlet keeps to rounding.
+    """
+    model = Model.of(solution.scene, solution.run)
+    fields = [solution.fields[b.name].coordinates for b in solution.scene.bodies]
+    q = np.concatenate([f.reshape(len(solution.t), -1, 2) for f in fields], axis=1)
+    ones = np.zeros(model.vectors)
+    ones[model.numbers[0][model.numbers[0] >= 0]] = 1.0
+    p = np.stack([model.scalar_mass @ step for step in np.diff(q, axis=0) / np.diff(solution.t)[0]])
+    angular = (q[:-1, :, 0] * p[:, :, 1] - q[:-1, :, 1] * p[:, :, 0]).sum(axis=1)
+    return np.einsum("i,nic->nc", ones, p), angular
+
+
+@pytest.mark.parametrize("name", FLOATING)
+@pytest.mark.parametrize("element", KINDS)
+def test_floating_trees_and_loops_keep_momentum_in_explicit_steps(name, element):
+    scene = FLOATING[name]
+    run = Discretisation(mesh=2, element=element, integrator="zhai", dt=1e-5, t_end=5e-3)
+    linear, angular = momenta(global_dae.solve(scene, run))
+    assert np.abs(linear[0]).min() > 0.1
+    assert np.ptp(linear, axis=0).max() < 1e-10 * np.abs(linear).max()
+    assert abs(angular[0]) > 0.1
+    assert np.ptp(angular) < 1e-10 * np.abs(angular).max()
+
+
+@pytest.mark.parametrize("name", FLOATING)
+def test_floating_trees_and_loops_keep_momentum_in_implicit_steps(name):
+    """Linear momentum to Newton's tolerance; angular momentum in the second order of the step."""
+    drift = []
+    for dt in (1e-3, 5e-4):
+        run = Discretisation(mesh=2, dt=dt, t_end=0.05, spectral_radius=1.0, newton_tolerance=1e-12)
+        linear, angular = momenta(global_dae.solve(FLOATING[name], run))
+        assert np.ptp(linear, axis=0).max() < 1e-8 * np.abs(linear).max()
+        drift.append(np.ptp(angular) / np.abs(angular).max())
+    assert drift[1] < 1e-2
+    assert drift[1] < 0.6 * drift[0]
+
+
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+@pytest.mark.parametrize("element", KINDS)
+def test_joints_of_many_ends_are_those_of_pairs_in_any_order(integrator, element):
+    """Which ends a joint names first, and whether one joint or several hold them, is all the same."""
+    dt = {"zhai": 1e-5, "generalized-alpha": 1e-3}[integrator]
+    run = Discretisation(
+        mesh=2, element=element, integrator=integrator, dt=dt, t_end=20 * dt, newton_tolerance=1e-12
+    )
+    ends = ("a.end", "b.start", "c.end")
+    for kind in (Pin, Weld):
+        usual = global_dae.solve(fork(kind(*ends)), run)
+        for one, two, three in list(permutations(ends))[1::2]:
+            same = fork(kind(one, two), kind(two, three))
+            assert gap(usual, global_dae.solve(same, run)) < 1e-12
+        assert gap(usual, global_dae.solve(fork(kind(*ends[::-1])), run)) < 1e-12
+
+
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+def test_both_linear_algebras_agree(integrator):
+    dt = {"zhai": 2e-5, "generalized-alpha": 1e-3}[integrator]
+    for name in ("Y of both", "square welded"):
+        run = Discretisation(mesh=1, integrator=integrator, dt=dt, t_end=50 * dt, newton_tolerance=1e-12)
+        sparse, dense = global_dae.solve(SCENES[name], run), global_dae.solve_dense(SCENES[name], run)
+        assert gap(sparse, dense) < 1e-11
+
+
+def test_explicit_steps_keep_a_driven_junction_closed():
+    """Clamped, welded and hinged ends at one place: the projection removes what the steps leave open."""
+    first = Clamp("a.end", Quintic(0.5, 0.02))
+    scene = fork(Weld("b.start", "a.end"), Pin("c.end", "b.start"), first=first, gravity=DOWN)
+    run = Discretisation(mesh=2, integrator="zhai", dt=1e-5, t_end=0.02, output_dt=1e-3)
+    s = global_dae.solve(scene, run)
+    assert s.status.ok
+    for end in ("a.end", "b.start", "c.end"):
+        assert np.abs(s.position(end)).max() < 1e-14
+    angle, _, _ = first.angle(s.t)
+    turn = np.exp(1j * angle)
+    for body, node in (("a", -1), ("b", 0)):
+        g = s.fields[body].coordinates[:, node, 1] @ [1.0, 1.0j]
+        assert np.abs(g - turn * g[0]).max() < 1e-14
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_null_space_is_whole(seed):
+    """Φ Z = 0, and coordinates, rows and what is free add up: no row of a scene repeats others."""
+    model = Model.of(*random_graph(seed))
+    Z, phi = null_space(model), model.constraints
+    assert Z.shape[1] + phi.shape[0] == model.dofs
+    if phi.shape[0]:
+        assert np.abs(phi @ Z).max() < 1e-13
+        assert np.linalg.matrix_rank(phi.toarray()) == phi.shape[0]
+
+
+def test_stability_limit_is_that_of_the_joined_scene():
+    """Hinges of many ends do not raise the highest frequency; a finer body does."""
+    whole = Model.of(SCENES["Y hinged"], Discretisation(mesh=2))
+    parts = max(
+        highest_frequency(Model.of(Scene("part", [b]), Discretisation(mesh=2))) for b in whole.scene.bodies
+    )
+    assert 0.5 * parts < highest_frequency(whole) <= parts * (1.0 + 1e-12)
+
+
+def test_free_loops_have_no_equilibrium_and_say_so():
+    s = global_dae.solve_static(Scene("free", square(Weld).bodies, square(Weld).joints, gravity=DOWN), mesh=1)
+    assert s.status.code == "diverged"
+    assert "free to move" in s.status.message
+
+
+def test_weld_of_many_ends_needs_one_element_kind():
+    scene = fork(Weld("a.end", "b.start", "c.end"))
+    with pytest.raises(DiscretisationError) as caught:
+        global_dae.solve(scene, mesh=1, element={"a": "cable", "b": "cable", "c": "shear"})
+    assert [w for w in ("Weld", "'a'", "'cable'", "'c'", "'shear'") if w not in str(caught.value)] == []
