@@ -90,6 +90,7 @@ class Cables:
     run: Discretisation
     solver = "exudyn-cable"
     width = 4
+    constant_torques = False
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -39,6 +39,8 @@ class Beams(Protocol):
     solver: str
     width: int
     """Coordinates of a node."""
+    constant_torques: bool
+    """Whether the generalized force of a torque does not depend on the coordinates."""
 
     def reference(self, body: Beam) -> Array:
         """Reference coordinates, (nodes, width)."""

@@ -106,6 +106,7 @@ class ReissnerBeams:
     shear_factor: float = 1.0
     solver = "exudyn-reissner"
     width = 3
+    constant_torques = True
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:

@@ -5,7 +5,7 @@ The time taken is that of `SolveDynamic` or `SolveStatic` alone, without buildin
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
 
@@ -20,6 +20,7 @@ from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import positive
 from reference.exudyn.model import Beams, Model, Unsupported, load_exudyn, silence
+from reference.exudyn.stability import stability_status
 
 Array = NDArray[np.float64]
 
@@ -76,7 +77,10 @@ def dynamics(
 
 
 def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) -> Solution:
-    """Equilibrium of a scene by Exudyn, with loads and drives as they are at t = 0."""
+    """Equilibrium of a scene by Exudyn, with loads and drives as they are at t = 0.
+
+    The stability of the one under the whole load is looked at; the status says what is found, or that it is not known.
+    """
     positive("load_steps", load_steps, DiscretisationError)
     try:
         _check_kinds(scene, run)
@@ -91,11 +95,14 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
             settings = _static_settings(exu, model, load_steps, tolerances)
             message, cpu, wall = _timed(exu, model.mbs.SolveStatic, settings)
             history = _read(model, None)
+            status = Status() if message else stability_status(exu, model, float(history.t[-1]))
         if message is None:
             break
     it = model.mbs.sys["staticSolver"].it
     looser = (relative, absolute) != STATIC_TOLERANCES[0]
-    status = Status("ok", f"Newton's tolerances {tolerances[0]:g}, {tolerances[1]:.1g} N" if looser else "")
+    if looser and message is None:
+        used = f"Newton's tolerances {tolerances[0]:g}, {tolerances[1]:.1g} N"
+        status = replace(status, message=f"{used}; {status.message}" if status.message else used)
     if message is not None:
         reached = float(history.t[-1])
         told = f"Exudyn found no equilibrium beyond load factor {reached:.6g}: {message}"

@@ -104,7 +104,8 @@ def solve_static(
     Returns
     -------
     Solution
-        `t` holds the load factors; `energy.potential` is that of the whole dead load.
+        `t` holds the load factors; `energy.potential` is that of the whole dead load. Equilibria that are not stable
+        make the status "unstable" or "singular", as in `anctmm.solve_static`.
 
     Raises
     ------

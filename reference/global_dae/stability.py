@@ -23,12 +23,17 @@ DENSE = 400
 
 def stiffness(model: Model, bodies: Bodies | None = None) -> Matrix:
     """K_T of the undeformed scene without torques, (dofs, dofs); with other bodies of the same nodes, theirs."""
+    return tangent(model, model.bodies.reference(), 0.0, bodies)
+
+
+def tangent(model: Model, q: Array, factor: float, bodies: Bodies | None = None) -> Matrix:
+    """K_T at coordinates q, (rows, nodes), with that of a part of the torques of t = 0, (dofs, dofs)."""
     constants = (bodies or model.bodies).constants
     system = system_of(model, 1.0)
     rows, data = 2 * model.bodies.rows, np.zeros(len(system.row) + 1)
-    q, none = model.bodies.reference(), 0.0 * load_table(model.scene, np.zeros(1))[0]
+    loads = factor * load_table(model.scene, np.zeros(1))[0]
     scratch = np.zeros(TANGENT_BUFFER), np.zeros((rows, rows))
-    assemble(system, 0.0, model.parts._replace(constants=constants), model.loads, none, q, *scratch, data)
+    assemble(system, 0.0, model.parts._replace(constants=constants), model.loads, loads, q, *scratch, data)
     return Matrix(matrix_of(system, data)[: model.dofs, : model.dofs])
 
 

@@ -1,7 +1,9 @@
 """Statics of the global system: Newton's iteration on [K_T, sΦᵀ; sΦ, 0], with load steps that halve where needed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from time import perf_counter, process_time
+from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +12,9 @@ from scipy.sparse.linalg import splu
 from anctmm.discretise.assembly import elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.results.solution import Cost, Solution, Status
+from anctmm.results.stability_status import singular, unstable
 from reference.global_dae.assemble import assemble, matrix_of, system_of
+from reference.global_dae.equilibrium_stability import verdict
 from reference.global_dae.history import solution
 from reference.global_dae.loads import add_loads, load_table
 from reference.global_dae.model import Matrix, Model, typical
@@ -88,8 +92,8 @@ class Search:
             right = self._residual(guess.factor, q, multiplier)
             A = self._matrix(value, q)
             x = _solve(A, right)
-            if x is None:
-                return None
+            if x is None:  # of a mechanism that is in equilibrium as it stands, every place near is one
+                return Equilibrium(guess.factor, q, multiplier) if self._rounded(A, q, right) else None
             self.iterations += 1
             change = np.zeros_like(q)
             change.reshape(-1)[self.places[:dofs]] = x[:dofs]
@@ -148,16 +152,21 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
     start = process_time(), perf_counter()
     now, status = search.start(), Status()
     factors = np.arange(load_steps + 1) / load_steps
-    kept, energies = [now.q], [_energies(model, now)]
-    for factor in factors[1:]:
+    kept, energies, doubt = [now.q], [_energies(model, now)], Status()
+    for before, factor in pairwise(factors):
         now = search.reach(now, float(factor))
         if now.factor != factor:
             status = _stuck(model, search, now.factor)
             break
         kept.append(now.q)
         energies.append(_energies(model, now))
+        doubt = doubt if doubt.message else _doubt(model, now, float(before))
     if status.ok and search.floor > 0.0:
         status = _rounded_off(search)
+    if status.ok and not doubt.ok:
+        status = doubt
+    elif doubt.message:
+        status = replace(status, message="; ".join(filter(None, (status.message, doubt.message))))
     cost = Cost(
         process_time() - start[0],
         perf_counter() - start[1],
@@ -175,6 +184,23 @@ def _energies(model: Model, e: Equilibrium) -> Array:
     parts, work = model.parts, np.nan if e.factor > 0.0 and len(model.loads.place) else 0.0
     strain = strain_energy(parts.blend, e.q, parts.first, parts.kinds, parts.constants)
     return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), work])
+
+
+def _doubt(model: Model, now: Equilibrium, before: float) -> Status:
+    """What is wrong with an equilibrium that is not stable; the one before was at a load factor."""
+    found = verdict(model, now.q, now.factor)
+    body, element = (None, None) if found.node < 0 else model.bodies.element_at(found.node)
+    match found.kind:
+        case "stable":
+            return Status()
+        case "unstable":
+            return unstable(now.factor, found.negative, body, element, before)
+        case "singular":
+            return singular(now.factor, body, element)
+        case "unknown":
+            return Status("ok", f"stability not known at load factor {now.factor:.6g}: no symmetric pivots")
+        case _:
+            assert_never(found.kind)
 
 
 def _stuck(model: Model, search: Search, factor: float) -> Status:

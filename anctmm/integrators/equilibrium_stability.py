@@ -1,0 +1,125 @@
+"""Whether an equilibrium is stable: the inertia of its tangent stiffness, and whether that is singular.
+
+Under conservative loads an equilibrium is stable where the potential energy has a strict minimum (Lagrange, Dirichlet):
+where K_T is positive definite on what the joints leave free. The elimination of the recursion has as many negative
+pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.integrators.stability import element_bound
+from anctmm.integrators.static_system import StaticSystem
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(np.float64).eps)
+#: Relative change of coordinates, a few roundings, with which a solve is repeated, and how often.
+ROUNDING, TRIALS = 4.0 * EPS, 4
+#: Relative change of its answer from which on the tangent is singular as far as double precision can tell.
+SINGULAR = 0.5
+#: Steps of the inverse iteration, and relative change of the eigenvalue at which it ends.
+ITERATIONS, CONVERGED = 300, 1e-12
+
+
+@dataclass(frozen=True)
+class Stability:
+    """What is known of an equilibrium.
+
+    Parameters
+    ----------
+    kind : str
+        "stable"; "unstable"; or "singular": a motion needs no force there, that of a mechanism, of a body that nothing
+        holds, or at the limit of stability.
+    negative : int
+        Directions in which the energy falls.
+    motion : ndarray, shape (rows, nodes)
+        The motion that needs the least force, of any size.
+    """
+
+    kind: Literal["stable", "unstable", "singular"]
+    negative: int
+    motion: Array
+
+
+def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
+    """Stability of an equilibrium q, (rows, nodes), under a part of the load."""
+    motion, singular = _softest(system, q, factor)
+    negative = system.factorize(q, factor)
+    if singular:
+        return Stability("singular", negative, motion)
+    return Stability("unstable" if negative else "stable", negative, motion)
+
+
+def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
+    """Answer to random forces, and whether it is singular: no more than rounding.
+
+    Coordinates changed by a few roundings give another answer, by the condition of the tangent times rounding. A bound
+    from the highest frequency would call slender beams and fine meshes singular that still have all their digits.
+    """
+    if system.chain.prescribed.all():
+        return np.zeros_like(q), False
+    rng = np.random.default_rng(0)
+    force = system.inertia(_noise(system, rng))
+    system.factorize(q, factor)
+    first, largest = system.solve(force), 0.0
+    for _ in range(TRIALS):
+        system.factorize(q * (1.0 + ROUNDING * rng.uniform(-1.0, 1.0, q.shape)), factor)
+        other = system.solve(force)
+        sizes = [system.size(x) for x in (other - first, first, other)]
+        if not np.isfinite(sizes).all():
+            return lowest_mode(system, q, factor)[1], True
+        largest = max(largest, sizes[0] / max(sizes[1], sizes[2]))
+    return first, largest >= SINGULAR
+
+
+def lowest_mode(system: StaticSystem, q: Array, factor: float) -> tuple[float, Array]:
+    """Lowest eigenvalue of K_T x = λ M x, 1/s², the square of the lowest frequency; and its mode, of size 1.
+
+    By inverse iteration with K_T + μ M, where μ is little above −λ or, where that is positive, above 0: the matrix is
+    positive definite, and every step is a sweep. The sign makes the largest displacement one towards positive y, or x.
+    """
+    shift = _positive_shift(system, q, factor)
+    x, value = _noise(system, np.random.default_rng(0)), np.inf
+    for _ in range(ITERATIONS):
+        load = system.inertia(x)
+        y = system.solve(load)
+        before, value = value, float((y * load).sum() / (y * system.inertia(y)).sum())
+        x = y / system.size(y)
+        if abs(value - before) <= CONVERGED * abs(value):
+            break
+    return value - shift, _signed(x)
+
+
+def least_shift(system: StaticSystem) -> float:
+    """A shift of the order of the rounding of K_T x = λ M x, 1/s²."""
+    return 16.0 * EPS * element_bound(system.chain) ** 2
+
+
+def _noise(system: StaticSystem, rng: np.random.Generator) -> Array:
+    """Random displacements, positions of the scene's length and gradients of 1."""
+    x = rng.standard_normal(system.reference.shape)
+    x[:2] *= system.chain.length
+    return x
+
+
+def _positive_shift(system: StaticSystem, q: Array, factor: float) -> float:
+    """A shift with which K_T + shift · M is positive definite, at most a tenth too large; the matrix is factored."""
+    low, high = 0.0, least_shift(system)
+    while system.factorize(q, factor, high) > 0:
+        low, high = high, 10.0 * high
+    while high > 1.1 * low > 0.0:
+        middle = (low * high) ** 0.5
+        low, high = (middle, high) if system.factorize(q, factor, middle) > 0 else (low, middle)
+    system.factorize(q, factor, high)
+    return high
+
+
+def _signed(x: Array) -> Array:
+    sizes = np.abs(x[:2]).max(axis=0)
+    node = int(np.argmax(sizes > 0.999 * sizes.max()))
+    along = x[1, node] if abs(x[1, node]) > 1e-6 * sizes[node] else x[0, node]
+    return x if along >= 0.0 else -x

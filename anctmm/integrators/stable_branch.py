@@ -1,0 +1,113 @@
+"""The stable branch of equilibria: downhill in the potential energy while the load grows.
+
+From each equilibrium the load grows a little and the energy is minimised by Newton's method with K_T + μ M, μ so large
+that the matrix is positive definite and the step not too long (Levenberg and Marquardt, with the mass matrix as the
+metric: implicit Euler steps of an overdamped motion). Where the forces vanish but the energy has no minimum, the scene
+is moved along the mode of the lowest, negative eigenvalue. So the answer is what slow loading with much damping leads
+to, jumps included.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.integrators.equilibrium_stability import least_shift, lowest_mode, stability_of
+from anctmm.integrators.static_system import StaticSystem
+
+Array = NDArray[np.float64]
+
+#: Parts of the load: largest step; smallest one, in which a scene may move as far as it likes.
+STEP, SMALLEST = 1.0 / 8.0, 1.0 / 512.0
+#: Displacement, relative, above which a larger step of the load is halved.
+MOTION = 0.25
+#: Longest correction; corrections tried in a minimisation.
+REACH, TRIED = 0.3, 5_000
+#: Parts of the fall of energy that the tangent predicts: asked for, and such that μ may become smaller.
+ENOUGH, GOOD = 0.1, 0.75
+#: Corrections below which Newton's iteration needs no look at the energy, and below which forces count as none.
+NEAR, BALANCED = 1e-4, 1e-7
+#: Displacements, tried in turn, by which an unstable equilibrium is left.
+PUSHES = (1e-2, 1e-3, 1e-4, 1e-5)
+#: A side is taken for that of the mode unless the energy falls by this part more on the other.
+TIE = 1e-3
+#: Relative rounding of an energy.
+ROUNDING = 1e-13
+
+
+def stable_path(system: StaticSystem) -> Iterator[tuple[float, Array]]:
+    """Load factors and the stable equilibria there, from the undeformed scene to the whole load or as far as found."""
+    factor, q, step = 0.0, system.reference.copy(), STEP
+    yield factor, q
+    while factor < 1.0:
+        step = min(step, 1.0 - factor)
+        new = downhill(system, q, factor + step, MOTION if step > SMALLEST else np.inf)
+        if new is not None:
+            factor, q = factor + step, new
+            yield factor, q
+            step = min(2.0 * step, STEP)
+        elif step > SMALLEST:
+            step *= 0.5
+        else:
+            return
+
+
+def downhill(system: StaticSystem, start: Array, factor: float, motion: float = np.inf) -> Array | None:
+    """The minimum of the potential energy that lies downhill of a start.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    start : ndarray, shape (rows, nodes)
+    factor : float
+        Part of the load.
+    motion : float
+        Displacement from the start, relative, beyond which the search is given up.
+
+    Returns
+    -------
+    ndarray, shape (rows, nodes), or None
+        None where none is found. Where a motion needs no force the minimum is not strict: any of its places will do.
+    """
+    q, shift, least = start.copy(), 0.0, least_shift(system)
+    for _ in range(TRIED):
+        force = system.residual(q, factor)
+        while system.factorize(q, factor, shift) > 0:
+            shift = max(4.0 * shift, least)
+        x = system.solve(force)
+        size = system.size(x)
+        if size <= BALANCED:
+            if shift == 0.0:
+                return q + x
+            if stability_of(system, q, factor).kind == "singular":
+                return q
+            q, shift = _left(system, q, factor), 0.0
+            continue
+        gain = 1.0 if shift == 0.0 and size <= NEAR else _gain(system, q, x, force, factor, shift)
+        if not (size <= REACH and gain >= ENOUGH):
+            shift = max(4.0 * shift, least)
+            continue
+        q += x
+        if not system.size(q - start) <= motion:
+            return None
+        if gain > GOOD:
+            shift = 0.25 * shift if shift > 4.0 * least else 0.0
+    return None
+
+
+def _gain(system: StaticSystem, q: Array, x: Array, force: Array, factor: float, shift: float) -> float:
+    """Fall of the energy in a step x, of that which the tangent predicts; roundings of the energy are no fall."""
+    predicted = 0.5 * (float((force * x).sum()) + shift * float((x * system.inertia(x)).sum()))
+    noise = ROUNDING * system.strain_energy(q) + float(np.finfo(float).tiny)
+    return (noise - system.potential_change(q, q + x, factor)) / (predicted + noise)
+
+
+def _left(system: StaticSystem, q: Array, factor: float) -> Array:
+    """An unstable equilibrium left along its lowest mode, to the side where the energy falls more."""
+    _, mode = lowest_mode(system, q, factor)
+    for push in PUSHES:
+        one, other = q + push * mode, q - push * mode
+        falls = [-system.potential_change(q, side, factor) for side in (one, other)]
+        if max(falls) > 0.0:
+            return other if falls[1] > falls[0] * (1.0 + TIE) else one
+    return q + PUSHES[-1] * mode

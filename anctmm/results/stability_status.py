@@ -1,0 +1,52 @@
+"""The status of statics whose equilibrium is not stable, in the same words whoever found it."""
+
+from anctmm.results.solution import Status
+
+SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller load steps may"
+
+
+def unstable(
+    factor: float, negative: int, body: str | None, element: int | None, stable_until: float, advice: str = ""
+) -> Status:
+    """Status of an unstable equilibrium.
+
+    Parameters
+    ----------
+    factor : float
+        Load factor of the equilibrium.
+    negative : int
+        Negative eigenvalues of the tangent stiffness.
+    body, element
+        Where the motion in which the energy falls is largest, if that is known.
+    stable_until : float
+        Last load factor below whose equilibrium was found to be stable; 0 if none was.
+    advice : str
+        How a stable one can be found.
+    """
+    count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
+    before = f"; at {stable_until:.6g} it was stable" if stable_until > 0.0 else ""
+    return Status(
+        "unstable",
+        f"the equilibrium at load factor {factor:.6g} is unstable: the tangent stiffness has {count}"
+        f"{_where(body, element)}{before}; {advice or SMALLER}",
+        time=factor,
+        body=body,
+        element=element,
+    )
+
+
+def singular(factor: float, body: str | None, element: int | None) -> Status:
+    """Status of an equilibrium at which a motion needs no force; parameters as in `unstable`."""
+    return Status(
+        "singular",
+        f"the tangent stiffness at load factor {factor:.6g} is singular{_where(body, element)}: the scene is a "
+        f"mechanism, free to move, or at the limit of stability, and its equilibrium is one of many; hold the scene, "
+        f"or change the load a little",
+        time=factor,
+        body=body,
+        element=element,
+    )
+
+
+def _where(body: str | None, element: int | None) -> str:
+    return "" if body is None else f", most in element {element} of body {body!r}"

@@ -1,0 +1,51 @@
+"""Whether an equilibrium that Exudyn found is stable: eigenvalues of the system as Exudyn itself linearises it."""
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eigh
+
+from anctmm.model.scene import Torque
+from anctmm.results.solution import Status
+from anctmm.results.stability_status import unstable
+from reference.exudyn.model import Model
+
+#: Coordinates up to which the system is linearised: Exudyn projects it by a dense singular value decomposition.
+MANY = 1_500
+
+
+def stability_status(exu: Any, model: Model, factor: float) -> Status:
+    """Status of the equilibrium in which the static solver has left a model, under a load factor.
+
+    Where Exudyn cannot tell the status is "ok", and its message says that the stability is not known, and why.
+    """
+    size = model.mbs.systemData.ODE2Size()
+    if size > MANY:
+        return _unknown(f"it has {size} coordinates, and at most {MANY} are linearised")
+    if not model.beams.constant_torques and any(_moment(load) for load in _torques(model)):
+        return _unknown("Exudyn's tangent leaves out that of torques")
+    import_module("exudyn.solver")  # adds what follows to Exudyn's systems
+    kinds, data = exu.ConfigurationType, model.mbs.systemData
+    data.SetSystemState(data.GetSystemState(kinds.Current), kinds.Initial)
+    M, K, _ = model.mbs.ComputeLinearizedSystem(projectIntoConstraintNullspace=True)[:3]
+    if not K.size:
+        return Status()
+    values = eigh(0.5 * (K + K.T), M, eigvals_only=True)
+    rounding = np.finfo(float).eps * len(values) * float(np.abs(values).max())
+    if float(np.abs(values).min()) <= rounding:
+        return _unknown("an eigenvalue is no more than rounding: of a mechanism, or of a very fine mesh")
+    negative = int((values < 0.0).sum())
+    return unstable(factor, negative, None, None, 0.0) if negative else Status()
+
+
+def _torques(model: Model) -> list[Torque]:
+    return [load for load in model.scene.loads if isinstance(load, Torque)]
+
+
+def _moment(load: Torque) -> float:
+    return float(load.value(0.0)) if callable(load.value) else float(load.value)
+
+
+def _unknown(why: str) -> Status:
+    return Status("ok", f"stability not known: {why}")
