@@ -10,6 +10,7 @@ from anctmm.validation import one_of
 #: with the status "unsupported" or raises an error of `anctmm.errors`.
 FEATURES = {
     "statics": "rest positions, by `solve_static` beside `solve`",
+    "stability": "the status of a rest position that is not stable says so",
     "zhai": "explicit steps",
     "generalized-alpha": "implicit steps",
     "joints": "pins and welds between bodies",

@@ -65,13 +65,6 @@ def solve(
     run = discretise(run, options)
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
-    if run.integrator != "zhai":
-        for body in scene.bodies:
-            if body.material.damping > 0.0:
-                raise DiscretisationError(
-                    f"integrator is {run.integrator!r} with damping {body.material.damping!r} s of body {body.name!r}; "
-                    f"'zhai' is needed: the implicit global solver knows no damping"
-                )
     model, dense = Model.of(scene, run), linear_algebra == "dense-refactor"
     marcher: Marcher
     if run.integrator == "zhai":

@@ -2,6 +2,8 @@
 
 M q̈_{n+1} + Φᵀμ = F(q_{n+1}, t_{n+1}), Φ q_{n+1} = b(t_{n+1}), with the auxiliary accelerations a:
 (1 − αm) a_{n+1} + αm a_n = (1 − αf) q̈_{n+1} + αf q̈_n, and Newmark's formulae with a for q and v; a_0 := q̈_0.
+Damping forces in F are those of q_{n+1} and v_{n+1}; to Newton's matrix they add ∂v/∂q τ times the elastic tangent of
+their body, which leaves out what stress and velocity add to their exact derivative.
 """
 
 from typing import NamedTuple
@@ -10,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.discretise.assembly import elastic_forces, mass_product
+from anctmm.discretise.assembly import elastic_forces, mass_product, resist
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.jit.compiling import kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
@@ -83,6 +85,26 @@ class State(NamedTuple):
     counts: Ints
 
 
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, and the power lost: now and at the end of the step before, (2,), W."""
+
+    of: Array
+    power: Array
+
+
+def damping_of(model: Model) -> Damping | None:
+    """Damping of a model that has some; None where it has none: then nothing of it is compiled."""
+    return None if model.bodies.damping is None else Damping(model.bodies.damping, np.zeros(2))
+
+
+def stiffened(model: Model, c: Scheme) -> Parts:
+    """The bodies with the stiffness that Newton's matrix has of them."""
+    if model.bodies.damping is None:
+        return model.parts
+    factors = 1.0 + c.by_velocity * model.bodies.damping
+    return model.parts._replace(constants=model.bodies.stiffened(factors).constants)
+
+
 def scheme_of(model: Model) -> Scheme:
     """Coefficients for the spectral radius ρ of the run (Chung & Hulbert 1993)."""
     run = model.run
@@ -108,7 +130,9 @@ def predict(c: Scheme, s: State) -> None:
 
 
 @kernel
-def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: State) -> float:
+def residual(
+    parts: Parts, rows: Rows, loads: Loads, damping: Damping | None, table: Array, n: int, s: State
+) -> float:
     """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; its largest component, infinite if one is not a number."""
     size = s.new_q.size
     elastic_forces(parts.blend, s.new, parts.first, parts.kinds, parts.constants, s.motion.buffer, s.force)
@@ -117,6 +141,12 @@ def residual(parts: Parts, rows: Rows, loads: Loads, table: Array, n: int, s: St
     inertia = s.product.reshape(size)
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i] - inertia[i]
+    if damping is not None:
+        velocity = s.new_v.reshape(s.new.shape)
+        damping.power[0] = resist(
+            parts.blend, s.new, velocity, parts.first, parts.kinds, parts.constants, damping.of, s.motion.buffer,
+            s.force,
+        )  # fmt: skip
     add_loads(loads, table, n, s.new_q, s.right)
     for j in range(len(rows.reference)):
         x, y = misfit(rows, j, s.new_q, s.motion.b)
@@ -169,8 +199,10 @@ def at_rounding(system: System, s: State) -> bool:
 def newton(
     c: Scheme,
     parts: Parts,
+    stiff: Parts,
     rows: Rows,
     loads: Loads,
+    damping: Damping | None,
     system: System,
     pattern: Pattern,
     factors: Factors,
@@ -183,12 +215,12 @@ def newton(
     before, renew = np.inf, dense or s.counts[3] == 0
     s.residuals[:] = 0.0
     for iteration in range(ITERATIONS):
-        s.residuals[iteration] = residual(parts, rows, loads, table, n, s)
+        s.residuals[iteration] = residual(parts, rows, loads, damping, table, n, s)
         if s.residuals[iteration] == np.inf:
             return FAILED
         fresh = renew
         if renew:
-            assemble(system, c.by_acceleration, parts, loads, table[n], s.new, s.small, s.K, s.data)
+            assemble(system, c.by_acceleration, stiff, loads, table[n], s.new, s.small, s.K, s.data)
             s.counts[1] += 1
             if not dense and not refactor(pattern, s.data, factors, s.column):
                 s.counts[3] = 0
@@ -226,8 +258,10 @@ def accept(c: Scheme, s: State) -> None:
 def march(
     c: Scheme,
     parts: Parts,
+    stiff: Parts,
     rows: Rows,
     loads: Loads,
+    damping: Damping | None,
     system: System,
     pattern: Pattern,
     factors: Factors,
@@ -243,6 +277,8 @@ def march(
 
     Parameters
     ----------
+    stiff : Parts
+        The bodies with the stiffness of Newton's matrix, that of damping included.
     values, angles : ndarray
         Loads and drives at the times of the steps.
     wanted : ndarray
@@ -261,10 +297,13 @@ def march(
         if n > 0:
             prescribe(rows, angles, at, m.b, m.rate, m.acceleration)
             predict(c, s)
-            code = newton(c, parts, rows, loads, system, pattern, factors, values, at, s)
+            code = newton(c, parts, stiff, rows, loads, damping, system, pattern, factors, values, at, s)
             if code != CONVERGED:
                 return code
             accept(c, s)
+            if damping is not None:
+                m.work[0] -= 0.5 * c.h * (damping.power[0] + damping.power[1])
+                damping.power[1] = damping.power[0]
         if len(m.trail):
             work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)
             if n > 0:
@@ -284,6 +323,7 @@ class GeneralizedAlpha(Marcher):
     def __init__(self, model: Model, dense: bool) -> None:
         super().__init__(model)
         self.scheme = scheme_of(model)
+        self.stiff, self.damping = stiffened(model, self.scheme), damping_of(model)
         self.dense = dense
 
     def prepare(self) -> None:
@@ -293,15 +333,15 @@ class GeneralizedAlpha(Marcher):
         bare = system_of(model, 1.0)
         self.state = _start(model, bare, self.dense)
         values, angles = self._tables(0, 0)
-        assemble_into(self.state.data, bare, c, model, values[0], q, self.state)
+        assemble_into(self.state.data, bare, c, model, self.stiff, values[0], q, self.state)
         scale = typical(matrix_of(bare, self.state.data)[: model.dofs, : model.dofs])
         self.rows, self.system = model.rows(scale), bare._replace(joints=scale * bare.joints)
-        _accelerate(model, self.rows, values, angles, self.state)
+        _accelerate(model, self.rows, self.damping, values, angles, self.state)
         self._choose_pivots(values[0], q)
 
     def _choose_pivots(self, value: Array, q: Array) -> None:
         places, data = self.model.places(1), self.state.data
-        assemble_into(data, self.system, self.scheme, self.model, value, q, self.state)
+        assemble_into(data, self.system, self.scheme, self.model, self.stiff, value, q, self.state)
         if self.dense:
             nothing = np.zeros(0, dtype=np.uint32)
             self.pattern, self.factors = Pattern(nothing, nothing, nothing), no_factors(places)
@@ -342,16 +382,16 @@ class GeneralizedAlpha(Marcher):
     ) -> int:
         model = self.model
         return march(  # type: ignore[no-any-return]
-            self.scheme, model.parts, self.rows, model.loads, self.system, self.pattern, self.factors,
-            values, angles, span, wanted, self.state, kept, energies,
+            self.scheme, model.parts, self.stiff, self.rows, model.loads, self.damping, self.system, self.pattern,
+            self.factors, values, angles, span, wanted, self.state, kept, energies,
         )  # fmt: skip
 
 
 def assemble_into(
-    data: Array, system: System, c: Scheme, model: Model, value: Array, q: Array, s: State
+    data: Array, system: System, c: Scheme, model: Model, stiff: Parts, value: Array, q: Array, s: State
 ) -> None:
     """Numbers of Newton's matrix at q."""
-    assemble(system, c.by_acceleration, model.parts, model.loads, value, q, s.small, s.K, data)
+    assemble(system, c.by_acceleration, stiff, model.loads, value, q, s.small, s.K, data)
 
 
 def _start(model: Model, system: System, dense: bool) -> State:
@@ -384,12 +424,19 @@ def _start(model: Model, system: System, dense: bool) -> State:
     )
 
 
-def _accelerate(model: Model, rows: Rows, values: Array, angles: Array, s: State) -> None:
+def _accelerate(
+    model: Model, rows: Rows, damping: Damping | None, values: Array, angles: Array, s: State
+) -> None:
     """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0."""
     m, size = s.motion, model.size
     prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
     project(rows, m.flat_v, m.rate)
     s.right[:size] = model.parts.dead
+    if damping is not None:
+        p = model.parts
+        damping.power[:] = resist(
+            p.blend, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, s.force
+        )
     add_loads(model.loads, values, 0, m.flat_q, s.right)
     scale = typical(model.scalar_mass)
     s.right[size:] = scale * m.acceleration.reshape(-1)

@@ -121,7 +121,8 @@ def check_step(model: Model) -> None:
         # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping
         viscous = model.bodies.stiffened(model.bodies.damping)
         rate = (0.5 + run.phi) * highest_frequency(model, viscous) ** 2
-        largest = 2.0 / (rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2))
+        sum_of_both = rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2)
+        largest = 2.0 / sum_of_both if sum_of_both > 0.0 else inf
     if run.dt > largest * (1.0 + 1e-9):
         raise StabilityError(
             f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "

@@ -27,7 +27,9 @@ Array = NDArray[np.float64]
 
 NAME = "pyelastica"
 OFFER = Offer(
-    lacks=frozenset({"generalized-alpha", "joints", "drives", "varying-loads", "damping", "rigid"}),
+    lacks=frozenset(
+        {"generalized-alpha", "joints", "drives", "varying-loads", "damping", "rigid", "stability"}
+    ),
     element="reissner",
     limits={"shear": "reissner"},
 )

@@ -18,7 +18,8 @@ from anctmm.solvers.capabilities import Offer
 from anctmm.solvers.registry import Solver
 
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
-STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow"}
+NOT_INSTALLED = "not installed"
+STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow", NOT_INSTALLED: "yellow"}
 
 
 class BrokenRule(Exception):
@@ -158,7 +159,7 @@ def conform(name: str) -> Iterator[Finding]:
     UnknownSolverError
         If no package registers that name.
     """
-    from studies.conformance.rules import LOADS, RULES, SIGNATURE
+    from studies.conformance.rules import INSTALLED, LOADS, RULES, SIGNATURE, missing
 
     try:
         subject = Subject(name, registry.load(name))
@@ -166,6 +167,10 @@ def conform(name: str) -> Iterator[Finding]:
         yield Finding(LOADS, "it can be imported", f"lacks {lacks}", "", HOLDS)
     except PluginError as error:
         yield Finding(LOADS, "it can be imported", str(error), "", BROKEN)
+        return
+    if absent := missing(subject):
+        yield Finding(INSTALLED, "what it stands on is installed", absent, "", NOT_INSTALLED)
+        yield from (Finding(rule.name, rule.asks, "", "", NOT_RUN) for rule in RULES)
         return
     called = True
     for rule in RULES:
@@ -194,6 +199,11 @@ def judge(rule: Rule, subject: Subject) -> Finding:
 def passed(findings: Sequence[Finding]) -> bool:
     """Whether no rule is broken, and all were run."""
     return all(f.verdict in (HOLDS, NOT_OFFERED) for f in findings)
+
+
+def exit_code(findings: Sequence[Finding]) -> int:
+    """0 if all rules hold, 1 if one is broken, 2 if none could be tested: what the solver needs is not installed."""
+    return 2 if any(f.verdict == NOT_INSTALLED for f in findings) else 0 if passed(findings) else 1
 
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:

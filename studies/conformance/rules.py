@@ -24,7 +24,7 @@ from studies.conformance.check import BrokenRule, Measure, Rule, Subject, whole
 
 Array = NDArray[np.float64]
 
-LOADS, SIGNATURE = "loads", "signature"
+LOADS, INSTALLED, SIGNATURE = "loads", "installed", "signature"
 SECTION, MATERIAL, LENGTH = Rectangle(0.05, 0.05), Material(E=1e7, density=1000.0), 1.0
 EI, MASS = MATERIAL.E * SECTION.second_moment, MATERIAL.density * SECTION.area * LENGTH
 GRAVITY = 9.81
@@ -315,6 +315,18 @@ def loads_grow(s: Subject) -> Measure:
     return Measure(_off_reference(found, loaded()), 1e-9, "of the length")
 
 
+def tells_stability(s: Subject) -> str:
+    """A clamped column under a load on its tip: stable well below Euler's load, unstable well above."""
+    euler = np.pi**2 * EI / (4.0 * LENGTH**2)
+    for factor, wanted in ((0.7, "ok"), (1.5, "unstable")):
+        loads = (Force("bar.end", (-factor * euler, 0.0)),)
+        column = Scene("column", (bar(),), (Clamp("bar.start"),), loads)
+        status = s.static(column, mesh=8, element=s.element, quadrature="full").status
+        if status.code != wanted:
+            raise BrokenRule(f"status {status} at {factor} times Euler's load; {wanted!r} is asked for")
+    return "ok at 0.7, unstable at 1.5 times Euler's load"
+
+
 RULES = (
     Rule(SIGNATURE, "it is called as all solvers are", called_as_asked),
     Rule("answer", "a whole Solution of the scene, with its cost", answers),
@@ -336,6 +348,7 @@ RULES = (
     Rule("statics", "32 elements against the exact rod", rests_exactly, ("statics",)),
     Rule("convergence", "8 → 32 elements gain", gains_by_elements, ("statics",)),
     Rule("load factors", "statics go from 0 to 1", loads_grow, ("statics",)),
+    Rule("stability", "a column is unstable above Euler's load", tells_stability, ("statics", "stability")),
 )
 
 
@@ -357,6 +370,16 @@ def _rest_error(s: Subject, element: str, mesh: int) -> float:
     exact = _exact_tip(s.offer.limits[element])
     found = s.rest(loaded(), mesh, element).displacement("bar.end")[-1]
     return float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
+
+
+def missing(s: Subject) -> str:
+    """What a solver says is not installed, without which it can do nothing; empty if it says no such thing."""
+    try:
+        status = s.solve(cantilever(), s.run(t_end=0.02)).status
+    except Exception:  # whatever a broken solver does is for the rules to find
+        return ""
+    said = isinstance(status, Status) and status.code == "unsupported" and "not installed" in status.message
+    return status.message if said else ""
 
 
 def _off_reference(found: Solution, scene: Scene) -> float:

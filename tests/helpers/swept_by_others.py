@@ -94,6 +94,8 @@ def sweep(runner, log):
 def main(directory, log, what):
     """Sweep, and be killed or interrupted."""
     if what == "interruptible":
+        # what runs in the background of a shell ignores SIGINT, and so do its children: this one shall not
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         os.environ["ANCTMM_CACHE"] = directory
         try:
             with sweeping(True) as runner:

@@ -13,9 +13,21 @@ from rich.console import Console
 import anctmm as at
 from anctmm.errors import AnctmmError, PluginError, UnknownOptionError
 from anctmm.model.scene import Clamp
+from anctmm.results.solution import nothing
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, Offer
-from studies.conformance.check import BROKEN, HOLDS, NOT_OFFERED, NOT_RUN, Finding, conform, passed, show
+from studies.conformance.check import (
+    BROKEN,
+    HOLDS,
+    NOT_INSTALLED,
+    NOT_OFFERED,
+    NOT_RUN,
+    Finding,
+    conform,
+    exit_code,
+    passed,
+    show,
+)
 from studies.conformance.rules import REFUSED, RULES
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
@@ -24,8 +36,33 @@ OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reis
 @pytest.mark.parametrize("name", OURS)
 def test_our_solvers_conform(name):
     findings = list(conform(name))
+    if absent := [f.measured for f in findings if f.verdict == NOT_INSTALLED]:
+        pytest.skip(absent[0])
     assert [f for f in findings if f.verdict != HOLDS] == []
     assert len(findings) == len(RULES) + 1
+
+
+def test_what_is_not_installed_is_said_and_no_rule_is_broken(monkeypatch):
+    """Exudyn as it answers where it cannot be imported: exit code 2, nothing tested."""
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    for name in ("exudyn-cable", "exudyn-reissner"):
+        findings = list(conform(name))
+        verdicts = [f.verdict for f in findings]
+        assert verdicts == [HOLDS, NOT_INSTALLED, *[NOT_RUN] * len(RULES)]
+        assert "exudyn is not installed; pip install exudyn" in findings[1].measured
+        assert not passed(findings)
+        assert exit_code(findings) == 2
+    console = Console(record=True, width=200)
+    show(name, findings, console)
+    assert f"1 holds, {len(RULES)} not run, 1 not installed" in console.export_text()
+
+
+def test_only_what_says_so_is_not_installed(plugged):
+    """A solver that declines a scene for another reason breaks rules."""
+    plugged(declines, rest, Offer())
+    findings = list(conform("broken"))
+    assert NOT_INSTALLED not in {f.verdict for f in findings}
+    assert exit_code(findings) == 1
 
 
 def test_what_a_peer_lacks_is_shown_and_not_skipped():
@@ -33,7 +70,7 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     found = {f.rule: f for f in conform("pyelastica")}
     assert passed(found.values())
     lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
-    assert lacking == {"integrators", "joints", "drives", "varying loads"}
+    assert lacking == {"integrators", "joints", "drives", "varying loads", "stability"}
     assert found["joints"].measured == "lacks joints"
     assert (
         found["limits"].measured == "damping, drives, generalized-alpha, joints, rigid, varying-loads refused"
@@ -66,6 +103,15 @@ def stiffer(scene, factor):
 
 def needs_more(scene, run, magic):
     return at.solve(scene, run)
+
+
+def declines(scene, run):
+    return nothing("declines", scene, run, at.Status("unsupported", "no beams today"))
+
+
+def calls_all_stable(scene, **options):
+    answer = at.solve_static(scene, **options)
+    return replace(answer, status=at.Status())
 
 
 def costs_nothing(scene, run):
@@ -206,6 +252,7 @@ BREAKERS = [
     (sound, rests_under_more, Offer(), "statics"),
     (sound, never_gains, Offer(), "convergence"),
     (sound, begins_half_loaded, Offer(), "load factors"),
+    (sound, calls_all_stable, Offer(), "stability"),
 ]  # fmt: skip
 
 
@@ -251,6 +298,7 @@ def test_a_missing_solve_static_is_broken_until_it_is_declared(plugged):
         "statics",
         "convergence",
         "load factors",
+        "stability",
     }
     assert passed(found.values())
 

@@ -98,6 +98,15 @@ def test_two_sweeps_at_once_share_their_runs(tmp_path, expected):
     assert sorted(ran) == sorted(f"ran {n}" for n in MESHES)
 
 
+@pytest.fixture(params=[signal.default_int_handler, signal.SIG_IGN], ids=["foreground", "background"])
+def shell(request):
+    """How the shell that started the tests has them take SIGINT: children inherit that it is ignored."""
+    before = signal.signal(signal.SIGINT, request.param)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("shell")
 def test_interrupted_sweep_keeps_its_runs_and_says_how_to_go_on(tmp_path, expected):
     log = tmp_path / "log"
     process = begin(tmp_path, log, "interruptible")
