@@ -12,6 +12,10 @@ from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]
 
+EPS = float(np.finfo(float).eps)
+#: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
+ROUNDINGS = 1e3
+
 
 @dataclass(frozen=True)
 class Comparison:
@@ -20,8 +24,9 @@ class Comparison:
     Parameters
     ----------
     error : float
-        Largest over the probes of RMS in time of |u − u_ref| over max in time of |u_ref|; NaN where the two
-        have no common times.
+        Largest over the probes of RMS in time of |u − u_ref| over max in time of |u_ref|; of a probe at which the
+        reference rests, the largest |u − u_ref| itself, m. NaN where nothing can be compared: displacements are those
+        from the first output, so that a run with no common output after it has no error.
     largest : float
         Largest |u − u_ref| over probes and times, relative to the largest |u_ref| of all probes.
     by_probe : dict of probe to float
@@ -46,11 +51,14 @@ class Comparison:
         return all(s.ok for s in self.statuses)
 
 
-def history_error(u: Array, reference: Array) -> float:
-    """RMS in time of |u − u_ref| over the maximum in time of |u_ref|; both (n, 2)."""
+def history_error(u: Array, reference: Array, rounding: float = 0.0) -> float:
+    """RMS in time of |u − u_ref| over the maximum in time of |u_ref|; both (n, 2).
+
+    Where the reference moves no more than `rounding` (m) it rests, and the error is the largest difference itself, m.
+    """
     difference = np.linalg.norm(u - reference, axis=-1)
     scale = np.linalg.norm(reference, axis=-1).max()
-    return float(np.sqrt(np.mean(difference**2)) / scale) if scale > 0.0 else float(difference.max())
+    return float(np.sqrt(np.mean(difference**2)) / scale) if scale > rounding else float(difference.max())
 
 
 def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) -> Comparison:
@@ -84,19 +92,22 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
             f"at least 2 are needed: use one output_dt"
         )
     by_probe: dict[Probe, float] = {}
-    largest, scale = 0.0, 0.0
+    moving = bool((mine > 0).any() and (theirs > 0).any())
+    length = sum(body.length for body in solution.scene.bodies)
+    largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
     for probe in probes:
-        solution.scene.probe(probe)
-        if mine.size == 0:
+        place = solution.scene.probe(probe)
+        if not moving:
             by_probe[probe] = float("nan")
             continue
         u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
-        by_probe[probe] = history_error(u, v)
-        largest = max(largest, float(np.abs(np.linalg.norm(u - v, axis=-1)).max()))
-        scale = max(scale, float(np.linalg.norm(v, axis=-1).max()))
+        rounding = ROUNDINGS * EPS * max(length, float(np.abs(reference.position(*place)).max()))
+        by_probe[probe] = history_error(u, v, rounding)
+        largest = max(largest, float(np.linalg.norm(u - v, axis=-1).max()))
+        scale, blur = max(scale, float(np.linalg.norm(v, axis=-1).max())), max(blur, rounding)
     return Comparison(
         error=max(by_probe.values()),
-        largest=largest / scale if scale > 0.0 else float("nan"),
+        largest=largest / scale if scale > blur else float("nan"),
         by_probe=by_probe,
         cost_ratio=solution.cost.cpu_s / reference.cost.cpu_s if reference.cost.cpu_s > 0 else float("nan"),
         statuses=(solution.status, reference.status),

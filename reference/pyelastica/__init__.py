@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.errors import DiscretisationError, StabilityError
 from anctmm.model.scene import Clamp, Scene
+from anctmm.results.divergence_checks import STRETCH_LIMIT, checked
+from anctmm.results.energy_check import all_energy, from_nowhere
 from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status, nothing
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of, positive
@@ -33,8 +35,6 @@ OFFER = Offer(
     element="reissner",
     limits={"shear": "reissner"},
 )
-#: Stretch above which, or kinetic and strain energy of which a part from nowhere, means that a run has diverged.
-STRETCH, NOWHERE = 100.0, 0.9
 #: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
 LOWEST = {
     ("clamp", "free"): 3.516,
@@ -176,6 +176,7 @@ class System:
         self.simulator, self.stepper = self.model.Simulator(), self.model.ea.PositionVerlet()
         self.positions: dict[str, list[Array]] = {name: [] for name in self.rods}
         self.energies: list[tuple[float, ...]] = []
+        self.present = 0.0
         for rod in self.rods.values():
             rod.add_to(self.simulator)
 
@@ -190,10 +191,11 @@ class System:
         self.simulator.finalize()
         cpu, wall, step, dt = process_time(), perf_counter(), 0, run.exact_dt
         for k in run.output_steps:
+            elapsed = (k - step) * dt
             while step < k:
                 self.stepper.step(self.simulator, step * dt, dt)
                 step += 1
-            self._keep()
+            self._keep(elapsed)
             if self._diverged():
                 time = float(run.times(np.array([step]))[0])
                 why = f"the motion diverged before t = {time:.6g} s (step {step}); a dt below {run.dt:g} s may help"
@@ -248,7 +250,7 @@ class System:
                 / rod.body.length
                 for name, rod in self.rods.items()
             )
-            if not rest < left < STRETCH:
+            if not rest < left < STRETCH_LIMIT:
                 break
         return steps, left
 
@@ -263,8 +265,8 @@ class System:
         per_length = rod.mass / rod.stiffness.l
         return LOWEST[held] * sqrt(rod.stiffness.EI / per_length) / rod.body.length**2
 
-    def _keep(self) -> None:
-        """Keep positions and energies."""
+    def _keep(self, elapsed: float = 0.0) -> None:
+        """Keep positions and energies, `elapsed` (s) after those before."""
         kinetic = strain = potential = work = 0.0
         for name, rod in self.rods.items():
             kept = self.positions[name]
@@ -272,18 +274,18 @@ class System:
             with np.errstate(all="ignore"):
                 T, U = rod.energies()
                 potential -= float(np.sum(rod.forces.T * (kept[-1] - kept[0])))
-                work += sum(moment * rod.angle(end) for end, (moment, _) in rod.moments.items())
+                turns = rod.turns(elapsed)
+                work += sum(moment * turns[end] for end, (moment, _) in rod.moments.items())
             kinetic, strain = kinetic + T, strain + U
         self.energies.append((kinetic, strain, potential, work))
 
     def _diverged(self) -> bool:
         """Whether something is not finite, stretched beyond any material, or has energy from nowhere."""
-        last, first = self.energies[-1], self.energies[0]
-        if not np.isfinite(last).all() or not max(self._stretches().values()) < STRETCH:
+        if not np.isfinite(self.energies[-1]).all() or not max(self._stretches().values()) <= STRETCH_LIMIT:
             return True
-        present = max(T + U for T, U, *_ in self.energies)
-        appeared = abs(sum(last[:3]) - last[3] - sum(first[:3]) + first[3])
-        return present > 0.0 and appeared > NOWHERE * present
+        ends = Energy(*np.array([self.energies[0], self.energies[-1]]).T)
+        self.present = max(self.present, *all_energy(ends))
+        return bool(from_nowhere(ends, least=self.present)[-1])
 
     def _stretches(self) -> dict[str, float]:
         with np.errstate(all="ignore"):
@@ -302,7 +304,8 @@ class System:
         fields = {name: LagrangeField(np.array(kept[:n])) for name, kept in self.positions.items()}
         energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
-        return Solution(NAME, self.scene, self.run, t, fields, energy, cost, status, dofs)
+        found = Solution(NAME, self.scene, self.run, t, fields, energy, cost, status, dofs)
+        return checked(found, static=self.relaxed)
 
 
 def _check(clamp: str, shear_factor: float) -> None:

@@ -88,6 +88,8 @@ class Rod:
     clamp : str
     relaxed : bool
         Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
+
+    `seen` are the turn of the first element (rad) and the mean angular velocity (rad/s) at the last call of `turns`.
     """
 
     scene: Scene
@@ -102,10 +104,11 @@ class Rod:
     forces: Array = field(init=False)
     moments: dict[int, tuple[float, float]] = field(init=False)
     held: dict[int, str] = field(init=False)
+    seen: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
         self.stiffness = Stiffness.of(self.body, self.elements, self.shear_factor)
-        self.held = {}
+        self.held, self.seen = {}, (0.0, 0.0)
         for joint in self.scene.joints:
             body, side = self.scene.body_end(joint.ends[0])
             if body is self.body:
@@ -130,6 +133,24 @@ class Rod:
         x, y = self.rod.director_collection[2, :2, element]
         along, across = self.axis
         return float(np.arctan2(along * y - across * x, along * x + across * y))
+
+    def turns(self, elapsed: float) -> Array:
+        """Turn of each element's section from the reference, (elements,), rad: any number of whole turns.
+
+        Neighbours lie less than half a turn from each other, and what is clamped from its reference. A rod that is not
+        has turned since the last call, `elapsed` (s) ago, by about its mean angular velocity times that.
+        """
+        x, y = self.rod.director_collection[2, :2]
+        along, across = self.axis
+        found = np.unwrap(np.arctan2(along * y - across * x, along * x + across * y))
+        clamped = [end for end, kind in self.held.items() if kind == "clamp"]
+        spin = float(self.rod.omega_collection[0].mean())
+        anchor, expected = (
+            (clamped[0], 0.0) if clamped else (0, self.seen[0] + 0.5 * (self.seen[1] + spin) * elapsed)
+        )
+        found += 2.0 * np.pi * np.round((expected - found[anchor]) / (2.0 * np.pi))
+        self.seen = float(found[0]), spin
+        return np.asarray(found)
 
     def add_to(self, simulator: Simulator) -> None:
         """Put the rod, its supports and its loads into a simulator."""

@@ -163,6 +163,28 @@ def test_a_given_velocity_turns_a_free_bar(elastica):
     assert found.energy.balance == pytest.approx([0.0, 0.0], abs=1e-3 * found.energy.kinetic[0])
 
 
+@pytest.mark.parametrize("output_dt", [0.05, 1.1])
+@pytest.mark.parametrize("hand", [1.0, -1.0])
+def test_work_of_a_moment_counts_whole_turns(elastica, hand, output_dt):
+    """Past half a turn an angle in (−π, π] falls by a whole one: a good run was called diverged there."""
+    spun = at.Scene("spun", [beam(velocity=lambda x: (0.0, hand * L * x))], [at.Pin("beam.start")],
+                    [at.Torque("beam.end", 3.0 * hand)])  # fmt: skip
+    found = pyelastica.solve(spun, mesh=4, integrator="zhai", dt=2e-4, t_end=2.2, output_dt=output_dt)
+    assert found.status.ok, found.status
+    assert len(found.t) == len(found.run.output_steps)
+    assert found.energy.work[-1] > 3.0 * 1.2 * np.pi  # well past half a turn
+    assert np.abs(found.energy.balance).max() < 0.02 * found.energy.work[-1]
+
+
+def test_work_at_rest_counts_whole_turns(elastica):
+    """A beam rolled up by its end moment, whose end has turned more than half a turn in one load step."""
+    rest = pyelastica.solve_static(cantilever(moment=4.0 * EI / L), mesh=8)
+    assert rest.status.ok, rest.status
+    assert rest.energy.work[-1] == pytest.approx(
+        4.0 * EI / L * (4.0 - 4.0 / 16), rel=1e-3
+    )  # at the last director
+
+
 # --- limits --------------------------------------------------------------------------------------------------
 
 FREE = at.Scene("free", [beam()])
@@ -172,7 +194,7 @@ TWO = [beam(), at.Beam("other", (L, 0.0), (2 * L, 0.0), SECTION, MATERIAL)]
 @pytest.mark.parametrize(
     ("scene", "options", "reason"),
     [
-        (at.Scene("s", TWO, [at.Pin("beam.end", "other.start")]), {}, "joins two ends; PyElastica's joints are"),
+        (at.Scene("s", TWO, [at.Pin("beam.end", "other.start")]), {}, "joins ends of bodies; PyElastica's joints are"),
         (at.Scene("s", [beam()], [at.Clamp("beam.start", at.Quintic(1.0, 1.0))]), {}, "turns; a fixed clamp is needed"),
         (at.Scene("s", [beam()], [], [at.Torque("beam.end", np.sin)]), {}, "varies in time; a constant load is needed"),
         (FREE, {"mesh": 1}, "body 'beam' has 1 element; PyElastica needs 2 or more"),

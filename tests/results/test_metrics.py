@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from samples import bar
 
+from anctmm import solve
 from anctmm.errors import SolverError, UnknownNameError
+from anctmm.model.scene import Clamp, Force
 from anctmm.results.metrics import common_times, compare, history_error
 from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status
 
@@ -14,10 +16,10 @@ SCENE = bar()
 START, END = np.array([0.0, 0.0]), np.array([0.6, 0.8])
 
 
-def moved(t, start, end, cpu_s=1.0, status=None):
+def moved(t, start, end, cpu_s=1.0, status=None, offset=0.0):
     """A bar whose ends have moved by given displacements, (n, 2), at times t."""
     t, start, end = (np.asarray(x, dtype=float) for x in (t, start, end))
-    field = LagrangeField(np.stack([START + start, END + end], axis=1))
+    field = LagrangeField(np.stack([START + start, END + end], axis=1) + offset)
     cost, status = Cost(cpu_s=cpu_s), status or Status()
     return Solution("by hand", SCENE, None, t, {"bar": field}, Energy.unknown(len(t)), cost, status)
 
@@ -114,7 +116,9 @@ def test_a_run_cut_short_is_compared_up_to_its_end():
     assert result.error == pytest.approx(math.sqrt(0.5) / 3.0)
     assert not result.complete
     first = compare(moved([0.0], STILL[:1], STILL[:1], status=cut.status), THEIRS, ["bar.end"])
-    assert (first.common, first.error) == (1, 0.0)
+    assert first.common == 1
+    assert math.isnan(first.error)  # its displacement from the first output is 0 whatever it did
+    assert math.isnan(first.largest)
     apart = moved([0.0, 0.7], STILL[:2], STILL[:2], status=cut.status)
     for pair in ((apart, THEIRS), (THEIRS, apart)):
         assert compare(*pair, ["bar.end"]).common == 1
@@ -124,6 +128,41 @@ def test_a_run_cut_short_is_compared_up_to_its_end():
         assert nothing.common == 0
         assert len(nothing.by_probe) == 2
         assert all(math.isnan(x) for x in (nothing.error, nothing.largest, *nothing.by_probe.values()))
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-17, -3e-16, 1e-14])
+@pytest.mark.parametrize("offset", [0.0, 1e3])
+def test_rounding_at_a_held_probe_is_no_error(noise, offset):
+    """Of a support that moves by roundings the difference counts, m, and not its part of them."""
+    size = noise * max(1.0, offset)
+    path = [[0, 0], [0, 3], [3, 4]]
+    held = moved(THEIRS.t, [[0, 0], [size, 0], [0, -size]], path, offset=offset)
+    still = moved(THEIRS.t, 0.5 * np.array([[0, 0], [size, 0], [0, -size]]), path, offset=offset)
+    for pair in ((held, still), (still, held)):
+        result = compare(*pair, ["bar.end", "bar.start"])
+        assert result.error <= 2.0 * abs(size) + 4e-16 * max(1.0, offset)
+        alone = compare(*pair, ["bar.start"])
+        assert math.isnan(alone.largest)
+        assert alone.error == result.by_probe["bar.start"]
+    let_go = moved(THEIRS.t, [[0, 0], [0.1, 0], [0.2, 0]], path, offset=offset)
+    assert compare(let_go, held, ["bar.start"]).error == pytest.approx(0.2)
+
+
+def test_small_motion_is_compared_as_any():
+    small = [moved(m.t, STILL, 1e-10 * m.displacement("bar.end")) for m in (OURS, THEIRS)]
+    assert compare(*small, ["bar.end"]).error == pytest.approx(math.sqrt(1 / 3) / 5.0, rel=1e-4)
+
+
+def test_a_run_that_diverges_after_its_first_output_has_no_error():
+    whole = solve(bar([Clamp("bar.start")], [Force("bar.end", (0.0, 1.0))]), mesh=2, dt=1e-2, t_end=0.1)
+    cut = whole.until(1, Status("diverged", "at once", time=1e-2))
+    for pair in ((cut, whole), (whole, cut)):
+        result = compare(*pair, ["bar.end", ("bar", 0.5)])
+        assert result.common == 1
+        assert math.isnan(result.error)
+        assert all(math.isnan(x) for x in result.by_probe.values())
+        assert not result.complete
+    assert compare(whole.until(2, cut.status), whole, ["bar.end"]).error == 0.0
 
 
 def test_whole_runs_need_two_common_times():
