@@ -6,7 +6,7 @@ from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
 from anctmm.model.sections import Circle, Rectangle, Section
 from anctmm.results.metrics import Comparison, compare
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status
 from anctmm.solve import solve
 
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "Discretisation",
     "Energy",
     "Force",
+    "Interrupted",
     "Material",
     "Pin",
     "Pulse",

@@ -76,6 +76,10 @@ class StabilityError(StepError):
     """The time step lies above the stability limit of an explicit integrator."""
 
 
+class MemoryLimitError(DiscretisationError, MemoryError):
+    """A run takes more memory than is free."""
+
+
 class SolverError(AnctmmError, RuntimeError):
     """A solver could not start, for a reason that lies in the scene as discretised."""
 

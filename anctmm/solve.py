@@ -4,6 +4,7 @@ from typing import Any
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.memory import check_memory
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
@@ -12,6 +13,9 @@ from anctmm.recursion.border import refuse_rigid
 from anctmm.results.solution import Solution
 
 __all__ = ["solve", "solve_static"]
+
+#: Bytes that an explicit and an implicit run take for each coordinate, as measured.
+EXPLICIT, IMPLICIT = 150.0, 240.0
 
 
 def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
@@ -32,9 +36,14 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
     Raises
     ------
     DiscretisationError
-        Or one of its kinds, before any work, if the options are wrong or do not fit the scene.
+        Or one of its kinds, before any work, if the options are wrong or do not fit the scene, or if the run takes
+        more memory than is free.
+    Interrupted
+        A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
-    chain = Chain(scene, discretise(run, options, fixed_step=False))
+    run = discretise(run, options, fixed_step=False)
+    check_memory(scene, run, EXPLICIT if run.integrator == "zhai" else IMPLICIT)
+    chain = Chain(scene, run)
     if chain.run.tolerance is not None and chain.bodies.damping is not None:
         raise StepError(
             f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "

@@ -79,6 +79,11 @@ class Actuation:
         """Clamps that turn."""
         return [j for j in self.scene.joints if isinstance(j, Clamp) and j.angle is not None]
 
+    @property
+    def width(self) -> int:
+        """Numbers that the tables of hubs and loads hold for each time."""
+        return 3 * len(self.clamps) + 2 * len(varying_loads(self.scene))
+
     def hubs(self) -> Hubs:
         """Hubs for kernels, with a memory of their own."""
         first, rows, n = self.bodies.first, self.bodies.rows, len(self.clamps)

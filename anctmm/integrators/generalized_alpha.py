@@ -218,11 +218,14 @@ def integrate(chain: Chain) -> Solution:
     start(*fixed[3:10], actuation, fixed[-1])
     record.start()
     start(*fixed[3:10], actuation, fixed[-1])
-    failed = run_batches(chain, one)
-    done = run.steps if failed < 0 else failed
-    status = Status() if failed < 0 else _stalled(chain, failed, state, newton)
-    kept = len(run.output_steps) if failed < 0 else 1 + (failed - 1) // run.stride
-    return record.solution(kept, status, done, int(newton.counts[0]), int(newton.counts[1]))
+
+    def so_far(kept: int, status: Status, steps: int) -> Solution:
+        return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
+
+    failed = run_batches(chain, actuation.width, one, so_far)
+    if failed < 0:
+        return so_far(len(run.output_steps), Status(), run.steps)
+    return so_far(1 + (failed - 1) // run.stride, _stalled(chain, failed, state, newton), failed)
 
 
 def new_state(chain: Chain) -> State:

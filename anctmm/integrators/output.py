@@ -11,13 +11,16 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.jit.compiling import kernel
+from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import checked
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
+from anctmm.results.solution import Cost, Energy, HermiteField, Interrupted, Solution, Status, interruption
 
 Array = NDArray[np.float64]
 
-#: Steps computed between two looks at Python (progress, Ctrl-C, tabulated drives), at least.
-BATCH = 20_000
+#: Seconds that a step takes for each node, about.
+STEP = 2e-6
+#: Coordinates that are looked at together after a run.
+TOGETHER = 1 << 17
 
 
 class Output(NamedTuple):
@@ -80,8 +83,7 @@ class Record:
             for name, coordinates in bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
-        moved = q - bodies.reference()
-        potential = -np.einsum("kn,okn->o", chain.dead_load, moved)
+        potential = _potential(q, bodies.reference(), chain.dead_load)
         found = Solution(
             solver="anctmm",
             scene=chain.scene,
@@ -96,10 +98,13 @@ class Record:
         return checked(found, static=t is not None)
 
 
-def batches(steps: int, stride: int) -> list[tuple[int, int]]:
-    """Ranges of steps, whole outputs each, that together make 0 … steps."""
-    size = stride * max(1, BATCH // stride)
-    return [(n, min(n + size, steps + 1)) for n in range(0, steps + 1, size)]
+def _potential(q: Array, reference: Array, dead: Array) -> Array:
+    """Potential energy of constant forces, J, at each of the coordinates, (outputs, rows, nodes)."""
+    found, size = np.empty(len(q)), max(1, TOGETHER // reference.size)
+    for first in range(0, len(q), size):
+        moved = q[first : first + size] - reference
+        found[first : first + size] = -np.einsum("kn,okn->o", dead, moved)
+    return found
 
 
 def worst_element(chain: Chain, size: Array) -> tuple[str, int]:
@@ -113,10 +118,39 @@ def gradient_size(q: Array) -> Array:
     return np.abs(q[2:]).max(axis=0)
 
 
-def run_batches(chain: Chain, one: Callable[[int, int], int]) -> int:
-    """Run batches until the end, or until one reports the step at which it failed; −1 without failure."""
-    for begin, end in batches(chain.run.steps, chain.run.stride):
-        failed = one(begin, end)
+def run_batches(
+    chain: Chain, width: int, one: Callable[[int, int], int], so_far: Callable[[int, Status, int], Solution]
+) -> int:
+    """Take the steps of a run in batches that Ctrl-C can come between.
+
+    Parameters
+    ----------
+    chain : Chain
+    width : int
+        Numbers tabulated for each step.
+    one : callable
+        Takes the steps of a range; the step that failed, or −1.
+    so_far : callable
+        (outputs kept, status, steps) → solution.
+
+    Returns
+    -------
+    int
+        The step that failed, or −1.
+
+    Raises
+    ------
+    Interrupted
+        With the history until then.
+    """
+    run = chain.run
+    for begin, end in paced(run.steps + 1, STEP * chain.bodies.nodes, width):
+        try:
+            failed = one(begin, end)
+        except KeyboardInterrupt:
+            when = float(run.times(np.array([begin]))[0])
+            kept = 1 + (begin - 1) // run.stride  # of the steps before `begin`
+            raise Interrupted(so_far(kept, interruption(when), begin)) from None
         if failed >= 0:
             return failed
     return -1

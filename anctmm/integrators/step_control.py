@@ -32,11 +32,12 @@ from anctmm.integrators.generalized_alpha import (
     solve_step,
     start,
 )
-from anctmm.integrators.output import Output, Record, gradient_size, keep, too_large, worst_element
+from anctmm.integrators.output import STEP, Output, Record, gradient_size, keep, too_large, worst_element
 from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.pacing import paced
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
 from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.solution import Solution, Status, in_short
+from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
 Array = NDArray[np.float64]
 
@@ -49,13 +50,16 @@ FIRST, SMALLEST = 1.0 / 16.0, 1e-9
 STALE = 0.15
 #: Points of the tables of drives and loads in an interval of output, and in all at least.
 DENSITY, POINTS = 8, 4096
+#: More steps than a run can have.
+UNLIMITED = 1 << 60
 
 
 class Control(NamedTuple):
     """Step control: tolerance, error coefficient, run length (s), outputs, grid spacing (s), least scale (m).
 
     method: αm, αf, β, γ. counts: accepted and rejected steps. load and x: scratch, (rows, nodes). values and angles: of
-    loads and hubs now, a row of their tables. reference: coordinates of the undeformed scene.
+    loads and hubs now, a row of their tables. reference: coordinates of the undeformed scene. progress: where the run
+    stands, see `Progress`.
     """
 
     tolerance: float
@@ -71,6 +75,21 @@ class Control(NamedTuple):
     values: Array
     angles: Array
     reference: Array
+    progress: Array
+
+
+class Progress(NamedTuple):
+    """Time reached, scale of displacements (m), step that is wanted, that of the matrix, the last one (0: none), s."""
+
+    t: float
+    scale: float
+    wanted: float
+    factored: float
+    last: float
+
+
+#: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
+DONE, STUCK, UNFINISHED = 0, 1, 2
 
 
 def integrate(chain: Chain) -> Solution:
@@ -101,36 +120,31 @@ def integrate(chain: Chain) -> Solution:
         actuation.load_table(grid[:1])[0],
         actuation.hub_table(grid[:1])[0],
         bodies.reference(),
+        np.zeros(len(Progress._fields) + 1),
     )
     system = (bodies.tables(), links(chain), block_factors(bodies.nodes, bodies.rows))
     acting = (actuation.hubs(), actuation.loads())
-    advance(
-        0,
-        control,
-        state,
-        *system,
-        *acting,
-        newton,
-        record.arrays(),
-        actuation.hub_table(grid[:1]),
-        actuation.load_table(grid[:1]),
-    )
+    fixed = (control, state, *system, *acting, newton, record.arrays())
+    advance(0, 0, *fixed, actuation.hub_table(grid[:1]), actuation.load_table(grid[:1]))
     start(state, *system, *acting, newton, actuation)
     record.start()
     start(state, *system, *acting, newton, actuation)
-    kept, t = advance(
-        run.steps,
-        control,
-        state,
-        *system,
-        *acting,
-        newton,
-        record.arrays(),
-        actuation.hub_table(grid),
-        actuation.load_table(grid),
-    )
-    status = Status() if kept > run.steps else _stuck(chain, t, state, newton)
-    return record.solution(kept, status, int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1]))
+    control.progress[:] = *Progress(0.0, control.floor, FIRST * run.t_end / run.steps, 0.0, 0.0), 0.0
+    tables = actuation.hub_table(grid), actuation.load_table(grid)
+
+    def so_far(status: Status) -> Solution:
+        kept, steps = int(control.progress[-1]), int(control.counts[0])
+        return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
+
+    code = UNFINISHED
+    for begin, end in paced(UNLIMITED, STEP * bodies.nodes):
+        try:
+            code = int(advance(end - begin, run.steps, *fixed, *tables))
+        except KeyboardInterrupt:
+            raise Interrupted(so_far(interruption(float(control.progress[0])))) from None
+        if code != UNFINISHED:
+            break
+    return so_far(Status() if code == DONE else _stuck(chain, float(control.progress[0]), state, newton))
 
 
 def _stuck(chain: Chain, t: float, state: State, newton: Newton) -> Status:
@@ -155,6 +169,7 @@ def _stuck(chain: Chain, t: float, state: State, newton: Newton) -> Status:
 
 @kernel
 def advance(
+    budget: int,
     outputs: int,
     control: Control,
     state: State,
@@ -167,27 +182,37 @@ def advance(
     out: Output,
     hub_table: Array,
     load_table: Array,
-) -> tuple[int, float]:
-    """Run over the intervals of output; number of outputs kept and the time reached."""
+) -> int:
+    """Run over the intervals of output with at most `budget` steps, from where `control.progress` stands."""
     q, v, w = state.q, state.v, state.w
     flat_q, flat_v, flat_a, flat_w, flat_q_before, flat_w_before = state.flat
-    values, angles = control.values, control.angles
-    interval, t, scale = control.t_end / control.outputs, 0.0, control.floor
-    wanted, factored, last = interval * FIRST, 0.0, 0.0
-    hub_reactions(q, w, state.f, tables, hubs)
-    work_done(False, q, hubs, loads, values)
-    for number in range(outputs + 1):
-        if too_large(q, STRETCH_LIMIT):
-            newton.history[:] = 0.0  # no step was refused
-            return number, t
-        keep(number, 1, q, v, tables, out)
+    values, angles, progress = control.values, control.angles, control.progress
+    interval, kept = control.t_end / control.outputs, int(progress[5])
+    t, scale, wanted, factored, last = progress[0], progress[1], progress[2], progress[3], progress[4]
+    if kept == 0:
+        hub_reactions(q, w, state.f, tables, hubs)
+        work_done(False, q, hubs, loads, values)
+    code = DONE
+    for number in range(max(kept - 1, 0), outputs + 1):
+        if number == kept:
+            if too_large(q, STRETCH_LIMIT):
+                newton.history[:] = 0.0  # no step was refused
+                code = STUCK
+                break
+            keep(number, 1, q, v, tables, out)
+            kept += 1
         if number == outputs:
             break
         end = (number + 1) * interval
         while t < end - 1e-12 * interval:
+            if budget == 0:
+                code = UNFINISHED
+                break
+            budget -= 1
             h = (end - t) / np.ceil((end - t) / wanted * (1.0 - 1e-9))
             if h < SMALLEST * control.t_end:
-                return number + 1, t
+                code = STUCK
+                break
             if last > 0.0 and h != last:
                 _shift(state, control, 1.0 - h / last)
             last = 0.0
@@ -220,8 +245,12 @@ def advance(
             ratio = 0.9 * np.sqrt(allowed / max(error, 1e-300))
             if ratio < 0.9 or ratio > 1.25:  # small changes would only cost factorizations
                 wanted = h * min(max(ratio, 0.3), 1.6)
+        if code != DONE:
+            break
         t = end
-    return outputs + 1, t
+    progress[0], progress[1], progress[2], progress[3], progress[4] = t, scale, wanted, factored, last
+    progress[5] = kept
+    return code
 
 
 @inlined

@@ -139,7 +139,7 @@ def integrate(chain: Chain) -> Solution:
 
     one(0, 0)
     record.start()
-    failed = run_batches(chain, one)
+    failed = run_batches(chain, actuation.width, one, record.solution)
     if failed < 0:
         return record.solution(len(run.output_steps), Status(), run.steps)
     kept = 1 + (failed - 1) // run.stride

@@ -79,7 +79,8 @@ class Compiling(event.Listener):  # type: ignore[misc]
     def total(self) -> None:
         """Say at the end of the process what compiling took, if its beginning was said."""
         if self._said.is_set() and sys.stderr is not None:
-            sys.stderr.write(f"anctmm: {self.kernels} kernels were compiled in {self.seconds:.1f} s\n")
+            what = "1 kernel was" if self.kernels == 1 else f"{self.kernels} kernels were"
+            sys.stderr.write(f"anctmm: {what} compiled in {self.seconds:.1f} s\n")
 
 
 #: Of this process.

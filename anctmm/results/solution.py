@@ -114,13 +114,26 @@ class Energy:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a run cost, compilation excluded."""
+    """What a run cost.
+
+    Parameters
+    ----------
+    cpu_s, wall_s : float
+        Processor and wall time of the steps, s.
+    steps, newton_iterations, factorizations : int
+    build_s : float
+        Processor time of all else that the call did, s: building the system before the steps, the answer after them.
+    compile_s : float
+        Processor time that the compiler took, s; it is in none of the others.
+    """
 
     cpu_s: float = float("nan")
     wall_s: float = float("nan")
     steps: int = 0
     newton_iterations: int = 0
     factorizations: int = 0
+    build_s: float = float("nan")
+    compile_s: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -130,7 +143,8 @@ class Status:
     Parameters
     ----------
     code : str
-        "ok": nothing known speaks against the answer. "diverged" or "failed": what was computed until then is kept.
+        "ok": nothing known speaks against the answer. "diverged", "failed" or "interrupted": what was computed until
+        then is kept.
         "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere. "imprecise": it is whole,
         but rounding leaves fewer digits than it should; the message says how many. "unsupported": nothing was done.
     message : str
@@ -232,6 +246,25 @@ class Solution:
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""
         return replace(self, cost=cost)
+
+
+class Interrupted(KeyboardInterrupt):
+    """A run that was stopped by Ctrl-C.
+
+    Parameters
+    ----------
+    solution : Solution
+        The history until then, with the status "interrupted".
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.status.message)
+        self.solution = solution
+
+
+def interruption(when: float) -> Status:
+    """The status of a run that Ctrl-C stopped at a time, s."""
+    return Status("interrupted", f"the run was interrupted at t = {when:.6g} s", time=when)
 
 
 def nothing(solver: str, scene: Scene, run: Discretisation | None, status: Status) -> Solution:

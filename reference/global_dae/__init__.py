@@ -7,6 +7,7 @@ implicit, for the coordinates themselves. It shares the element kernels with ANC
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.memory import check_memory
 from anctmm.errors import DiscretisationError
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
@@ -22,6 +23,9 @@ from reference.global_dae.static import equilibria
 __all__ = ["solve", "solve_dense", "solve_static"]
 
 OFFER = Offer(lacks=frozenset({"rigid"}))
+#: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
+#: orders), and a dense matrix for each pair.
+EXPLICIT, IMPLICIT, DENSE = 1_100.0, 5_000.0, 24.0
 LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
 STABILIZATION = ("projection", "none")
 NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
@@ -65,7 +69,9 @@ def solve(
     run = discretise(run, options)
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
-    model, dense = Model.of(scene, run), linear_algebra == "dense-refactor"
+    dense = linear_algebra == "dense-refactor"
+    check_memory(scene, run, EXPLICIT if run.integrator == "zhai" else IMPLICIT, DENSE if dense else 0.0)
+    model = Model.of(scene, run)
     marcher: Marcher
     if run.integrator == "zhai":
         if run.check_stability:

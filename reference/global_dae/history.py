@@ -9,16 +9,26 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from anctmm.jit.compiling import kernel
+from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import checked
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status, in_short
+from anctmm.results.solution import (
+    Cost,
+    Energy,
+    HermiteField,
+    Interrupted,
+    Solution,
+    Status,
+    in_short,
+    interruption,
+)
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Steps for which loads and drives are sampled ahead, and between which the user may interrupt.
-BATCH = 20_000
+#: Seconds that a step takes for each node, about; a dense solve takes DENSE for each entry of its matrix.
+STEP, DENSE = 5e-6, 1e-8
 #: Values above this have left the range in which energies can be formed.
 HUGE = 1e60
 
@@ -97,6 +107,8 @@ class Marcher:
     """A model marched in time; integrators fill in `prepare` and `batch`."""
 
     advice = ""
+    #: Whether a dense matrix is solved at each step.
+    dense = False
 
     def __init__(self, model: Model) -> None:
         self.model = model
@@ -124,24 +136,41 @@ class Marcher:
         start = process_time(), perf_counter()
         self.prepare()
         step, count, status = 0, 0, Status()
-        while step <= run.steps and status.ok:
-            last = min(step + BATCH, run.steps + 1)
-            tables = self._tables(step, min(last, run.steps))
-            reached = self.batch(step, last, *tables, wanted[count:], kept[count:], energies[count:])
+
+        def so_far(status: Status) -> Solution:
+            cost = Cost(
+                process_time() - start[0],
+                perf_counter() - start[1],
+                min(step, run.steps),
+                self.newton_iterations,
+                self.factorizations,
+            )
+            t = run.times(wanted[:count])
+            return solution(solver, self.model, t, kept[:count], energies[:count], cost, status)
+
+        for first, last in paced(run.steps + 1, self._estimate(), self._width()):
+            try:
+                tables = self._tables(first, min(last, run.steps))
+                reached = self.batch(first, last, *tables, wanted[count:], kept[count:], energies[count:])
+            except KeyboardInterrupt:
+                when = float(run.times(np.array([first]))[0])
+                raise Interrupted(so_far(interruption(when))) from None
             count += reached.outputs
             step = reached.step
             if reached.node >= 0:
                 status = self._diverged(reached)
-        cost = Cost(
-            process_time() - start[0],
-            perf_counter() - start[1],
-            min(step, run.steps),
-            self.newton_iterations,
-            self.factorizations,
-        )
-        return solution(
-            solver, self.model, run.times(wanted[:count]), kept[:count], energies[:count], cost, status
-        )
+                break
+        return so_far(status)
+
+    def _estimate(self) -> float:
+        """Seconds that a step takes, about."""
+        nodes = self.model.bodies.nodes
+        return STEP * nodes + (DENSE * self.model.dofs**2 if self.dense else 0.0)
+
+    def _width(self) -> int:
+        """Numbers tabulated for each step."""
+        values, angles = self._tables(0, 0)
+        return int(values[0].size + angles[0].size)
 
     def _tables(self, first: int, last: int) -> tuple[Array, Array]:
         t = self.model.run.times(np.arange(first, last + 1))

@@ -1,0 +1,36 @@
+"""Calls of kernels that last long enough to cost nothing beside their work, and short enough to be interrupted.
+
+Python answers Ctrl-C between two calls of compiled code, not within one.
+"""
+
+import time
+from collections.abc import Iterator
+
+#: Seconds that a call should take, and the first one, whose work is only estimated.
+CALL, FIRST = 0.2, 0.05
+#: Times that a call may be larger than the one before.
+GROWTH = 16
+#: Numbers in the tables made for one call: a bound of the memory that long runs take.
+TABLE = 100_000
+
+
+def paced(steps: int, seconds: float, width: int = 0) -> Iterator[tuple[int, int]]:
+    """Ranges of steps, each sized by what the one before took, that together make 0 … steps − 1.
+
+    Parameters
+    ----------
+    steps : int
+    seconds : float
+        What a step takes, about.
+    width : int
+        Numbers tabulated for each step.
+    """
+    most = max(1, TABLE // (1 + width))
+    count, begin = min(max(1, int(FIRST / seconds)), most), 0
+    while begin < steps:
+        end = min(begin + count, steps)
+        started = time.perf_counter()
+        yield begin, end
+        took = max(time.perf_counter() - started, 1e-9)
+        count = max(1, min(int(count * min(CALL / took, GROWTH)), most))
+        begin = end

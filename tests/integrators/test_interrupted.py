@@ -1,0 +1,109 @@
+"""Ctrl-C stops a run between two calls of its kernel, and what was computed is kept."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+from samples import bar
+
+import anctmm as at
+from anctmm.model.scene import Clamp, Force
+from anctmm.solve import solve
+from reference import global_dae
+
+ROADS = [solve, global_dae.solve]
+KINDS = {
+    "explicit": {"integrator": "zhai", "dt": 1e-5},
+    "implicit": {"integrator": "generalized-alpha", "dt": 1e-5},
+}
+
+
+@pytest.fixture
+def scene_that_is_interrupted():
+    """A scene and what arms it: Ctrl-C is then pressed soon after its load was asked for a later time than 0."""
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # ignored where tests run in the background
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    armed = threading.Event()
+
+    def load(t):
+        if armed.is_set() and np.max(t) > 0.0:
+            armed.clear()
+            timer.start()
+        return 0.1 + 0.0 * t, 0.0 * t
+
+    yield bar([Clamp("bar.start")], [Force("bar.end", load)], gravity=(0.0, -9.81)), armed.set
+    timer.cancel()
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_of_hours_ends_soon_and_keeps_its_history(road, kind, scene_that_is_interrupted):
+    scene, arm = scene_that_is_interrupted
+    dt, stride = 2.0**-17, 2**12
+    options = {"mesh": 2, **KINDS[kind], "dt": dt, "output_dt": stride * dt}
+    some = road(scene, **options, t_end=4 * stride * dt)
+    arm()
+    with pytest.raises(at.Interrupted) as caught:
+        road(scene, **options, t_end=2.0**12)
+    found = caught.value.solution
+    assert found.status == "interrupted"
+    assert "interrupted at t = " in found.status.message
+    assert found.cost.steps > 0
+    assert found.t.size == 1 + (found.cost.steps - 1) // stride
+    assert found.position("bar", 1.0).shape == (found.t.size, 2)
+    both = min(found.t.size, 5)
+    assert np.array_equal(some.position("bar", 1.0)[:both], found.position("bar", 1.0)[:both])
+
+
+def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(scene_that_is_interrupted):
+    scene, arm = scene_that_is_interrupted
+    options = {"mesh": 8, "tolerance": 1e-6, "output_dt": 0.2}
+    solve(scene, mesh=2, tolerance=1e-2, t_end=1e-3, output_dt=1e-3)
+    arm()
+    with pytest.raises(at.Interrupted) as caught:
+        solve(scene, **options, t_end=20.0)
+    found = caught.value.solution
+    assert found.status == "interrupted"
+    assert found.t.size >= 1
+    assert found.status.time >= found.t[-1]
+
+
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("when", [0.0, 2.4e-3, 9.99e-3])
+def test_the_history_kept_is_that_of_the_whole_run(road, kind, when, monkeypatch):
+    """Ctrl-C pressed while a function of the user's is evaluated, at a known time."""
+    monkeypatch.setattr("anctmm.jit.pacing.FIRST", 1e-3)
+    monkeypatch.setattr("anctmm.jit.pacing.GROWTH", 1)
+    pressed = []
+
+    def load(t):
+        if pressed and np.max(t) > when:
+            raise KeyboardInterrupt
+        return np.sin(t), 0.0 * np.asarray(t)
+
+    scene = bar([Clamp("bar.start")], [Force("bar.end", load)])
+    options = {"mesh": 2, **KINDS[kind], "t_end": 1e-2, "output_dt": 3e-4}
+    whole = road(scene, **options)
+    pressed.append(True)
+    with pytest.raises(at.Interrupted) as caught:
+        road(scene, **options)
+    found = caught.value.solution
+    n = found.t.size
+    assert n <= 1 + when / 3e-4
+    assert found.status.time <= when + 1e-12
+    assert n >= (found.status.time - 1e-5) / 3e-4
+    assert np.array_equal(found.t, whole.t[:n])
+    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+    for name, series in vars(found.energy).items():
+        assert np.array_equal(series, getattr(whole.energy, name)[:n])
+
+
+def test_an_interrupted_run_is_a_keyboard_interrupt():
+    """Scripts end as they are used to, and sweeps keep what was finished before."""
+    assert issubclass(at.Interrupted, KeyboardInterrupt)

@@ -1,0 +1,107 @@
+"""Memory is estimated before work; a long run with few outputs takes no more of it than a short one."""
+
+import tracemalloc
+
+import numpy as np
+import pytest
+from samples import bar
+
+from anctmm.discretise import memory
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.memory import check_memory
+from anctmm.errors import AnctmmError, MemoryLimitError
+from anctmm.model.drives import Quintic
+from anctmm.model.scene import Clamp, Force
+from anctmm.solve import EXPLICIT, IMPLICIT, solve
+from reference import global_dae
+
+DRIVEN = bar([Clamp("bar.start", Quintic(1.0, 1.0))], [Force("bar.end", lambda t: (np.sin(t), 0.0 * t))])
+STEPS = {
+    "explicit": {"integrator": "zhai", "dt": 1e-6},
+    "implicit": {"dt": 1e-6},
+    "tolerance": {"tolerance": 1e-3, "output_dt": 1e-3},
+}
+
+
+def peak(call):
+    """Bytes that a call takes at most at once, after one that compiles."""
+    call()
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize("road", [solve, global_dae.solve])
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+def test_a_long_run_with_one_output_takes_no_more_memory_than_a_short_one(road, integrator):
+    def run(steps):
+        t_end = 1e-6 * steps
+        return peak(
+            lambda: road(DRIVEN, mesh=1, integrator=integrator, dt=1e-6, t_end=t_end, output_dt=t_end)
+        )
+
+    short, long = run(60_000), run(240_000)
+    assert long <= 1.1 * short
+    assert long < 16e6
+
+
+@pytest.mark.parametrize("kind", ["cable", "shear"])
+@pytest.mark.parametrize(("each", "options"), [(EXPLICIT, {"integrator": "zhai"}), (IMPLICIT, {})])
+def test_the_estimate_is_what_a_run_takes(kind, each, options):
+    """Large meshes, and many outputs of a small one."""
+    scene = bar([Clamp("bar.start")])
+    rows = 6 if kind == "shear" else 4
+    fixed = {"element": kind, "dt": 1e-9, "check_stability": False, **options}
+    taken = peak(lambda: solve(scene, mesh=20_000, t_end=2e-9, output_dt=2e-9, **fixed))
+    assert 0.5 < taken / (20_001 * rows * (each + 2 * memory.NUMBER)) < 1.1
+    taken = peak(lambda: solve(scene, mesh=100, t_end=1.2e-5, **fixed))
+    assert 0.5 < taken / (12_001 * (101 * rows * memory.NUMBER + memory.ENERGIES)) < 1.3
+
+
+@pytest.mark.parametrize("road", [solve, global_dae.solve])
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"mesh": 10**18}, ["1000000000000000001 nodes", "coarser mesh"]),
+        ({"mesh": 10**9, "element": "shear"}, ["1000000001 nodes", "coarser mesh"]),
+        ({"mesh": 8, "dt": 1e-12}, ["9 nodes", "outputs", "output_dt of", "or more"]),
+        ({"mesh": 8, "dt": 1e-12, "integrator": "zhai"}, ["9 nodes", "output_dt of", "or more"]),
+    ],
+)
+def test_too_much_memory_is_refused_by_name_before_any_work(road, options, words):
+    with pytest.raises(MemoryLimitError) as caught:
+        road(bar([Clamp("bar.start")]), **{"t_end": 1.0, "dt": 1e-3, **options})
+    message = str(caught.value)
+    assert [w for w in ["scene 'bar'", "free", *words] if w not in message] == []
+    assert isinstance(caught.value, AnctmmError)
+    assert isinstance(caught.value, MemoryError)
+
+
+def test_the_advised_output_interval_and_mesh_are_accepted(monkeypatch):
+    monkeypatch.setattr(memory, "free_memory", lambda: 1e9)
+    scene = bar([Clamp("bar.start")])
+    with pytest.raises(
+        MemoryLimitError, match=r"takes about 3[.]52 GB.* 1 GB are free; output_dt of"
+    ) as caught:
+        check_memory(scene, Discretisation(mesh=8, dt=1e-7), IMPLICIT)
+    interval = float(str(caught.value).partition("output_dt of ")[2].partition(" s")[0])
+    check_memory(scene, Discretisation(mesh=8, dt=1e-7, output_dt=interval), IMPLICIT)
+    with pytest.raises(MemoryLimitError, match="coarser mesh is needed, of about") as caught:
+        check_memory(scene, Discretisation(mesh=10**7), IMPLICIT)
+    nodes = int(str(caught.value).partition("of about ")[2].partition(" nodes")[0])
+    check_memory(scene, Discretisation(mesh=nodes - 1, t_end=1.0, output_dt=1.0), IMPLICIT)
+
+
+def test_a_dense_matrix_counts():
+    with pytest.raises(MemoryLimitError):
+        global_dae.solve_dense(bar([Clamp("bar.start")]), mesh=10**6, dt=1e-3, t_end=1e-3)
+
+
+def test_what_is_free_is_known_or_not_but_never_wrong_in_its_unit(monkeypatch):
+    free = memory.free_memory()
+    assert free is None or 1e6 < free < 1e15
+    monkeypatch.setattr(memory, "free_memory", lambda: None)
+    check_memory(bar(), Discretisation(mesh=10**9), IMPLICIT)  # nothing is known, nothing is refused
