@@ -1,11 +1,9 @@
-"""Where a number comes from: the machine, the versions and the source that made it."""
+"""Where a number comes from: the machine and the versions that made it."""
 
-import hashlib
 import os
 import platform
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
-from importlib.util import find_spec
 from pathlib import Path
 
 LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica")
@@ -42,26 +40,6 @@ def stamp() -> str:
     m = machine()
     parts = [m["processor"], f"{m['cores']} cores", m["system"], f"Python {m['python']}"]
     return ", ".join(parts + [f"{name} {v}" for name, v in versions().items()])
-
-
-@cache
-def source_hash() -> str:
-    """Hash of the source a run's result depends on."""
-    digest = hashlib.sha256()
-    for package in ("anctmm", "reference"):
-        root = _root(package)
-        for path in sorted(root.rglob("*.py")):
-            digest.update(f"{package}/{path.relative_to(root).as_posix()}\0".encode() + path.read_bytes())
-    for name in RUN_MODULES:
-        digest.update((_root("studies") / name).read_bytes())
-    return digest.hexdigest()
-
-
-def _root(package: str) -> Path:
-    spec = find_spec(package)
-    assert spec is not None
-    assert spec.submodule_search_locations is not None
-    return Path(next(iter(spec.submodule_search_locations)))
 
 
 def _processor() -> str:

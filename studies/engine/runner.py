@@ -2,7 +2,6 @@
 
 import hashlib
 import inspect
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from itertools import groupby
@@ -21,6 +20,7 @@ from anctmm.results.solution import Cost, Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.registry import Solver, static_of
 from studies.engine import provenance
+from studies.engine.sources import Sources, module_of
 from studies.engine.store import Store
 from studies.engine.timing import summarise, undisturbed
 
@@ -182,6 +182,7 @@ class Runner:
     on_job: Callable[[str, int, int], None] = lambda label, done, total: None
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
+    _sources: Sources = field(default_factory=Sources)
 
     def __post_init__(self) -> None:
         self._store = Store(self.cache, self.note)
@@ -215,8 +216,22 @@ class Runner:
         return self.sweep([case])[0]
 
     def remember(self, key: str, compute: Callable[[], Any], given: Sequence[Any] = ()) -> Any:
-        """Result of any computation, cached under a key, the source and the versions; `given` as for `Store`."""
-        return self._store.remember(_stamped(key), compute, given)
+        """Result of any computation, kept under a key, the source it is made of, the machine and the versions.
+
+        Parameters
+        ----------
+        key : str
+            Tells this computation from every other of its module: all that it reads, the `source` of solvers that it
+            finds by name among it. Under an empty one nothing is kept.
+        compute : callable
+            Its module, and all that this imports, is the source. Where none can be found nothing is kept.
+        given : sequence
+            As for `Store`.
+        """
+        source = self._sources.of(compute)
+        if not key or source is None:
+            return compute()
+        return self._store.remember(f"{key}|{source}|{provenance.stamp()}", compute, given)
 
     def jobs(
         self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
@@ -226,15 +241,15 @@ class Runner:
         Parameters
         ----------
         jobs : sequence of (str, callable, callable)
-            Label, which tells a job from every other of the same code; what computes it; and what takes its place,
+            Label, which tells a job from every other of its module; what computes it; and what takes its place,
             unremembered, if that raises an error of the solvers or of linear algebra.
         code : str
-            Text that tells the code of the jobs from every other.
+            The `source` of all solvers that the jobs find by name; nothing is kept if it is empty.
         """
         results = []
         for done, (label, compute, otherwise) in enumerate(jobs, 1):
             try:
-                results.append(self.remember(f"{label}|{code}", compute))
+                results.append(self.remember(code and f"{label}|{code}", compute))
             except (AnctmmError, np.linalg.LinAlgError) as error:
                 results.append(otherwise(error))
             self.on_job(label, done, len(jobs))
@@ -244,13 +259,27 @@ class Runner:
         """Run a case now, unremembered; whatever fails is a solution with that status."""
         return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
 
-    def key(self, case: Case) -> str:
-        """Text that tells a case and the code of its solver from every other."""
+    def key(self, *cases: Case) -> str:
+        """Text that tells cases, the source of their solvers and of their scenes' functions, from every other.
+
+        It is empty where a case cannot be told by its text, or a source cannot be found: nothing is then kept.
+        """
+        parts = []
+        for case in cases:
+            source = self.source(case.solver, *classes(case))
+            if not reproducible(case) or not source:
+                return ""
+            parts.append(f"{case_key(case)}|{source}")
+        return "|".join(parts)
+
+    def source(self, solver: str, *modules: str) -> str:
+        """Text that tells the source of a solver, and of further modules, from every other; empty if none is found."""
         try:
-            code = origin(self.resolve(case.solver))
-        except Exception as error:  # a solver that cannot be loaded now may be mended later
-            code = f"{type(error).__name__}: {error}"
-        return f"{case_key(case)}|{code}"
+            plain = inspect.unwrap(self.resolve(solver))
+        except Exception as error:  # a solver that cannot be loaded now may be repaired later
+            return f"{solver} {type(error).__name__}: {error}"
+        digest = self._sources.digest(module_of(plain), *modules)
+        return f"{module_of(plain)}.{getattr(plain, '__qualname__', '?')} {digest}" if digest else ""
 
     def _contest(self, group: Sequence[Case], budget_s: float) -> Iterator[Outcome]:
         first = {case: self._sample(case, 0) for case in group}
@@ -267,9 +296,10 @@ class Runner:
 
         def solution() -> Solution:
             solver = self.resolve(case.solver)
-            if not reproducible(case):
+            key = self.key(case)
+            if not key:
                 return self._run(case, solver, k)
-            key = f"{self.key(case)}|sample {k}"
+            key = f"{key}|sample {k}"
             return self.remember(key, lambda: self._run(case, solver, k), [case.scene])  # type: ignore[no-any-return]
 
         return guarded(case.solver, case.scene, solution)
@@ -398,30 +428,57 @@ def mesh_label(mesh: Mesh) -> str:
 
 def case_key(case: Case) -> str:
     """Text that tells a case from every other, with every digit of every number."""
-    with np.printoptions(threshold=sys.maxsize, floatmode="unique"):
-        return repr(case)
+    return _text(case)
+
+
+def _text(value: Any) -> str:
+    """A value with all that makes it, whatever its own representation leaves out."""
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = (f"{f.name}={_text(getattr(value, f.name))}" for f in fields(value) if f.init)
+        return f"{_class(value)}({', '.join(parts)})"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{_text(k)}: {_text(v)}' for k, v in value.items())}}}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(map(_text, value)))}}}"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
+    return repr(value)
+
+
+def _class(value: Any) -> str:
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """A value and all that it is made of."""
+    yield value
+    if is_dataclass(value) and not isinstance(value, type):
+        inside: Iterable[Any] = (getattr(value, f.name) for f in fields(value) if f.init)
+    elif isinstance(value, Mapping):
+        inside = (*value.keys(), *value.values())
+    else:
+        inside = value if isinstance(value, tuple | list | set | frozenset) else ()
+    for part in inside:
+        yield from _parts(part)
+
+
+def classes(value: Any) -> set[str]:
+    """Modules of the classes of a value and of its parts: a drive's law is code of its class."""
+    return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
 
 
 def reproducible(value: Any) -> bool:
     """Whether a value is told by its text: data only, no plain function, whose text is an address."""
-    if is_dataclass(value) and not isinstance(value, type):
-        return all(reproducible(getattr(value, f.name)) for f in fields(value) if f.repr)
-    if isinstance(value, Mapping):
-        return all(map(reproducible, value.values()))
-    if isinstance(value, tuple | list | set | frozenset):
-        return all(map(reproducible, value))
-    return value is None or isinstance(value, str | bytes | int | float | complex | np.generic | np.ndarray)
-
-
-def origin(solver: Solver) -> str:
-    """Name of a solver with a hash of its module, which may be another package's."""
-    path = inspect.getsourcefile(inspect.unwrap(solver))
-    digest = hashlib.sha256(Path(path).read_bytes()).hexdigest() if path and Path(path).exists() else ""
-    return f"{solver.__module__}.{getattr(solver, '__qualname__', '?')} {digest}"
-
-
-def _stamped(key: str) -> str:
-    return f"{key}|{provenance.source_hash()}|{provenance.stamp()}"
+    plain = str | bytes | int | float | complex | np.generic | Mapping | tuple | list | set | frozenset
+    return all(
+        v is None
+        or isinstance(v, plain)
+        or (isinstance(v, np.ndarray) and not v.dtype.hasobject)
+        or (is_dataclass(v) and not isinstance(v, type))
+        for v in _parts(value)
+    )
 
 
 def _contest(case: Case) -> str:

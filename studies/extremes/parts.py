@@ -1,10 +1,7 @@
 """What the parts of the study of extremes share: a part's answer, and rows that are kept when they are done."""
 
-import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,16 +32,19 @@ class Job:
     Parameters
     ----------
     label : str
-        Tells it from every other job, and is shown while it runs.
+        Tells it from every other job of its module, and is shown while it runs.
     setting : mapping
         Columns that stand in its row if it fails.
     rows : callable
         Computes the rows.
+    solver : str
+        Name of a solver that it is only given by name; empty without one.
     """
 
     label: str
     setting: Mapping[str, Any]
     rows: Callable[[], list[Row]]
+    solver: str = ""
 
     def failed(self, error: Exception) -> list[Row]:
         """The row that says why there are no others."""
@@ -53,7 +53,9 @@ class Job:
 
 def rows_of(jobs: Sequence[Job], runner: Runner) -> list[Row]:
     """Rows of all jobs, each job kept when it is done."""
-    found = runner.jobs([(f"extremes: {job.label}", job.rows, job.failed) for job in jobs], code())
+    sources = [runner.source(name) for name in dict.fromkeys(job.solver for job in jobs if job.solver)]
+    code = " ".join(["extremes", *sources]) if all(sources) else ""
+    found = runner.jobs([(f"extremes: {job.label}", job.rows, job.failed) for job in jobs], code)
     return [row for rows in found for row in rows]
 
 
@@ -66,14 +68,3 @@ def worst(frame: pd.DataFrame, column: str) -> dict[Any, Any]:
     """The row with the largest size of a column."""
     sizes = frame[column].abs().to_numpy(float)
     return frame.to_dict("records")[int(np.nanargmax(sizes))]
-
-
-@cache
-def code() -> str:
-    """Hash of the modules of this study and of those it computes with."""
-    here = Path(__file__).parent
-    names = ("benchmark/direct.py", "benchmark/kernels.py", "benchmark/length.py", "engine/setting.py")
-    digest = hashlib.sha256()
-    for path in [*sorted(here.glob("*.py")), *(here.parent / name for name in names)]:
-        digest.update(path.read_bytes())
-    return digest.hexdigest()

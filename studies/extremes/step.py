@@ -243,6 +243,7 @@ def step(quick: bool, runner: Runner) -> Part:
             f"step, {name}, {n} {element}",
             {"what": "solver", "solver": name, "element": element, "elements": n},
             partial(solver_row, name, element, n, runner),
+            name,
         )
         for name, element in SOLVERS
         for n in ((4,) if quick else (4, 16))

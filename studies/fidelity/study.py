@@ -255,7 +255,8 @@ def _absent(setting: Setting, runner: Runner) -> pd.DataFrame:
     present = replace(case_of(setting, kinds, stable_step(damped, setting.of(kinds), kinds)), scene=damped)
     plain = replace(present, scene=setting.base.scene)
     with_damping, without = runner.sweep([present, plain])
-    seen = runner.remember("functions of a plain run", lambda: compiled_functions(plain))
+    key = runner.key(plain)
+    seen = runner.remember(key and f"functions of a plain run|{key}", lambda: compiled_functions(plain))
     lines = [
         {
             "feature": feature, "function": function, "in_a_plain_run": seen[function],

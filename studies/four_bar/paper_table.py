@@ -81,9 +81,9 @@ def _rounds(cases: Mapping[Contestant, Case], repeats: int, runner: Runner) -> d
         rounds = alternate(calls, repeats)
         return {m: [replace(s, t=s.t[:0], fields={}) for s in found] for m, found in rounds.items()}
 
-    keys = [runner.key(case) for case in cases.values()]
+    key = runner.key(*cases.values())
     scenes = [case.scene for case in cases.values()]
-    return runner.remember(f"in turn {repeats} times: {keys}", measure, scenes)  # type: ignore[no-any-return]
+    return runner.remember(key and f"in turn {repeats} times|{key}", measure, scenes)  # type: ignore[no-any-return]
 
 
 def _line(

@@ -106,8 +106,8 @@ def time_again(
         found = in_turn(f"trade, {swept.base.scene.name}", contest, rounds, Samples())
         return {int(k): values for k, values in found.items()}
 
-    key = f"trade in turn, {rounds} rounds|" + "|".join(runner.key(case) for case in cases.values())
-    return runner.remember(key, sample)  # type: ignore[no-any-return]
+    key = runner.key(*cases.values())
+    return runner.remember(key and f"trade in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
 
 
 def _asked(case: Case) -> dict[str, float]:
