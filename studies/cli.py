@@ -1,51 +1,25 @@
 """The command line. Whatever is slow to import is imported by the command that needs it."""
 
-import shlex
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+
+from studies.command_line.ending import CODES, BadOption, Code, Command, Commands
+from studies.command_line.options import duration, path, positive, read_options, texts
+from studies.command_line.progress import bar, sweeping
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.progress import Progress
-
-    from studies.engine.runner import Case, Mesh, Runner
-    from studies.engine.study import Options
+    from studies.regression.check import Finding
     from studies.trade.recommend import Measured
 
-
-class BadOption(Exception):
-    """An option's value cannot be read."""
-
-
-class Commands(TyperGroup):
-    """Commands whose errors, if they are the user's or the disk's, are one line and exit code 2."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run a command."""
-        try:
-            return super().invoke(ctx)
-        except (BadOption, OSError) as error:
-            reason: Exception = error
-        except Exception as error:
-            from anctmm.errors import AnctmmError
-
-            if not isinstance(error, AnctmmError):
-                raise
-            reason = error
-        typer.echo(f"anctmm: {' '.join(str(reason).split())}", err=True)
-        raise typer.Exit(2)
-
+__all__ = ["app", "main", "read_options", "sweeping"]
 
 app = typer.Typer(
     cls=Commands,
     help="Accuracy, stability and cost of planar flexible multibody solvers.",
-    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
 
 Elements = Annotated[
@@ -64,7 +38,7 @@ def main() -> None:
     app()
 
 
-@app.command("list")
+@app.command("list", cls=Command)
 def list_() -> None:
     """Scenes, solvers and studies."""
     from rich.console import Console
@@ -88,7 +62,7 @@ def list_() -> None:
         scenes.add_row(base.scene.name, bodies, ", ".join(map(_probe, base.probes)), base.source)
     solvers = table("Solvers", "name", "from", "lacks")
     for name, origin in registry.origins():
-        solvers.add_row(name, origin, escape(_lacks(name)))
+        solvers.add_row(escape(name), escape(origin), escape(_lacks(name)))
     studies = table("Studies", "name", "question")
     for name, (_, question) in STUDIES.items():
         studies.add_row(name, question)
@@ -97,14 +71,16 @@ def list_() -> None:
         console.print(shown, "")
 
 
-@app.command()
+@app.command(cls=Command)
 def study(
     name: Annotated[str, typer.Argument(help="four-bar, cantilever, … (see `anctmm list`)")],
     elements: Elements = None,
     dt: Steps = None,
     solvers: Solvers = None,
     quick: Quick = False,
-    out: Annotated[Path, typer.Option(help="Where tables and pictures go.")] = Path("results"),
+    out: Annotated[
+        Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
+    ] = Path("results"),
 ) -> None:
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
@@ -123,10 +99,12 @@ def study(
     print(f"\nWritten to {folder}/")
 
 
-@app.command()
+@app.command(cls=Command)
 def report(
     quick: Quick = False,
-    out: Annotated[Path, typer.Option(help="Where the page, tables and pictures go.")] = Path("reports"),
+    out: Annotated[
+        Path, typer.Option(help="Where the page, tables and pictures go.", parser=path, metavar="PATH")
+    ] = Path("reports"),
 ) -> None:
     """Run every study and write one page."""
     from studies.engine.files import check_writable
@@ -143,10 +121,10 @@ def report(
     print(f"Written to {write_page(results, out, quick)}")
 
 
-@app.command()
+@app.command(cls=Command)
 def recommend(
     scene: Annotated[str, typer.Argument(help="four-bar or cantilever-fall, or the beginning of it.")],
-    error: Annotated[str | None, typer.Option(help="Error wished, relative: 1e-3.", metavar="NUMBER")] = None,
+    error: Annotated[str | None, typer.Option(help="Target error, relative: 1e-3.", metavar="NUMBER")] = None,
     budget: Annotated[
         str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
     ] = None,
@@ -154,7 +132,9 @@ def recommend(
     table: Annotated[
         Path | None,
         typer.Option(
-            help="Directory of a measured trade; else reports/trade, results/trade, or measure now."
+            help="Directory of a measured trade; else reports/trade, results/trade, or measure now.",
+            parser=path,
+            metavar="PATH",
         ),
     ] = None,
     rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
@@ -166,7 +146,7 @@ def recommend(
     from studies.trade.recommend_print import show, show_rerun, show_script
 
     name = advice.scene_name(scene)
-    wish, limit = _positive("--error", error), _duration("--budget", budget)
+    wish, limit = positive("--error", error), duration("--budget", budget)
     if wish is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
     measured = _measured_trade(table)
@@ -178,11 +158,14 @@ def recommend(
         again = advice.rerun(choice.line, measured.histories, wish, choice.reached)
         show_rerun(again, choice, wish, console)
         if not again.met:
-            raise typer.Exit(1)
+            raise typer.Exit(Code.DIFFERS)
+    if not choice.reached:
+        raise typer.Exit(Code.DIFFERS)
 
 
 def _measured_trade(table: Path | None) -> "Measured":
     """A kept trade, from a directory, or one measured now and kept."""
+    from studies.engine.files import check_writable
     from studies.engine.study import Options, find, write
     from studies.trade import recommend as advice
 
@@ -191,6 +174,7 @@ def _measured_trade(table: Path | None) -> "Measured":
     for folder in (Path("reports/trade"), Path("results/trade")):
         if (folder / "points.csv").exists():
             return advice.read(folder)
+    check_writable(Path("results"))
     print("No measured trade in reports/trade or results/trade: measuring (some minutes) …", file=sys.stderr)
     with sweeping(quick=False) as runner:
         result = find("trade")(Options(), runner)
@@ -198,10 +182,12 @@ def _measured_trade(table: Path | None) -> "Measured":
     return advice.of_result(result)
 
 
-@app.command()
+@app.command(cls=Command)
 def bench(
     quick: Quick = False,
-    out: Annotated[Path, typer.Option(help="Where tables and pictures go.")] = Path("results"),
+    out: Annotated[
+        Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
+    ] = Path("results"),
 ) -> None:
     """Measure kernels, peers, length and memory: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
@@ -218,7 +204,7 @@ def bench(
     print(f"\nWritten to {folder}/")
 
 
-@app.command()
+@app.command(cls=Command)
 def check(
     only: Annotated[
         str | None,
@@ -227,13 +213,20 @@ def check(
     solver: Annotated[str | None, typer.Option(help="Solvers by name: a,b.", metavar="LIST")] = None,
     update: Annotated[bool, typer.Option("--update", help="Store what is new or differs.")] = False,
     scenes: Annotated[
-        Path | None, typer.Option(help="A Python file of your own that defines WATCHED.", dir_okay=False)
+        Path | None,
+        typer.Option(help="A Python file of your own that defines WATCHED.", parser=path, metavar="PATH"),
     ] = None,
     baselines: Annotated[
         Path | None,
-        typer.Option(help="Stored histories: those of anctmm, or baselines/ beside your scenes."),
+        typer.Option(
+            help="Stored histories: those of anctmm, or baselines/ beside your scenes.",
+            parser=path,
+            metavar="PATH",
+        ),
     ] = None,
-    out: Annotated[Path, typer.Option(help="Where table, JUnit XML and pictures go.")] = Path("results"),
+    out: Annotated[
+        Path, typer.Option(help="Where table, JUnit XML and pictures go.", parser=path, metavar="PATH")
+    ] = Path("results"),
 ) -> None:
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
@@ -244,32 +237,32 @@ def check(
     from studies.regression.scenes import declared_in, tasks_of
     from studies.regression.small_watches import all_watches
 
+    asked, solvers = texts("--only", only), texts("--solver", solver)
     every = tasks_of(declared_in(scenes) if scenes else all_watches())
-    texts, solvers = _texts(only), _texts(solver)
-    tasks = checking.select(every, texts, solvers)
+    tasks = checking.select(every, asked, solvers)
     stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)
     check_writable(out / "check")
     findings: list[checking.Finding] = []
     work = (
         checking.update(tasks, stored)
         if update
-        else checking.check(tasks, stored, whole=not texts and not solvers)
+        else checking.check(tasks, stored, whole=not asked and not solvers)
     )
-    with _progress(Console(stderr=True)) as progress:
-        bar = progress.add_task(tasks[0].name, total=len(tasks))
+    with bar(Console(stderr=True)) as progress:
+        task = progress.add_task(tasks[0].name, total=len(tasks))
         for done, found in enumerate(work, 1):
             findings += found
             following = tasks[done].name if done < len(tasks) else "writing"
-            progress.update(bar, description=following, completed=min(done, len(tasks)))
+            progress.update(task, description=following, completed=min(done, len(tasks)))
         write_check(findings, out / "check")
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
-    raise typer.Exit(0 if checking.passed(findings) else 1)
+    raise typer.Exit(_verdict(findings))
 
 
-@app.command()
+@app.command(cls=Command)
 def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> None:
-    """Test a solver against the rules every solver keeps: exit 1 where it breaks one, 2 where it is not installed."""
+    """Test a solver against the rules every solver keeps: exit 1 where it breaks one, 4 where it is not installed."""
     from rich.console import Console
 
     from studies.conformance import check as conforming
@@ -283,67 +276,13 @@ def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `
     raise typer.Exit(conforming.exit_code(findings))
 
 
-def read_options(elements: str | None, dt: str | None, solvers: str | None, quick: bool) -> "Options":
-    """Options as typed to options as meant.
+def _verdict(findings: "list[Finding]") -> Code:
+    """The exit code of a check."""
+    from studies.regression import check as checking
 
-    Raises
-    ------
-    BadOption
-        Naming the option, its value and what is allowed.
-    """
-    from studies.engine.study import Options
-
-    return Options(
-        quick=quick,
-        meshes=_list("--elements", elements, _mesh, "whole numbers from 1 on such as 2/8/2,4/16/4 or 8,16"),
-        steps=_list("--dt", dt, _step, "positive numbers of seconds such as 1e-5,5e-6"),
-        solvers=_list("--solvers", solvers, _solver, "; ".join(_solver_names())),
-    )
-
-
-@contextmanager
-def sweeping(quick: bool) -> "Iterator[Runner]":
-    """A runner that shows its progress; on an interrupt it says what is kept and exits with 130."""
-    from rich.console import Console
-
-    from anctmm.jit.cache_dir import kept_in
-    from studies.engine.runner import Runner
-
-    cache = kept_in("runs")
-    console = Console(stderr=True)
-    with _progress(console) as progress:
-        task = progress.add_task("starting", total=None)
-
-        def on_done(case: "Case", done: int, total: int) -> None:
-            what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
-            on_job(what, done, total)
-
-        def on_job(label: str, done: int, total: int) -> None:
-            progress.update(task, description=f"{runner.heading}{label}", completed=done, total=total)
-
-        def note(text: str) -> None:
-            console.print(f"anctmm: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
-
-        runner = Runner(
-            cache,
-            repeats=1 if quick else 3,
-            budget_s=1.0 if quick else 20.0,
-            on_done=on_done,
-            note=note,
-            on_job=on_job,
-        )
-        try:
-            yield runner
-        except KeyboardInterrupt:
-            progress.stop()
-            again = shlex.join(["anctmm", *sys.argv[1:]])
-            kept = (
-                f"Finished runs ({runner.computed} of this session) are kept in {cache}; go on with: {again}"
-            )
-            if cache is None:
-                kept = "Nothing is kept, for no directory could be written."
-            console.print(f"Interrupted. {kept}", soft_wrap=True, markup=False, highlight=False)
-            raise typer.Exit(130) from None
+    if all(f.verdict == checking.NOT_RUN for f in findings):
+        return Code.NOT_RUN
+    return Code.DONE if checking.passed(findings) else Code.DIFFERS
 
 
 def _lacks(solver: str) -> str:
@@ -354,90 +293,7 @@ def _lacks(solver: str) -> str:
     try:
         return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
     except PluginError as error:
-        return f"broken: {error}"
-
-
-def _progress(console: "Console") -> "Progress":
-    """A bar that goes away when it is done."""
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TextColumn("left"),
-        TimeRemainingColumn(),
-    )  # fmt: skip
-    return Progress(*columns, console=console, transient=True)
-
-
-def _texts(text: str | None) -> tuple[str, ...]:
-    """Items of a list as typed."""
-    return tuple(item for item in (t.strip() for t in (text or "").split(",")) if item)
-
-
-def _list(option: str, text: str | None, read: Callable[[str], Any], allowed: str) -> tuple[Any, ...] | None:
-    if text is None:
-        return None
-    values = []
-    for item in text.split(","):
-        try:
-            values.append(read(item.strip()))
-        except ValueError:
-            raise BadOption(f"{option} has {item.strip()!r}; allowed are {allowed}") from None
-    return tuple(dict.fromkeys(values))
-
-
-def _mesh(item: str) -> "Mesh":
-    mesh = tuple(int(n) for n in item.split("/"))
-    if min(mesh) < 1:
-        raise ValueError
-    return mesh
-
-
-def _step(item: str) -> float:
-    dt = float(item)
-    if not 0.0 < dt < float("inf"):
-        raise ValueError
-    return dt
-
-
-def _positive(option: str, text: str | None) -> float | None:
-    if text is None:
-        return None
-    try:
-        return _step(text)
-    except ValueError:
-        raise BadOption(f"{option} has {text!r}; allowed are positive numbers such as 1e-3") from None
-
-
-def _duration(option: str, text: str | None) -> float | None:
-    """Seconds of 0.5s, 20ms, 3us or 0.5."""
-    if text is None:
-        return None
-    for unit, factor in (("us", 1e-6), ("ms", 1e-3), ("s", 1.0), ("", 1.0)):
-        if text.endswith(unit):
-            try:
-                return factor * _step(text.removesuffix(unit))
-            except ValueError:
-                break
-    raise BadOption(f"{option} has {text!r}; allowed are positive times such as 0.5s, 20ms or 0.5")
-
-
-def _solver(item: str) -> str:
-    if item not in _solver_names():
-        raise ValueError
-    return item
-
-
-def _solver_names() -> list[str]:
-    from anctmm.solvers import registry
-
-    return registry.names()
+        return f"broken: {' '.join(str(error).split())}"
 
 
 def _probe(probe: Any) -> str:

@@ -15,6 +15,7 @@ from anctmm.errors import PluginError, UnknownSolverError
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution, Status
 from anctmm.solvers.capabilities import Offer
+from anctmm.solvers.foreign_code import contained, told
 
 GROUP = "anctmm.solvers"
 #: The package whose names nobody else can take.
@@ -57,7 +58,8 @@ def load(name: str) -> Solver:
             f"solver {name!r} is registered by {' and '.join(map(_package, found))}; one of them must go"
         )
     try:
-        loaded = entry.load()
+        with contained():
+            loaded = entry.load()
     except Exception as error:  # whatever another's module does when imported
         raise PluginError(
             f"solver {name!r} of package {_package(entry)} ({entry.value}) cannot be loaded: "
@@ -65,7 +67,7 @@ def load(name: str) -> Solver:
         ) from error
     if not callable(loaded):
         raise PluginError(
-            f"solver {name!r} of package {_package(entry)} ({entry.value}) is {loaded!r}; "
+            f"solver {name!r} of package {_package(entry)} ({entry.value}) is {told(loaded)}; "
             f"a function (scene, run) is needed"
         )
     return loaded  # type: ignore[no-any-return]
@@ -102,7 +104,7 @@ def offer_of(solver: Solver) -> Offer:
     found = getattr(module, "OFFER", Offer())
     if not isinstance(found, Offer):
         raise PluginError(
-            f"OFFER of module {module.__name__!r} is {found!r}; an anctmm.solvers.capabilities.Offer is needed"
+            f"OFFER of module {module.__name__!r} is {told(found)}; an anctmm.solvers.capabilities.Offer is needed"
         )
     return found
 

@@ -196,4 +196,4 @@ def glance(result: Result, console: Console) -> None:
         )  # fmt: skip
     console.print(shown)
     for finding in result.findings:
-        console.print(f"• {finding}", highlight=False)
+        console.print(f"• {finding}", highlight=False, markup=False)

@@ -202,8 +202,8 @@ def passed(findings: Sequence[Finding]) -> bool:
 
 
 def exit_code(findings: Sequence[Finding]) -> int:
-    """0 if all rules hold, 1 if one is broken, 2 if none could be tested: what the solver needs is not installed."""
-    return 2 if any(f.verdict == NOT_INSTALLED for f in findings) else 0 if passed(findings) else 1
+    """0 if all rules hold, 1 if one is broken, 4 if none could be tested: what the solver needs is not installed."""
+    return 4 if any(f.verdict == NOT_INSTALLED for f in findings) else 0 if passed(findings) else 1
 
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:

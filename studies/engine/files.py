@@ -1,11 +1,16 @@
 """Files that appear whole or not at all."""
 
+import hashlib
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from anctmm.errors import OutputError
 from anctmm.jit.cache_dir import why_not_writable
+
+#: File of the checksums of a directory's files.
+CHECKSUMS = "SHA256SUMS"
 
 
 def atomic_write(path: Path, content: str | bytes) -> None:
@@ -16,7 +21,8 @@ def atomic_write(path: Path, content: str | bytes) -> None:
     OutputError
         Naming the file and the reason, if it cannot be written; the old one is then still there.
     """
-    data = content.encode() if isinstance(content, str) else content
+    # a path that is no UTF-8 may stand in a message
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
@@ -33,6 +39,32 @@ def atomic_write(path: Path, content: str | bytes) -> None:
             f"file {str(path)!r} cannot be written ({error.strerror or error}); a directory that can be written "
             f"and has room for {len(data)} bytes is needed"
         ) from error
+
+
+def write_checksums(folder: Path, names: Iterable[str]) -> None:
+    """Write the checksums of files of a directory beside them, in the form that `sha256sum --check` reads."""
+    lines = [f"{_digest(folder / name)}  {name}\n" for name in names]
+    atomic_write(folder / CHECKSUMS, "".join(lines))
+
+
+def check_checksum(path: Path) -> str:
+    """What is wrong with a file by the checksum that stands beside it; nothing if it is the one that was written."""
+    try:
+        lines = (path.parent / CHECKSUMS).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        return f"its checksum in {CHECKSUMS} cannot be read: {getattr(error, 'strerror', None) or error}"
+    known = {name: digest for digest, _, name in (line.partition("  ") for line in lines)}
+    if path.name not in known:
+        return f"{CHECKSUMS} has no checksum of it"
+    return (
+        ""
+        if known[path.name] == _digest(path)
+        else f"it is not the file that {CHECKSUMS} names: cut or edited"
+    )
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def check_writable(directory: Path, option: str = "--out") -> None:

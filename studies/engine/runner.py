@@ -18,6 +18,7 @@ from anctmm.model.scene import Probe, Scene
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Cost, Solution, Status, nothing
 from anctmm.solvers import registry
+from anctmm.solvers.foreign_code import contained, told
 from anctmm.solvers.registry import Solver, static_of
 from studies.engine import provenance
 from studies.engine.sources import Sources, module_of
@@ -313,7 +314,7 @@ class Runner:
                     self._warm.add(kind)
                 solution = case.solve(solver)
             if not isinstance(solution, Solution):
-                raise SolverError(f"solver {case.solver!r} answered {solution!r}; a Solution is needed")
+                raise SolverError(f"solver {case.solver!r} answered {told(solution)}; a Solution is needed")
         except AnctmmError as error:
             return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
         self.computed += 1
@@ -324,7 +325,8 @@ class Runner:
 def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
     """What `solve` returns; whatever it raises becomes a solution with that status."""
     try:
-        return solve()
+        with contained():
+            return solve()
     except AnctmmError as error:
         return nothing(solver, scene, None, Status("refused", _one_line(error)))
     except Exception as error:  # one broken solver must not end a sweep

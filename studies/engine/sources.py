@@ -32,7 +32,10 @@ class File:
 
 @dataclass
 class Sources:
-    """Hashes of source, each file read once: edits made while a program runs are not the code that runs."""
+    """Hashes of source, each file read once: edits made while a program runs are not the code that runs.
+
+    Our own files are read once for all, those of others once for each object of this class.
+    """
 
     _files: dict[str, File | None] = field(default_factory=dict)
     _digests: dict[tuple[str, ...], str | None] = field(default_factory=dict)
@@ -84,9 +87,10 @@ class Sources:
         return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
     def _file(self, name: str) -> File | None:
+        if name.partition(".")[0] in OURS:
+            return _own(name)
         if name not in self._files:
-            path = _path(name)
-            self._files[name] = None if path is None else _read(name, path)
+            self._files[name] = _read(name)
         return self._files[name]
 
 
@@ -114,10 +118,19 @@ def _path(name: str) -> Path | None:
     return next((f for f in files if f.is_file()), None)
 
 
-def _read(name: str, path: Path) -> File | None:
+@cache
+def _own(name: str) -> File | None:
+    return _read(name)
+
+
+def _read(name: str) -> File | None:
+    """A module's file; None if there is none, or it cannot be read."""
+    path = _path(name)
     try:
-        content = path.read_bytes()
+        content = b"" if path is None else path.read_bytes()
     except OSError:
+        path = None
+    if path is None:
         return None
     names: tuple[str, ...] = ()
     if path.suffix == ".py":

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
+from studies.engine.files import write_checksums
 from studies.engine.tables import Table, write_machine, write_table
 
 if TYPE_CHECKING:
@@ -95,6 +96,27 @@ class Result:
         return next(t for t in self.tables if t.name == name)
 
 
+def refuse(options: Options, study: str, *names: str) -> None:
+    """Refuse options that a study does not take: what it does not use must not seem to be used.
+
+    Parameters
+    ----------
+    options : Options
+    study : str
+        Name of the study.
+    *names : str
+        Those of "meshes", "steps" and "solvers" that it does not take.
+
+    Raises
+    ------
+    StudyError
+    """
+    typed = {"meshes": "--elements", "steps": "--dt", "solvers": "--solvers"}
+    for name in names:
+        if getattr(options, name) is not None:
+            raise StudyError(f"study {study!r} has {name} of its own; {typed[name]} is not allowed")
+
+
 def find(name: str) -> "Callable[[Options, Runner], Result]":
     """The `run` of a study.
 
@@ -119,4 +141,5 @@ def write(result: Result, out: Path) -> Path:
     for picture in result.pictures:
         write_picture(picture, folder)
     write_machine(folder)
+    write_checksums(folder, [f"{table.name}.csv" for table in result.tables])
     return folder

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result
+from studies.engine.study import Options, Result, refuse
 from studies.extremes.damping import damping
 from studies.extremes.deformation import deformation
 from studies.extremes.length import length
@@ -29,6 +29,7 @@ PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
 
 def run(options: Options, runner: Runner) -> Result:
     """Run the study; meshes, steps and solvers are its own."""
+    refuse(options, "extremes", "meshes", "steps", "solvers")
     parts = [part(options.quick, runner) for part in PARTS]
     learned = tuple(sentence for part in parts for sentence in part.learned)
     return Result(

@@ -19,7 +19,7 @@ from anctmm.jit.compiling import OPTIONS
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.metrics import compare
 from studies.engine.runner import Case, Mesh, Outcome, Reference, Runner, mesh_label, row
-from studies.engine.study import Options, Result
+from studies.engine.study import Options, Result, refuse
 from studies.engine.tables import ACCURACY, Table, cpu_time
 from studies.report.plots import PALETTE, Picture, floor, log_ticks, picture
 from studies.scenes import BaseScene, cantilever_fall, four_bar
@@ -99,6 +99,7 @@ def settings(quick: bool) -> tuple[Setting, ...]:
 
 def run(options: Options, runner: Runner) -> Result:
     """Run the study; meshes, steps and solvers are its own."""
+    refuse(options, "fidelity", "meshes", "steps", "solvers")
     chosen = settings(options.quick)
     studied = [_study(s, runner) for s in chosen]
     frame = pd.concat([s.frame for s in studied], ignore_index=True)

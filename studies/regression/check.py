@@ -11,6 +11,7 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anctmm.errors import PluginError
 from anctmm.results.solution import Status
@@ -269,7 +270,7 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
     if not len(computed.columns):
         return found
     times = stored.history.t
-    if computed.t.shape != times.shape or np.abs(computed.t - times).max() > 1e-9 * max(times[-1], 1e-300):
+    if computed.t.shape != times.shape or not _close(computed.t, times):
         told = (f"{len(t)} up to {t[-1]:g}" for t in (times, computed.t))
         return replace(found, verdict=DIFFERS, reason="stored times are {}; now there are {}".format(*told))
     worst = _worst(computed, stored)
@@ -285,6 +286,11 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
             reason = f"{name} are {now}, stored are {before} ± {margin}"
             return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
     return replace(found, worst=worst)
+
+
+def _close(times: NDArray[np.float64], stored: NDArray[np.float64]) -> bool:
+    """Whether times are those stored; what is no number is not."""
+    return bool(np.abs(times - stored).max() <= 1e-9 * max(float(stored[-1]), 1e-300))
 
 
 def _worst(computed: History, stored: Baseline) -> Worst:

@@ -11,6 +11,7 @@ from junitparser import Error, Failure, JUnitXml, Skipped, TestCase, TestSuite
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from studies.engine.tables import Table, atomic_write, write_table
@@ -48,11 +49,12 @@ def show(findings: Sequence[Finding], console: Console) -> None:
             right = "right" if head in NUMERIC else "left"
             shown.add_column(head, justify=right, width=width, overflow="fold")  # type: ignore[arg-type]
         for finding in group:
-            shown.add_row(*_cells(finding), style=None if finding.good else "bold red")
-        console.print(f"[bold]{' · '.join(run)}[/bold]", shown, highlight=False)
+            shown.add_row(*map(escape, _cells(finding)), style=None if finding.good else "bold red")
+        console.print(f"[bold]{escape(' · '.join(run))}[/bold]", shown, highlight=False)
     for finding in findings:
         if finding.reason:
-            console.print(f"{finding.name}: {finding.reason}", style=_style(finding), highlight=False)
+            told = f"{finding.name}: {finding.reason}"
+            console.print(told, style=_style(finding), highlight=False, markup=False)
     counts = {v: sum(f.verdict == v for f in findings) for v in dict.fromkeys(f.verdict for f in findings)}
     console.print(", ".join(f"{n} {verdict}" for verdict, n in counts.items()), highlight=False)
 
@@ -82,7 +84,9 @@ def junit(findings: Sequence[Finding]) -> str:
         for f in group:
             name = f.solver + (f" against {f.against}" if f.against not in ("", f.solver) else "")
             case = TestCase(name, f"{f.scene}.{f.run}", f.wall_s)
-            told = _told(f)
+            told = "".join(
+                c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in _told(f)
+            )
             if f.verdict == NOT_RUN:
                 case.result = [Skipped(told)]
             elif not f.good:
@@ -123,7 +127,7 @@ def _differences(name: str, findings: list[Finding]) -> Picture:
             )  # fmt: skip
         panels[0].plot([], [], color=INK, linewidth=1.2, label="lines: tolerances")
         legend_below(figure, list(panels), 4)
-        figure.suptitle(name.replace("--", " · "), fontsize=10, x=0.01, ha="left")
+        figure.suptitle(_plain(name.replace("--", " · ")), fontsize=10, x=0.01, ha="left")
 
     caption = f"{name}: largest difference to the stored histories (points), and tolerances (lines)."
     return picture(name, caption, draw, (3.1 * max(len(quantities), 2), 3.4))
@@ -160,7 +164,7 @@ def _one(f: Finding) -> Picture:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
         above.plot(computed.t, computed.values[:, k], "o", color=PALETTE[1], label="computed")
         above.plot(stored.history.t, stored.history.values[:, k], color=INK, label="stored", linewidth=1.0)
-        above.set(ylabel=worst.column.label, title=f.name)
+        above.set(ylabel=_plain(worst.column.label), title=_plain(f.name))
         above.legend()
         difference = computed.values[:, k] - stored.history.values[:, k]
         label = f"tolerance, ±{worst.tolerance:.1e} {unit}"
@@ -219,6 +223,11 @@ def _told(f: Finding) -> str:
     where = f"{w.column.label} at {w.time:g}"
     told = f"{f.verdict}: {w.difference:.2e} {unit} in {where}, tolerance {w.tolerance:.1e} {unit}"
     return f"{told}; {f.reason}" if f.reason else told
+
+
+def _plain(text: str) -> str:
+    """A name in a picture: no mathematics."""
+    return text.replace("$", r"\$")
 
 
 def _style(f: Finding) -> str:

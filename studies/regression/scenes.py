@@ -3,7 +3,7 @@
 import re
 import runpy
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,14 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
 from anctmm.model.scene import Probe, Scene
+from anctmm.solvers.foreign_code import contained, told
 from studies import scenes
 from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
 
 #: What a user's file must define.
 DECLARED = "WATCHED"
 #: Names of scenes, runs and solvers become names of directories and files.
-PLAIN = re.compile(r"\w[\w.+-]*")
+PLAIN = re.compile(r"\w[\w.+-]{0,99}")
 #: Always told of a run; of what else it sets, only what is not a default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
 
@@ -95,29 +96,32 @@ class Watch:
 
     def __post_init__(self) -> None:
         if not isinstance(self.scene, Scene):
-            raise CheckError(f"Watch scene is {self.scene!r}; a Scene is needed")
+            raise CheckError(f"Watch scene is {told(self.scene)}; a Scene is needed")
         _plain("scene name", self.scene.name)
         for name in ("probes", "solvers"):
             value = getattr(self, name)
-            if isinstance(value, str) or not (value := tuple(value)):
+            given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
+            if not isinstance(given, tuple) or not given:
                 raise CheckError(
-                    f"Watch of {self.scene.name!r} has {name} {value!r}; a list of at least one is needed"
+                    f"Watch of {self.scene.name!r} has {name} {told(given)}; a list of at least one is needed"
                 )
-            object.__setattr__(self, name, value)
+            object.__setattr__(self, name, given)
+        for body in self.scene.bodies:
+            _in_a_head(body.name)
         for probe in self.probes:
             self.scene.probe(probe)
         for solver in self.solvers:
             _plain("solver", solver)
         if not isinstance(self.runs, Mapping) or not self.runs:
             raise CheckError(
-                f"Watch of {self.scene.name!r} has runs {self.runs!r}; "
+                f"Watch of {self.scene.name!r} has runs {told(self.runs)}; "
                 f"a mapping of at least one name to a Discretisation or a Static is needed"
             )
         for name, run in self.runs.items():
             _plain("run name", name)
             if not isinstance(run, Run):
                 raise CheckError(
-                    f"run {name!r} of {self.scene.name!r} is {run!r}; a Discretisation or a Static is needed"
+                    f"run {name!r} of {self.scene.name!r} is {told(run)}; a Discretisation or a Static is needed"
                 )
 
 
@@ -189,21 +193,24 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
         If the file is not there, does not run, or declares nothing of that kind.
     """
     if not path.is_file():
-        raise CheckError(f"--scenes {path}: no such file; a Python file that defines {DECLARED} is needed")
+        what = "no file" if path.exists() else "no such file"
+        raise CheckError(f"--scenes {path}: {what}; a Python file that defines {DECLARED} is needed")
     places = list(sys.path)
     sys.path.insert(0, str(path.resolve().parent))
     try:
-        found = runpy.run_path(str(path)).get(DECLARED)
+        with contained():
+            defined = runpy.run_path(str(path))
     except AnctmmError:
         raise
     except Exception as error:
         raise CheckError(f"--scenes {path} does not run: {type(error).__name__}: {error}") from error
     finally:
         sys.path[:] = places
+    found = defined.get(DECLARED)
     watches = tuple(found) if isinstance(found, list | tuple) else ()
     if not watches or not all(isinstance(w, Watch) for w in watches):
         raise CheckError(
-            f"--scenes {path} defines {DECLARED} = {found!r}; a list of at least one Watch is needed"
+            f"--scenes {path} defines {DECLARED} = {told(found)}; a list of at least one Watch is needed"
         )
     return watches
 
@@ -295,7 +302,16 @@ def _rest(base: BaseScene) -> tuple[Watch, ...]:
 def _plain(what: str, name: object) -> None:
     if not isinstance(name, str) or not PLAIN.fullmatch(name):
         raise CheckError(
-            f"{what} is {name!r}; letters, digits and _ . + - are allowed: it becomes a file's name"
+            f"{what} is {name!r}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
+        )
+
+
+def _in_a_head(name: str) -> None:
+    """A body's name stands in the head of a stored history, whose columns are separated by commas."""
+    if "," in name or not name.isprintable():
+        raise CheckError(
+            f"body name is {name!r}; no comma, line break or control character is allowed: it stands in the head of "
+            f"a stored history"
         )
 
 

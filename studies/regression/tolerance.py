@@ -25,6 +25,7 @@ from anctmm.errors import AnctmmError, PluginError, SolverError
 from anctmm.model.scene import Beam, Force, Load, Point, Scene
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
+from anctmm.solvers.foreign_code import told
 from studies.engine.runner import guarded, static_of
 from studies.engine.timing import undisturbed
 from studies.regression.history import Baseline, History, Tolerance
@@ -73,7 +74,7 @@ def simulate(task: Task, **options: Any) -> Solution:
             refused = Status("refused", f"{type(error).__name__}: {error}")
             return nothing(task.solver, task.scene, None, refused)
         if not isinstance(answer, Solution):
-            raise SolverError(f"solver {task.solver!r} answers {answer!r}; a Solution is needed")
+            raise SolverError(f"solver {task.solver!r} answers {told(answer)}; a Solution is needed")
         return answer
 
     with undisturbed():

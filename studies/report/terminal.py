@@ -20,7 +20,7 @@ def glance(result: Result, console: Console) -> None:
     if any(t.name == "accuracy" for t in result.tables):
         _accuracy(result.table("accuracy").frame, console)
     for finding in result.findings:
-        console.print(f"• {finding}", highlight=False)
+        console.print(f"• {finding}", highlight=False, markup=False)
 
 
 def _accuracy(frame: pd.DataFrame, console: Console) -> None:
@@ -29,7 +29,8 @@ def _accuracy(frame: pd.DataFrame, console: Console) -> None:
         for reference, known in runs.drop_duplicates("reference")[
             ["reference", "reference_error"]
         ].itertuples(index=False):
-            console.print(f"reference: {reference}, known to {known:.1g}", style="dim", highlight=False)
+            about = f"reference: {reference}, known to {known:.1g}"
+            console.print(about, style="dim", highlight=False, markup=False)
         console.print()
     for status, runs in failed(frame).groupby("status", sort=False):
         solvers = ", ".join(dict.fromkeys(runs["solver"]))

@@ -12,6 +12,7 @@ import pandas as pd
 
 from anctmm.errors import AnctmmError
 from anctmm.results.metrics import history_error
+from studies.engine.files import check_checksum
 from studies.engine.runner import Case
 from studies.engine.study import Result
 from studies.engine.timing import undisturbed
@@ -83,20 +84,26 @@ def read(folder: Path) -> Measured:
     Raises
     ------
     RecommendError
-        If a table is missing, cannot be read or is another one.
+        If a table is missing, cannot be read, is another one, or is not the one that was written.
     """
     frames = {}
     for name, needed in NEEDED.items():
         path = folder / f"{name}.csv"
+        if path.exists() and not path.is_file():
+            raise RecommendError(f"table {path} is no file; `anctmm study trade` writes it")
         try:
             frames[name] = pd.read_csv(path)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, OverflowError) as error:
             raise RecommendError(
                 f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
             ) from None
         if missing := [c for c in needed if c not in frames[name].columns]:
             raise RecommendError(
                 f"table {path} has no column {missing[0]!r}; one of `anctmm study trade` is needed"
+            )
+        if wrong := check_checksum(path):
+            raise RecommendError(
+                f"table {path} may be damaged ({wrong}); a whole one of `anctmm study trade` is needed"
             )
     return Measured(**frames, origin=str(folder))
 

@@ -1,6 +1,7 @@
 """What `anctmm recommend` prints."""
 
 from rich.console import Console
+from rich.markup import escape
 from rich.syntax import Syntax
 from rich.table import Table
 
@@ -19,12 +20,13 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
             soft_wrap=True,
         )
     head = "Recommended" if choice.reached else "Nearest"
-    console.print(f"[bold]{head}: {setting_of(line)}[/bold]", highlight=False, soft_wrap=True)
+    console.print(f"[bold]{head}: {escape(setting_of(line))}[/bold]", highlight=False, soft_wrap=True)
     console.print(
         f"expected {milliseconds(line['cpu_s'])} of CPU time; error {line['error']:.2g} ± "
         f"{line['reference_error']:.1g} (mesh {line['mesh_error']:.1g}, step {line['step_error']:.1g}); from {origin}",
         highlight=False,
         soft_wrap=True,
+        markup=False,
     )
     if warning:
         console.print(f"Note: {warning}.", style="dim", highlight=False, soft_wrap=True)
@@ -39,14 +41,14 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
             shown.add_column(name, justify="right" if right else "left", header_style="dim")
         for other in choice.runners_up.to_dict("records"):
             cost = milliseconds(other["cpu_s"])
-            shown.add_row(setting_of(other), cost, f"{other['ratio']:.3g}", f"{other['error']:.2g}")
+            shown.add_row(escape(setting_of(other)), cost, f"{other['ratio']:.3g}", f"{other['error']:.2g}")
         console.print(shown)
     console.print()
 
 
 def show_script(script: str, console: Console) -> None:
     """Print the script; where nobody looks, as it can be run: nothing folded, nothing coloured."""
-    if console.is_terminal:
+    if console.file.isatty():
         console.print(Syntax(script, "python", background_color="default"))
     else:
         print(script)

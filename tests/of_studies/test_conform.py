@@ -51,7 +51,7 @@ def test_what_is_not_installed_is_said_and_no_rule_is_broken(monkeypatch):
         assert verdicts == [HOLDS, NOT_INSTALLED, *[NOT_RUN] * len(RULES)]
         assert "exudyn is not installed; pip install exudyn" in findings[1].measured
         assert not passed(findings)
-        assert exit_code(findings) == 2
+        assert exit_code(findings) == 4
     console = Console(record=True, width=200)
     show(name, findings, console)
     assert f"1 holds, {len(RULES)} not run, 1 not installed" in console.export_text()

@@ -157,9 +157,7 @@ FALL = cantilever_fall()
 
 
 def case(**changes):
-    return Case(
-        FALL.scene, "anctmm", (2,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01, **changes
-    )
+    return Case(FALL.scene, "anctmm", (2,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01, **changes)
 
 
 def test_the_key_of_a_run_holds_the_code_of_a_scenes_functions(mine):

@@ -1,0 +1,1 @@
+"""What every command shares: how it ends, its streams, its options, its progress."""
