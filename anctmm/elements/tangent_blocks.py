@@ -58,12 +58,13 @@ def placement(blocks: Sequence[tuple[int, int, str, int, int]]) -> Ints:
         Nodal vectors k ≥ m; whether the sum is "symmetric", "full" or to be "transposed"; its first row; the power p of
         its factor: ±1 for ±v, ±2 for ±v², v = 1/l.
     """
+    index = getattr(lower, "py_func", lower)  # as a module is imported nothing is to be compiled
     entries = []
     for k, m, form, source, power in blocks:
         for r in range(2):
             for s in range(2 if k > m else r + 1):
                 row = {"symmetric": r + s, "full": 2 * r + s, "transposed": 2 * s + r}[form]
-                entries.append((lower(2 * k + r, 2 * m + s) // TANGENT_BLOCK, source + row, power))
+                entries.append((index(2 * k + r, 2 * m + s) // TANGENT_BLOCK, source + row, power))
     return np.array(entries, dtype=np.int64)
 
 
