@@ -160,6 +160,10 @@ class Bodies:
         i = self._places[name]
         return int(self.first[i]) + self.meshes[i].node(side)
 
+    def mesh(self, name: str) -> BodyMesh:
+        """Mesh of a body."""
+        return self.meshes[self._places[name]]
+
     def turning_row(self, name: str) -> int:
         """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
         return 2 * self.meshes[self._places[name]].vectors - 2

@@ -1,13 +1,13 @@
-"""A scene as ANC-TMM sees it: nodes in a row, a link from each to the next, and what is known beforehand.
+"""A scene as ANC-TMM sees it: nodes in a row, what each body's last node is linked to, and what is known beforehand.
 
-Bodies stand in the order and direction in which the chain passes through them. Both sides of a joint have a node
-of their own.
+Bodies stand in the order of elimination and in the direction in which they are passed (see `plan`). Every end has a
+node of its own, also where ends are joined.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,92 +16,22 @@ from scipy.sparse import csr_array
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import body_meshes, constant_forces
-from anctmm.errors import BranchError, ClosedLoopError, DiscretisationError, EndJoinedTwiceError
-from anctmm.model.joints import Joint
-from anctmm.model.scene import Clamp, Scene, Weld
-from anctmm.model.topology import End, end_of
+from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
+from anctmm.errors import DiscretisationError
+from anctmm.model.joints import Weld
+from anctmm.model.scene import Scene
+from anctmm.model.topology import End, Junction, junctions_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: What leads from a body's last node to the next node of the row.
-PIN, WELD, BREAK = 1, 2, 3
 #: Turn of a weld below which its two frames count as one, rad.
 ALIGNED = 1e-12
 
 
-class Link(NamedTuple):
-    """A body of a chain, passed from its inboard to its outboard end, with the joints at both.
-
-    A joint between two bodies is the `outboard` one of the first and the `inboard` one of the next.
-    """
-
-    body: str
-    reversed: bool
-    inboard: Joint | None
-    outboard: Joint | None
-
-
-def chains_of(scene: Scene) -> list[list[Link]]:
-    """Chains from ground or free end to ground or free end, in the order of their first bodies.
-
-    Raises
-    ------
-    BranchError
-        If more than two ends meet.
-    EndJoinedTwiceError
-        If an end is in two joints.
-    ClosedLoopError
-        If bodies are left that no end of a chain leads to.
-    """
-    at: dict[End, tuple[Joint, End | None]] = {}
-    for joint in scene.joints:
-        ends = [end_of(scene, name) for name in joint.ends]
-        if len(ends) > 2:
-            raise BranchError(
-                f"{joint!r} joins {len(ends)} ends; solver 'anctmm' allows two so far, 'global-dae' any number"
-            )
-        for i, end in enumerate(ends):
-            if end in at:
-                raise EndJoinedTwiceError(
-                    f"end {joint.ends[i]!r} is in {at[end][0]!r} and in {joint!r}; solver 'anctmm' allows one joint "
-                    f"an end so far, 'global-dae' several"
-                )
-            at[end] = (joint, ends[1 - i] if len(ends) == 2 else None)
-    free: tuple[Joint | None, End | None] = (None, None)
-    chains: list[list[Link]] = []
-    seen: set[str] = set()
-    for body in scene.bodies:
-        for side in (0, 1):
-            if body.name not in seen and at.get((body.name, side), free)[1] is None:
-                chain = _walk((body.name, side), at, free)
-                seen.update(link.body for link in chain)
-                chains.append(chain)
-    left = [body.name for body in scene.bodies if body.name not in seen]
-    if left:
-        raise ClosedLoopError(
-            f"bodies {', '.join(map(repr, left))} close a loop that does not pass through the ground; solver 'anctmm' "
-            f"needs chains from ground or free end to ground or free end so far, 'global-dae' does not"
-        )
-    return chains
-
-
-def _walk(
-    first: End, at: Mapping[End, tuple[Joint | None, End | None]], free: tuple[Joint | None, End | None]
-) -> list[Link]:
-    chain: list[Link] = []
-    entry: End | None = first
-    while entry is not None:
-        body, side = entry
-        inboard = at.get(entry, free)[0]
-        outboard, entry = at.get((body, 1 - side), free)
-        chain.append(Link(body, side == 1, inboard, outboard))
-    return chain
-
-
 @dataclass(frozen=True)
 class Chain:
-    """Chains of a scene laid one after another, a BREAK between them.
+    """A scene cut into elements, its bodies in the order of elimination.
 
     Parameters
     ----------
@@ -131,45 +61,73 @@ class Chain:
                     )
 
     @cached_property
-    def _links(self):  # type: ignore[no-untyped-def]
-        return [link for chain in chains_of(self.scene) for link in chain]
+    def junctions(self) -> tuple[Junction, ...]:
+        """Places where ends meet."""
+        return junctions_of(self.scene)
+
+    @cached_property
+    def vertices(self) -> list[Vertex]:
+        """Junctions, less what the ground holds apart."""
+        return vertices_of(self.junctions)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """Order and links of the bodies."""
+        return plan_of([body.name for body in self.scene.bodies], self.vertices)
 
     @cached_property
     def bodies(self) -> Bodies:
-        """Bodies in the order and direction of the chain."""
-        return Bodies(body_meshes(self.scene, self.run, [(k.body, k.reversed) for k in self._links]))
+        """Bodies in the order and direction in which they are passed."""
+        return Bodies(body_meshes(self.scene, self.run, [(s.body, s.reversed) for s in self.plan.steps]))
+
+    def node(self, end: End) -> int:
+        """Node at an end of a body."""
+        return self.bodies.node(*end)
 
     @cached_property
     def link(self) -> Ints:
-        """PIN, WELD or BREAK behind the last node of each body."""
+        """BREAK, PIN or WELD behind the last node of each body."""
+        return np.array([step.link for step in self.plan.steps], dtype=np.int64)
+
+    @cached_property
+    def onward(self) -> Ints:
+        """Node that each body's last node passes on to; −1 where that is none or a kept junction."""
         return np.array(
-            [
-                BREAK
-                if k.outboard is None or len(k.outboard.ends) == 1
-                else WELD
-                if isinstance(k.outboard, Weld)
-                else PIN
-                for k in self._links
-            ],
-            dtype=np.int64,
+            [self.node(step.to) if _is_end(step.to) else -1 for step in self.plan.steps], dtype=np.int64
         )
 
     @cached_property
     def turn(self) -> Array:
-        """Cosine and sine of the turn from each body's frame to the next one's, (bodies, 2)."""
-        meshes = self.bodies.meshes
-        table = np.tile([1.0, 0.0], (len(meshes), 1))
+        """Cosine and sine of the turn from each body's frame to that of the end it is welded to, (bodies, 2)."""
+        table = np.tile([1.0, 0.0], (len(self.plan.steps), 1))
         for b in map(int, np.flatnonzero(self.link == WELD)):
-            a, c = meshes[b].reference[0, 1], meshes[b + 1].reference[0, 1]
-            table[b] = a @ c, a[0] * c[1] - a[1] * c[0]
-            if table[b, 0] > 0.0 and abs(table[b, 1]) < ALIGNED:
-                table[b] = 1.0, 0.0
+            step = self.plan.steps[b]
+            assert step.to is not None  # a weld leads somewhere
+            table[b] = self.turn_between(step.outboard, self.frame_of(step.to))
         return table
+
+    def frame_of(self, to: End | Kept) -> End:
+        """The end whose frame is that of an end, or of the gradients of a kept junction's group: the group's first."""
+        if isinstance(to, Kept):
+            return self.plan.kept[to.junction].groups[to.group or 0][0]
+        return to
+
+    def turn_between(self, one: End, two: End) -> tuple[float, float]:
+        """Cosine and sine of the turn from the frame of an end to that of another, both as passed."""
+        a, c = (self.bodies.mesh(name).reference[0, 1] for name, _ in (one, two))
+        cosine, sine = float(a @ c), float(a[0] * c[1] - a[1] * c[0])
+        return (1.0, 0.0) if cosine > 0.0 and abs(sine) < ALIGNED else (cosine, sine)
 
     @property
     def split(self) -> bool:
-        """Whether x and y, and r_y and the rest, do not mix in the mass: no weld at an angle."""
-        return bool((self.turn[:, 1] == 0.0).all() and (self.turn[:, 0] > 0.0).all())
+        """Whether x and y, and r_y and the rest, do not mix in the mass: no weld at an angle, and no loop."""
+        straight = (self.turn[:, 1] == 0.0).all() and (self.turn[:, 0] > 0.0).all()
+        return bool(straight and not self.plan.kept)
+
+    @property
+    def single(self) -> bool:
+        """Whether all bodies stand in one chain."""
+        return not self.plan.kept and bool((self.onward[:-1] == self.bodies.first[1:-1]).all())
 
     @cached_property
     def prescribed(self) -> NDArray[np.bool_]:
@@ -178,20 +136,11 @@ class Chain:
         mask = np.zeros((bodies.rows, bodies.nodes), dtype=bool)
         for i, mesh in enumerate(bodies.meshes):
             mask[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = True
-        for joint in self.scene.joints:
-            for end in joint.ends if joint.grounded else ():
-                held = None if isinstance(joint, Clamp) else 2
-                mask[:held, bodies.node(*_name_and_side(self.scene, end))] = True
+        for junction in self.junctions:
+            for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+                held = None if clamp is not None else 2 if junction.grounded else 0
+                mask[:held, [self.node(end) for end in group]] = True
         return mask
-
-    @cached_property
-    def hubs(self) -> list[tuple[int, Clamp]]:
-        """Nodes whose clamp turns."""
-        return [
-            (self.bodies.node(*_name_and_side(self.scene, j.end)), j)
-            for j in self.scene.joints
-            if isinstance(j, Clamp) and j.angle is not None
-        ]
 
     @cached_property
     def dead_load(self) -> Array:
@@ -204,21 +153,26 @@ class Chain:
     def initial_velocity(self) -> Array:
         """Velocities at t = 0 that the joints allow, (rows, nodes).
 
-        Bodies' velocities are made to fit with the least change: what is held rests, welded gradients share the mean.
+        Bodies' velocities are made to fit with the least change: what is held rests, joined ends share the mean.
         """
-        bodies = self.bodies
-        v = bodies.initial_velocity()
-        for b in np.flatnonzero(self.link == WELD):
-            i = int(bodies.first[b + 1]) - 1
-            turn = complex(*self.turn[b])
-            for k in range(0, bodies.rows, 2):
-                factor = 1.0 if k == 0 else turn
-                one, two = complex(*v[k : k + 2, i]), complex(*v[k : k + 2, i + 1])
-                mean = 0.5 * (one + two * np.conj(factor))
-                v[k : k + 2, i] = mean.real, mean.imag
-                v[k : k + 2, i + 1] = (mean * factor).real, (mean * factor).imag
+        v = self.bodies.initial_velocity()
+        for row, ends in self.shared():
+            nodes = [self.node(end) for end in ends]
+            turns = [complex(*self.turn_between(ends[0], end)) if row else 1.0 for end in ends]
+            mean = np.mean(
+                [complex(*v[row : row + 2, i]) * np.conj(w) for i, w in zip(nodes, turns, strict=True)]
+            )
+            for i, w in zip(nodes, turns, strict=True):
+                v[row : row + 2, i] = (mean * w).real, (mean * w).imag
         v[self.prescribed] = 0.0
         return v
+
+    def shared(self) -> Iterator[tuple[int, list[End]]]:
+        """Vectors that several ends share, by their first rows: places of joined ends, gradients of welded ones."""
+        for vertex in self.vertices:
+            shared = [(0, [end for group in vertex.groups for end in group])]
+            shared += [(row, list(g)) for g in vertex.groups for row in range(2, self.bodies.rows, 2)]
+            yield from ((row, ends) for row, ends in shared if len(ends) > 1)
 
     @property
     def length(self) -> float:
@@ -231,13 +185,12 @@ class Chain:
         return sum(2 * m.vectors * m.nodes for m in self.bodies.meshes)
 
 
-def _name_and_side(scene: Scene, end: str) -> tuple[str, int]:
-    body, side = scene.body_end(end)
-    return body.name, side
+def _is_end(to: End | Kept | None) -> TypeGuard[End]:
+    return to is not None and not isinstance(to, Kept)
 
 
 class Joined:
-    """Independent unknowns of a chain: those of all nodes, less known ones, less the outboard doubles at joints.
+    """Independent unknowns of a scene: those of all nodes, less known ones, less the doubles at joints.
 
     Parameters
     ----------
@@ -249,17 +202,16 @@ class Joined:
         self.shape = (bodies.rows, bodies.nodes)
         index = np.arange(bodies.rows * bodies.nodes).reshape(self.shape)
         master = ~chain.prescribed
-        entries = []
-        for b in np.flatnonzero(chain.link != BREAK):
-            i = int(bodies.first[b + 1]) - 1
-            c, s = chain.turn[b]
-            for k in range(0, 2 if chain.link[b] == PIN else bodies.rows, 2):
-                if chain.prescribed[k, i]:
-                    continue
-                x, y = (1.0, 0.0) if k == 0 else (c, s)
-                master[k : k + 2, i + 1] = False
-                for row, column, value in ((0, 0, x), (0, 1, -y), (1, 0, y), (1, 1, x)):
-                    entries.append((index[k + row, i + 1], index[k + column, i], value))
+        entries: list[tuple[int, int, float]] = []
+        for row, ends in chain.shared():
+            first, *others = sorted(ends, key=chain.node)
+            i = chain.node(first)
+            for end in () if chain.prescribed[row, i] else others:
+                j = chain.node(end)
+                c, s = chain.turn_between(first, end) if row else (1.0, 0.0)
+                master[row : row + 2, j] = False
+                for k, n, value in ((0, 0, c), (0, 1, -s), (1, 0, s), (1, 1, c)):
+                    entries.append((index[row + k, j], index[row + n, i], value))
         self.masters = index[master]
         number = np.full(index.size, -1)
         number[self.masters] = np.arange(self.masters.size)

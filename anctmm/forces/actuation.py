@@ -1,6 +1,7 @@
 """What acts on a scene in time, tabulated for the kernels: turning hubs, forces of time, torques."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,9 @@ from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.jit.compiling import kernel
 from anctmm.model.drives import tabulate
-from anctmm.model.scene import Clamp, Force, Scene
+from anctmm.model.joints import Clamp
+from anctmm.model.scene import Force, Scene
+from anctmm.model.topology import End, junctions_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -74,20 +77,26 @@ class Actuation:
     scene: Scene
     bodies: Bodies
 
-    @property
-    def clamps(self) -> list[Clamp]:
-        """Clamps that turn."""
-        return [j for j in self.scene.joints if isinstance(j, Clamp) and j.angle is not None]
+    @cached_property
+    def driven(self) -> list[tuple[End, Clamp]]:
+        """Ends that a driven clamp holds, directly or through welds."""
+        return [
+            (end, clamp)
+            for junction in junctions_of(self.scene)
+            for group, clamp in zip(junction.groups, junction.clamps, strict=True)
+            if clamp is not None and clamp.angle is not None
+            for end in group
+        ]
 
     @property
     def width(self) -> int:
         """Numbers that the tables of hubs and loads hold for each time."""
-        return 3 * len(self.clamps) + 2 * len(varying_loads(self.scene))
+        return 3 * len(self.driven) + 2 * len(varying_loads(self.scene))
 
     def hubs(self) -> Hubs:
         """Hubs for kernels, with a memory of their own."""
-        first, rows, n = self.bodies.first, self.bodies.rows, len(self.clamps)
-        nodes = np.array([self._node(c.end) for c in self.clamps], dtype=np.int64)
+        first, rows, n = self.bodies.first, self.bodies.rows, len(self.driven)
+        nodes = np.array([self.bodies.node(*end) for end, _ in self.driven], dtype=np.int64)
         ends = np.stack([first[:-1], first[1:] - 1])
         of = np.full(ends.shape, -1, dtype=np.int64)
         for hub, node in enumerate(nodes):
@@ -107,7 +116,7 @@ class Actuation:
 
     def hub_table(self, t: Array) -> Array:
         """Angle, rate and acceleration of each hub at times `t`, (n, hubs, 3)."""
-        tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for c in self.clamps]  # type: ignore[arg-type]
+        tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for _, c in self.driven]  # type: ignore[arg-type]
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
     def load_table(self, t: Array) -> Array:

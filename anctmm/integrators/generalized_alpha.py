@@ -63,9 +63,13 @@ from anctmm.recursion.riccati import (
     factorize,
     find_unknowns,
     links,
+    meet_inboard,
+    part_outboard,
     pass_outboard,
     solve,
     start_sweep,
+    turn_back,
+    widened,
 )
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status, in_short
@@ -202,7 +206,7 @@ def integrate(chain: Chain) -> Solution:
         state,
         bodies.tables(),
         links(chain),
-        block_factors(bodies.nodes, bodies.rows, single_will_do(chain)),
+        block_factors(chain, single_will_do(chain)),
         actuation.hubs(),
         actuation.loads(),
         newton,
@@ -259,7 +263,7 @@ def single_will_do(chain: Chain) -> bool:
     iteration tends to; a correction is wrong by ε (c_w + ω²)/c_w of itself or less, the condition of c_w M + K_T times
     the rounding, with ω the highest frequency of a free element. (Kelley 2022, Newton's method in mixed precision.)
     """
-    if chain.bodies.nodes <= LONG:
+    if chain.bodies.nodes <= LONG or chain.plan.kept:
         return False
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     condition = 1.0 + element_bound(chain, _stiff(chain.bodies, c)) ** 2 / c.to_w
@@ -289,7 +293,7 @@ def start(
     now = np.zeros(1)
     drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
     if factors.L.dtype != np.float64:  # here nothing would mend what is rounded
-        factors = block_factors(*state.loads.shape)
+        factors = widened(factors)
     _balance(state, tables, links, factors, hubs, loads, drives, values, damping)
     newton.counts[:] = 0, 1, 1
 
@@ -363,7 +367,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
     force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))
-    factors, damping = block_factors(bodies.nodes, bodies.rows), new_damping(chain)
+    factors, damping = block_factors(chain), new_damping(chain)
     matrix = tables if damping is None else damping.stiff
     turn_hubs(hubs, actuation.hub_table(now)[0])
     a, w = state.a, state.w_before.copy()
@@ -565,8 +569,8 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
         if damping is not None:
             _velocities(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
             _resist(q, f, dead, tables, loads, load_values, damping)
-        _forward(q, w, f, tables, factors, arrived)
-        size = _backward(q, w, coefficients.to_w, newton.scale, factors, arrived)
+        _forward(q, w, f, tables, factors, factors.loops, arrived)
+        size = _backward(q, w, coefficients.to_w, newton.scale, factors, factors.loops, arrived)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:
@@ -627,60 +631,70 @@ def _dissipated(q, q_before, damping):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _forward(q, w, f, tables, factors, arrived):  # type: ignore[no-untyped-def]
+def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
     first, blend, kinds, constants, masses, buffer = tables
-    unit, L, _, wide, work, _ = factors
-    d, body, nodes = len(unit), FIRST_BODY, q.shape[1]
+    unit, L, _, wide, work, _, places, _ = factors
+    d, body, nodes, place = len(unit), FIRST_BODY, q.shape[1], 0
     last = 12 * BLOCK
     buffer[last:] = 0.0
-    start_sweep(unit, work)
+    start_sweep(unit, loops, work)
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
         window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
         window_inertia(w, 1.0, start, end, body, first, masses, buffer)
         body = body_after(end, body, first)
-        for i in range(start, end):
-            if nodes > LONG:
-                prefetch_row(L, min(i + AHEAD, nodes - 1))
-                if i % LINE == 0:
-                    prefetch_columns(q, min(i + BLOCK, nodes - 1))
-                    prefetch_columns(w, min(i + BLOCK, nodes - 1))
-                    prefetch_columns(f, min(i + BLOCK, nodes - 1))
-            for k in range(d):
-                at = k * BLOCK + i - start
-                work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
-                buffer[last + k] = buffer[at + 6 * BLOCK]
-            pass_outboard(unit, L, wide, i, work)
-            for k in range(d):
-                arrived[i, k] = work[4 * d * d + k]
+        begin = start
+        while begin < end:
+            stop = min(end, places.at[place])
+            for i in range(begin, stop):
+                if nodes > LONG:
+                    prefetch_row(L, min(i + AHEAD, nodes - 1))
+                    if i % LINE == 0:
+                        prefetch_columns(q, min(i + BLOCK, nodes - 1))
+                        prefetch_columns(w, min(i + BLOCK, nodes - 1))
+                        prefetch_columns(f, min(i + BLOCK, nodes - 1))
+                for k in range(d):
+                    at = k * BLOCK + i - start
+                    work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
+                    buffer[last + k] = buffer[at + 6 * BLOCK]
+                pass_outboard(unit, L, wide, loops, i, work)
+                for k in range(d):
+                    arrived[i, k] = work[4 * d * d + k]
+            begin = stop
+            if stop == places.at[place]:
+                part_outboard(unit, places, loops, place, work)
+                place += 1
+    turn_back(unit, loops, work)
 
 
 @embedded
-def _backward(q, w, to_w, scale, factors, arrived):  # type: ignore[no-untyped-def]
+def _backward(q, w, to_w, scale, factors, loops, arrived):  # type: ignore[no-untyped-def]
     """Backward sweep: the corrections, put in place of what arrived, are added to q, and what follows to w.
 
     Returns the largest component, positions relative to `scale`; infinity if one is not finite.
     """
-    unit, L, G, wide, work, _ = factors
+    unit, L, G, wide, work, _, places, _ = factors
     d, largest, odd = len(unit), 0.0, 0.0
-    start_sweep(unit, work)
     nodes = q.shape[1]
-    for i in range(nodes - 1, -1, -1):
-        if nodes > LONG:
-            prefetch_row(L, max(i - AHEAD, 0))
-            prefetch_row(G, max(i - AHEAD, 0))
-            if i % LINE == 0:
-                prefetch_columns(q, max(i - 2 * AHEAD, 0))
-                prefetch_columns(w, max(i - 2 * AHEAD, 0))
-        for k in range(d):
-            work[4 * d * d + k] = arrived[i, k]
-        find_unknowns(unit, L, G, wide, i, work)
-        for k in range(d):
-            x = work[4 * d * d + 2 * d + k]
-            arrived[i, k] = x
-            q[k, i] += x
-            w[k, i] += to_w * x
-            largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
-            odd += x - x  # 0 unless infinite or not a number
+    for place in range(len(places.at) - 1, -1, -1):
+        meet_inboard(unit, places, loops, place, arrived, work)
+        begin = places.at[place - 1] if place > 0 else 0
+        for i in range(places.at[place] - 1, begin - 1, -1):
+            if nodes > LONG:
+                prefetch_row(L, max(i - AHEAD, 0))
+                prefetch_row(G, max(i - AHEAD, 0))
+                if i % LINE == 0:
+                    prefetch_columns(q, max(i - 2 * AHEAD, 0))
+                    prefetch_columns(w, max(i - 2 * AHEAD, 0))
+            for k in range(d):
+                work[4 * d * d + k] = arrived[i, k]
+            find_unknowns(unit, L, G, wide, loops, i, work)
+            for k in range(d):
+                x = work[4 * d * d + 2 * d + k]
+                arrived[i, k] = x
+                q[k, i] += x
+                w[k, i] += to_w * x
+                largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+                odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf

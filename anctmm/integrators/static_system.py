@@ -27,7 +27,7 @@ class StaticSystem:
         self.reference = bodies.reference()
         self.values = actuation.load_table(np.zeros(1))[0]
         self.loads = actuation.loads()
-        self.factors, self.tables = block_factors(bodies.nodes, bodies.rows), bodies.tables()
+        self.factors, self.tables = block_factors(chain), bodies.tables()
         self.links = links(chain)
         self.elastic = np.empty((bodies.rows, bodies.nodes))
 

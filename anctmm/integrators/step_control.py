@@ -122,7 +122,7 @@ def integrate(chain: Chain) -> Solution:
         bodies.reference(),
         np.zeros(len(Progress._fields) + 1),
     )
-    system = (bodies.tables(), links(chain), block_factors(bodies.nodes, bodies.rows))
+    system = (bodies.tables(), links(chain), block_factors(chain))
     acting = (actuation.hubs(), actuation.loads())
     fixed = (control, state, *system, *acting, newton, record.arrays())
     advance(0, 0, *fixed, actuation.hub_table(grid[:1]), actuation.load_table(grid[:1]))

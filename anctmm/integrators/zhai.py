@@ -44,7 +44,7 @@ from anctmm.recursion.border import (
     rigid_system,
     strains,
 )
-from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, split_factors
+from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, no_split_factors, split_factors
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
 
@@ -124,7 +124,7 @@ def integrate(chain: Chain) -> Solution:
             (q.ravel(), v.ravel(), even.ravel(), odd.ravel()),
         ),
         bodies.tables(),
-        split_factors(chain) if chain.split else SplitFactors(*np.zeros((3, 1, 1))),
+        split_factors(chain) if chain.split else no_split_factors(chain),
         None if chain.split else mass_factors(chain),
         actuation.hubs(),
         actuation.loads(),
@@ -216,7 +216,7 @@ def advance(
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
     first, blend, kinds, constants, masses, buffer = tables
     _, of, _, motion, reaction, _ = hubs
-    L, G, D = split
+    L, G, D, places = split
     driven = len(hubs.nodes) + len(loads.nodes) > 0
     flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
@@ -239,7 +239,22 @@ def advance(
             damping.power[0] = lost
         if block is None:
             by_scalars(
-                blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, now
+                blend,
+                q,
+                f,
+                first,
+                kinds,
+                constants,
+                masses,
+                buffer,
+                of,
+                motion,
+                reaction,
+                L,
+                G,
+                D,
+                places,
+                now,
             )
         else:
             by_blocks(q, f, tables, hubs, block, state.scratch, now)

@@ -1,6 +1,6 @@
-"""Accelerations of a chain: elastic forces, a forward and a backward Riccati sweep with the mass factored once.
+"""Accelerations of a scene: elastic forces, a forward and a backward Riccati sweep with the mass factored once.
 
-`by_scalars` is the fast form, for chains without angled welds; `by_blocks` serves any chain.
+`by_scalars` is the fast form, for trees without angled welds; `by_blocks` serves any scene.
 """
 
 import numpy as np
@@ -17,8 +17,10 @@ Array = NDArray[np.float64]
 
 
 @inlined
-def by_scalars(blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
-    """Accelerations of a chain without angled welds, and the reactions of its hubs.
+def by_scalars(
+    blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, a
+):  # type: ignore[no-untyped-def]
+    """Accelerations of a tree without angled welds, and the reactions of its hubs.
 
     Parameters
     ----------
@@ -28,27 +30,40 @@ def by_scalars(blend, q, f, first, kinds, constants, masses, buffer, of, motion,
         Coordinates and the external forces on them.
     of, motion, reaction : ndarray
         Of `Hubs`; the reactions are written.
-    L, G, D : ndarray
+    L, G, D, places
         Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
-    _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a)
-    _backward(first, kinds, masses, of, motion, reaction, L, G, D, a)
+    _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
+    _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
 
 
 @inlined
-def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, a):  # type: ignore[no-untyped-def]
+def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a):  # type: ignore[no-untyped-def]
     """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
 
     A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
     product stands between a node and the next.
     """
     director = q.shape[0] == 6
+    at, to, take, _, waiting, _ = places
+    place = 0
     rx = ry = gx = gy = dx = dy = 0.0
     for b in range(len(kinds)):
         orx = ory = ogx = ogy = odx = ody = 0.0  # of the element before on its node O
         last = first[b + 1] - 1
+        if at[place] == first[b]:
+            if to[place] >= 0:
+                c = waiting[to[place]]
+                c[0], c[1], c[2], c[3] = c[0] + rx, c[1] + ry, c[2] + gx, c[3] + gy
+                rx = ry = gx = gy = 0.0
+                if director:
+                    c[4], c[5] = c[4] + dx, c[5] + dy
+                    dx = dy = 0.0
+            place += 1
+            if take[place - 1] >= 0:
+                rx, ry, gx, gy, dx, dy = _taken(director, waiting[take[place - 1]], rx, ry, gx, gy, dx, dy)
         for start in range(first[b], last, BLOCK):
             count = min(BLOCK, last - start)
             element_forces(blend, kinds[b], q, start, count, constants[b], buffer)
@@ -78,6 +93,9 @@ def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L
                     a[4, i], a[5, i] = tdx + dx, tdy + dy
                     dx, dy = -L[4, i] * tdx - L[4, i] * dx, -L[4, i] * tdy - L[4, i] * dy
                     odx, ody = buffer[10 * BLOCK + j], buffer[11 * BLOCK + j]
+        if at[place] == last:
+            rx, ry, gx, gy, dx, dy = _taken(director, waiting[take[place]], rx, ry, gx, gy, dx, dy)
+            place += 1
         rx, ry = rx + f[0, last] - orx, ry + f[1, last] - ory
         gx, gy = gx + f[2, last] - ogx, gy + f[3, last] - ogy
         a[0, last], a[1, last], a[2, last], a[3, last] = rx, ry, gx, gy
@@ -91,6 +109,17 @@ def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L
 
 
 @inlined
+def _taken(director, c, rx, ry, gx, gy, dx, dy):  # type: ignore[no-untyped-def]
+    """What comes and what waited, c, which is 0 then."""
+    rx, ry, gx, gy = rx + c[0], ry + c[1], gx + c[2], gy + c[3]
+    c[0] = c[1] = c[2] = c[3] = 0.0
+    if director:
+        dx, dy = dx + c[4], dy + c[5]
+        c[4] = c[5] = 0.0
+    return rx, ry, gx, gy, dx, dy
+
+
+@inlined
 def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
     """Add to the first element's force on its node O the inertia that the hub's motion of node I brings."""
     for k in range(motion.shape[2]):
@@ -99,12 +128,23 @@ def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _backward(first, kinds, masses, of, motion, reaction, L, G, D, a):  # type: ignore[no-untyped-def]
+def _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a):  # type: ignore[no-untyped-def]
     """Backward sweep: the loads in a become accelerations."""
     director = a.shape[0] == 6
+    at, _, _, node, _, _ = places
+    place = len(at) - 1
     rx = ry = gx = gy = dx = dy = 0.0
     for b in range(len(kinds) - 1, -1, -1):
         last = first[b + 1] - 1
+        if at[place] == last + 1:
+            if node[place] >= 0:
+                n = node[place]
+                rx, ry, gx, gy = a[0, n], a[1, n], a[2, n], a[3, n]
+                if director:
+                    dx, dy = a[4, n], a[5, n]
+            place -= 1
+        if at[place] == last:
+            place -= 1
         for i in range(last, first[b] - 1, -1):
             if i == last and of[1, b] >= 0:
                 _hold_last(i, motion, reaction, of[1, b], D, a)
@@ -161,7 +201,7 @@ def _hold_last(i, motion, reaction, hub, D, a):  # type: ignore[no-untyped-def]
 def by_blocks(
     q: Array, f: Array, tables: Tables, hubs: Hubs, factors: BlockFactors, load: Array, a: Array
 ) -> None:
-    """Accelerations of any chain by full blocks, and the reactions of its hubs; `load`, (rows, nodes), is scratch."""
+    """Accelerations of any scene by full blocks, and the reactions of its hubs; `load`, (rows, nodes), is scratch."""
     first, masses, rows = tables.first, tables.masses, q.shape[0]
     elastic_forces(tables.blend, q, first, tables.kinds, tables.constants, tables.buffer, load)
     for k in range(rows):

@@ -20,11 +20,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, block_tangents, components
-from anctmm.discretise.chain import PIN, WELD, Chain
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.plan import PIN, WELD
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.actuation import Loads
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.mixed_precision import WIDTH, in_double
+from anctmm.recursion.branches import Branches, branches, pass_branch
+from anctmm.recursion.loops import (
+    Loops,
+    add_start,
+    clear,
+    eliminate_coupled,
+    end_stretch,
+    enter_stretch,
+    factorize_kept,
+    leave_stretch,
+    loops,
+    pass_start,
+    release_coupled,
+    solve_kept,
+    turn_coupled,
+)
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -41,11 +58,13 @@ class SplitFactors(NamedTuple):
         G_rr, G_rg, G_gg, G_dd.
     D : ndarray, shape (4, nodes)
         Condensed mass of all that lies inboard of the node.
+    branches : Branches
     """
 
     L: Array
     G: Array
     D: Array
+    branches: Branches
 
 
 class BlockFactors(NamedTuple):
@@ -64,6 +83,9 @@ class BlockFactors(NamedTuple):
     work : ndarray, shape (4 d² + 4 d,)
         Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
     buffer : ndarray, shape (TANGENT_BUFFER,)
+    branches : Branches
+    loops : Loops or None
+        None where there are none: then nothing of them is compiled.
     """
 
     unit: tuple[int, ...]
@@ -72,28 +94,37 @@ class BlockFactors(NamedTuple):
     wide: Array
     work: Array
     buffer: Array
+    branches: Branches
+    loops: Loops | None
 
 
 class Links(NamedTuple):
-    """What kernels need of a `Chain`, under the names it has there."""
+    """What kernels need of a `Chain`; known: components prescribed, or found with the kept unknowns, (rows, nodes)."""
 
     link: Ints
     turn: Array
-    prescribed: NDArray[np.bool_]
+    known: NDArray[np.bool_]
 
 
 def split_factors(chain: Chain) -> SplitFactors:
     """Factor the mass of a chain without angled welds, once for a whole run."""
     n, bodies = chain.bodies.nodes, chain.bodies
-    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)))
+    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain))
     masks = np.ones((3, n), dtype=bool)
     masks[: bodies.rows // 2] = chain.prescribed[::2]
     _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result)
     return result
 
 
-def block_factors(nodes: int, rows: int, single: bool = False) -> BlockFactors:
-    """Room for the factors of a chain; with `single` they are found in double precision and kept in single."""
+def no_split_factors(chain: Chain) -> SplitFactors:
+    """What stands in their place where there are none."""
+    L, G, D = np.zeros((3, 1, 1))
+    return SplitFactors(L, G, D, branches(chain))
+
+
+def block_factors(chain: Chain, single: bool = False) -> BlockFactors:
+    """Room for the factors of a scene; with `single` they are found in double precision and kept in single."""
+    nodes, rows, places = chain.bodies.nodes, chain.bodies.rows, branches(chain)
     triangle = rows * (rows + 1) // 2
     kind, more = (np.float32, -triangle % WIDTH) if single else (np.float64, 0)
     return BlockFactors(
@@ -103,18 +134,29 @@ def block_factors(nodes: int, rows: int, single: bool = False) -> BlockFactors:
         np.zeros((2, rows * rows)),
         np.zeros(4 * rows * rows + 4 * rows),
         np.zeros(TANGENT_BUFFER),
+        places,
+        loops(chain, places),
     )
+
+
+def widened(factors: BlockFactors) -> BlockFactors:
+    """The same room in double precision."""
+    return factors._replace(L=np.zeros(factors.L.shape), G=np.zeros(factors.G.shape))
 
 
 def links(chain: Chain) -> Links:
     """Arrays of a chain for kernels."""
-    return Links(chain.link, chain.turn, chain.prescribed)
+    known = chain.prescribed.copy()
+    for b, step in enumerate(chain.plan.steps):
+        if step.start is not None:
+            known[: 2 if step.start.group is None else None, chain.bodies.first[b]] = True
+    return Links(chain.link, chain.turn, known)
 
 
 def mass_factors(chain: Chain) -> BlockFactors:
     """Factor the mass of any chain in full blocks."""
     bodies = chain.bodies
-    factors = block_factors(bodies.nodes, bodies.rows)
+    factors = block_factors(chain)
     none = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
     factorize(bodies.reference(), bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
     return factors
@@ -129,13 +171,32 @@ def solve(factors: BlockFactors, load: Array) -> Array:
 
 @kernel
 def _factorize_split(
-    first: Ints, masses: Array, link: Ints, masks: NDArray[np.bool_], L: Array, G: Array, D: Array
+    first: Ints,
+    masses: Array,
+    link: Ints,
+    masks: NDArray[np.bool_],
+    L: Array,
+    G: Array,
+    D: Array,
+    places: Branches,
 ) -> None:
+    at, to, take, _, _, waiting = places
+    place = 0
     rr = rg = gg = dd = 0.0
     for b in range(len(link)):
         m = masses[b]
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
+            if i == at[place]:
+                if to[place] >= 0:
+                    S = waiting[to[place]]
+                    S[0], S[1], S[2], S[3] = S[0] + rr, S[1] + rg, S[2] + gg, S[3] + dd
+                    rr = rg = gg = dd = 0.0
+                if take[place] >= 0:
+                    S = waiting[take[place]]
+                    rr, rg, gg, dd = rr + S[0], rg + S[1], gg + S[2], dd + S[3]
+                    S[:4] = 0.0
+                place += 1
             D[0, i], D[1, i], D[2, i], D[3, i] = rr, rg, gg, dd
             if i < last:
                 rr, rg, gg, dd = rr + m[0, 0], rg + m[0, 1], gg + m[1, 1], dd + m[2, 2]
@@ -207,15 +268,26 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    unit, L, G, _, work, buffer = factors
+    return _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, factors.loops)  # type: ignore[no-any-return]
+
+
+@embedded
+def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops):  # type: ignore[no-untyped-def]
+    """The same; only of arguments that are None the compiler leaves out what needs them."""
+    unit, L, G, _, work, buffer, places, _ = factors
     first, blend, kinds, constants, masses, _ = tables
     link, turn, known = links
     d = len(unit)
-    negative = 0
+    negative, place, port = 0, 0, -1
     work[:] = 0.0
+    if loops is not None:
+        loops.matrix.values[:] = 0.0
     for b in range(len(link)):
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
+            if i == places.at[place]:
+                port = _pass_place(unit, places, loops, place, work)
+                place += 1
             for n in range(len(loads.nodes) if i == first[b] or i == last else 0):  # loads act on ends only
                 if loads.nodes[n] == i and loads.rows[n] > 0:
                     _add_torque_stiffness(unit, q, i, loads.rows[n], stiffness * load_values[n, 0], work)
@@ -224,22 +296,40 @@ def factorize(
                 if j == 0 and stiffness != 0.0:
                     block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
                 _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
+                if loops is None:
+                    negative += _eliminate(unit, known, i, work)
+                else:
+                    negative += eliminate_coupled(unit, loops, port, known, i, work)
+                    port = -1
+                _store(unit, i, work, L, G)
             elif link[b] == WELD:
                 _turn(unit, turn[b, 0], turn[b, 1], i, work, L, G)
-                continue
+                if loops is not None:
+                    turn_coupled(unit, loops, i, work)
             else:
+                pinned = link[b] == PIN
                 for k in range(d * d):
                     work[d * d + k] = work[k]
-            if i < last:
-                negative += _eliminate(unit, known, i, work)
+                if loops is not None and pinned:
+                    negative += release_coupled(unit, loops, known, i, work)
+                else:
+                    negative += _invert(unit, known, 2 if pinned else 0, i, work)
+                    _release(unit, pinned, work)
                 _store(unit, i, work, L, G)
-                continue
-            pinned = link[b] == PIN
-            negative += _invert(unit, known, 2 if pinned else 0, i, work)
-            _release(unit, pinned, work)
-            _store(unit, i, work, L, G)
-            _forget(unit, pinned, work)
+                _forget(unit, pinned, work)
+    if loops is not None:
+        _pass_place(unit, places, loops, place, work)
+        negative += factorize_kept(loops.matrix)
     return negative
+
+
+@inlined
+def _pass_place(unit, places, loops, place, work):  # type: ignore[no-untyped-def]
+    """Where condensed matrices part and meet. Returns the port at which a stretch begins, or −1."""
+    if loops is not None and loops.end[place] >= 0:
+        end_stretch(unit, loops, place, work)
+    pass_branch(place, places.to, places.take, places.matrices, work, 0)
+    return loops.begin[place] if loops is not None else -1
 
 
 @kernel
@@ -254,34 +344,78 @@ def sweep(factors: BlockFactors, b: Array, a: Array) -> None:
     a : ndarray, shape (rows, nodes)
         Written: the unknowns, 0 for known components.
     """
-    unit, L, G, wide, work, _ = factors
-    d = len(unit)
-    start_sweep(unit, work)
-    for i in range(b.shape[1]):
-        for k in range(d):
-            work[4 * d * d + k] = b[k, i]
-        pass_outboard(unit, L, wide, i, work)
-        for k in range(d):
-            b[k, i] = work[4 * d * d + k]
-    start_sweep(unit, work)
-    for i in range(b.shape[1] - 1, -1, -1):
-        for k in range(d):
-            work[4 * d * d + k] = b[k, i]
-        find_unknowns(unit, L, G, wide, i, work)
-        for k in range(d):
-            a[k, i] = work[4 * d * d + 2 * d + k]
+    _sweep(factors, factors.loops, b, a)
+
+
+@embedded
+def _sweep(factors, loops, b, a):  # type: ignore[no-untyped-def]
+    unit, L, G, wide, work, _, places, _ = factors
+    d, at = len(unit), places.at
+    start_sweep(unit, loops, work)
+    begin = 0
+    for place in range(len(at)):
+        for i in range(begin, at[place]):
+            for k in range(d):
+                work[4 * d * d + k] = b[k, i]
+            pass_outboard(unit, L, wide, loops, i, work)
+            for k in range(d):
+                b[k, i] = work[4 * d * d + k]
+        part_outboard(unit, places, loops, place, work)
+        begin = at[place]
+    turn_back(unit, loops, work)
+    for place in range(len(at) - 1, -1, -1):
+        meet_inboard(unit, places, loops, place, a.T, work)
+        begin = at[place - 1] if place > 0 else 0
+        for i in range(at[place] - 1, begin - 1, -1):
+            for k in range(d):
+                work[4 * d * d + k] = b[k, i]
+            find_unknowns(unit, L, G, wide, loops, i, work)
+            for k in range(d):
+                a[k, i] = work[4 * d * d + 2 * d + k]
 
 
 @inlined
-def start_sweep(unit, work):  # type: ignore[no-untyped-def]
-    """Nothing has come yet from beyond the first node of a sweep."""
+def start_sweep(unit, loops, work):  # type: ignore[no-untyped-def]
+    """Nothing has come yet to the first node of a forward sweep, nor to what is kept."""
     d = len(unit)
     for k in range(d):
-        work[4 * d * d + d + k] = work[4 * d * d + 2 * d + k] = 0.0
+        work[4 * d * d + d + k] = 0.0
+    if loops is not None:
+        clear(loops)
 
 
 @inlined
-def pass_outboard(unit, L, wide, i, work):  # type: ignore[no-untyped-def]
+def part_outboard(unit, places, loops, place, work):  # type: ignore[no-untyped-def]
+    """Forward at a place: what comes (vector 1 of the scratch) leaves the row, and what waits here comes."""
+    d = len(unit)
+    if loops is not None:
+        leave_stretch(loops, place, work, 4 * d * d + d)
+    pass_branch(place, places.to, places.take, places.vectors, work, 4 * d * d + d)
+
+
+@inlined
+def turn_back(unit, loops, work):  # type: ignore[no-untyped-def]
+    """Between the sweeps: the kept unknowns are found, and beyond the last node there is none."""
+    d = len(unit)
+    for k in range(d):
+        work[4 * d * d + 2 * d + k] = 0.0
+    if loops is not None:
+        solve_kept(loops.matrix, loops.x)
+
+
+@inlined
+def meet_inboard(unit, places, loops, place, found, work):  # type: ignore[no-untyped-def]
+    """Backward at a place: the unknowns (vector 2) of the node that the one before passed on to, among those found."""
+    d = len(unit)
+    if places.node[place] >= 0:
+        for k in range(d):
+            work[4 * d * d + 2 * d + k] = found[places.node[place], k]
+    if loops is not None:
+        enter_stretch(loops, place, work, 4 * d * d + 2 * d)
+
+
+@inlined
+def pass_outboard(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
     """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
     d = len(unit)
     load, come = 4 * d * d, 4 * d * d + d
@@ -294,10 +428,12 @@ def pass_outboard(unit, L, wide, i, work):  # type: ignore[no-untyped-def]
             s -= M[r, d * m + k] * work[load + k]
             t -= M[r, d * m + k + 1] * work[load + k + 1]
         work[come + m] = s + t
+    if loops is not None:
+        pass_start(loops, i, work, load)
 
 
 @inlined
-def find_unknowns(unit, L, G, wide, i, work):  # type: ignore[no-untyped-def]
+def find_unknowns(unit, L, G, wide, loops, i, work):  # type: ignore[no-untyped-def]
     """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
     d = len(unit)
     load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
@@ -312,6 +448,8 @@ def find_unknowns(unit, L, G, wide, i, work):  # type: ignore[no-untyped-def]
             s += S[n, high * (high + 1) // 2 + low] * work[load + m]
             t += M[r, d * m + k] * work[out + m]
         work[x + k] = s - t
+    if loops is not None:
+        add_start(loops, i, work, x)
 
 
 @embedded

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.chain import PIN, WELD, Chain, chains_of
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.plan import PIN, WELD
 from anctmm.errors import SolverError
 from anctmm.recursion.border import refuse_rigid
 
@@ -110,7 +111,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         If the scene has several chains or mixes kinds of elements: the readable form keeps to one.
     """
     bodies = chain.bodies
-    if len(chains_of(chain.scene)) > 1:
+    if not chain.single:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:
         raise SolverError(
@@ -118,25 +119,33 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         )
     refuse_rigid(chain, "the readable form")
     k = bodies.rows // 2
-    outer = _complex(f)
+    outer = complex_of(f)
     passages = []
-    for b, mesh in enumerate(bodies.meshes):
-        last = int(bodies.first[b + 1]) - 1
-        for i in range(int(bodies.first[b]), last):
-            elastic = mesh.element.force(q[:, i : i + 2].T.reshape(2 * k, 2)) @ [1.0, 1.0j]
-            # an external force enters once: at node I, and at a body's last node at node O
-            load_O = outer[:, i + 1] if i + 1 == last else np.zeros(k)
-            passages.append(
-                Passage(*element_transfer(mesh.element.mass, outer[:, i] - elastic[:k], load_O - elastic[k:]))
-            )
+    for b in range(len(bodies.meshes)):
+        passages += body_passages(chain, b, q, outer)
         if chain.link[b] == WELD:
             passages.append(Passage(*weld_transfer(k, *chain.turn[b])))
         elif chain.link[b] == PIN:
             passages.append(Passage(None, None))
     names = {0: FREE, 1: PINNED, k: CLAMPED}
     held = chain.prescribed[::2].sum(axis=0)
-    known = np.zeros((k, bodies.nodes)) if hub is None else _complex(hub)
+    known = np.zeros((k, bodies.nodes)) if hub is None else complex_of(hub)
     return Row(k, passages, names[int(held[0])], names[int(held[-1])], (known[:, 0], known[:, -1]))
+
+
+def body_passages(chain: Chain, b: int, q: Real, outer: Complex) -> list[Passage]:
+    """Passages through the elements of a body, under external forces (k, nodes)."""
+    bodies, k, passages = chain.bodies, chain.bodies.rows // 2, []
+    last = int(bodies.first[b + 1]) - 1
+    for i in range(int(bodies.first[b]), last):
+        element = bodies.meshes[b].element
+        elastic = element.force(q[:, i : i + 2].T.reshape(2 * k, 2)) @ [1.0, 1.0j]
+        # an external force enters once: at node I, and at a body's last node at node O
+        load_O = outer[:, i + 1] if i + 1 == last else np.zeros(k)
+        passages.append(
+            Passage(*element_transfer(element.mass, outer[:, i] - elastic[:k], load_O - elastic[k:]))
+        )
+    return passages
 
 
 def accelerations_plain(row: Row) -> Complex:
@@ -207,21 +216,21 @@ def accelerations_riccati(row: Row) -> Complex:
     memory = [(by_force, S, e)]
     for passage in row.passages:
         if passage.U is None or passage.T is None:
-            by_force, S, e = _swapped(by_force, S, e, np.arange(1, k))
+            by_force, S, e = swapped(by_force, S, e, np.arange(1, k))
             memory[-1] = (by_force, S, e)
-            S, e = _pin(S, e)
+            S, e = pass_pin(S, e)
         else:
             S, e = riccati_step(S, e, passage.U, passage.T, by_force)
         memory.append((by_force, S, e))
-    z = _state(*memory[-1], _last(row, *memory[-1]))
+    z = state_of(*memory[-1], _last(row, *memory[-1]))
     out = [z[:k]]
     for passage, inboard in zip(reversed(row.passages), reversed(memory[:-1]), strict=True):
-        z = _back(passage, inboard, z)
+        z = step_back(passage, inboard, z)
         out.append(z[:k])
     return np.stack(out[::-1], axis=1)
 
 
-def _state(by_force: Partition, S: Complex, e: Complex, zb: Complex) -> Complex:
+def state_of(by_force: Partition, S: Complex, e: Complex, zb: Complex) -> Complex:
     """z of a node from its zb."""
     a, b = _split(by_force)
     z = np.empty(2 * len(e), dtype=complex)
@@ -245,7 +254,7 @@ def _split(by_force: Partition) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.where(by_force, k + i, i), np.where(by_force, i, k + i)
 
 
-def _swapped(
+def swapped(
     by_force: Partition, S: Complex, e: Complex, wanted: NDArray[np.intp]
 ) -> tuple[Partition, Complex, Complex]:
     """Another partition, in which za_i is P_i for the components wanted (principal pivots of S)."""
@@ -265,7 +274,7 @@ def _swapped(
     return by_force, S, e
 
 
-def _pin(S: Complex, e: Complex) -> tuple[Complex, Complex]:
+def pass_pin(S: Complex, e: Complex) -> tuple[Complex, Complex]:
     """Pass a pin: P₃ … vanish on both sides, the outboard gradients are new and bear nothing yet."""
     gain = np.linalg.solve(S[1:, 1:].T, S[0, 1:])
     out, rest = np.zeros_like(S), np.zeros_like(e)
@@ -281,7 +290,7 @@ def _last(row: Row, by_force: Partition, S: Complex, e: Complex) -> Complex:
     return np.linalg.solve(*_end_conditions(row, B, c))
 
 
-def _back(passage: Passage, inboard: tuple[Partition, Complex, Complex], outboard: Complex) -> Complex:
+def step_back(passage: Passage, inboard: tuple[Partition, Complex, Complex], outboard: Complex) -> Complex:
     """z of the inboard node from that of the outboard one, which may have changed its partition since."""
     by_force, S, e = inboard
     a, b = _split(by_force)
@@ -292,8 +301,8 @@ def _back(passage: Passage, inboard: tuple[Partition, Complex, Complex], outboar
         U, T = passage.U, passage.T
         matrix = U[np.ix_(b, a)] @ S + U[np.ix_(b, b)]
         zb = np.linalg.solve(matrix, zb - U[np.ix_(b, a)] @ e - T[b])
-    return _state(by_force, S, e, zb)
+    return state_of(by_force, S, e, zb)
 
 
-def _complex(rows: Real) -> Complex:
+def complex_of(rows: Real) -> Complex:
     return rows[::2] + 1.0j * rows[1::2]

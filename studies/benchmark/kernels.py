@@ -120,10 +120,10 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     q, f, a = p.q, p.f, p.a
     first, blend, kinds, constants, masses, buffer = p.tables
     of, motion, reaction = p.hubs.of, p.hubs.motion, p.hubs.reaction
-    L, G, D = factors
+    L, G, D, places = factors
     for _ in range(repeats):
         accelerations.by_scalars(
-            blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, a
+            blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, a
         )
 
 
@@ -203,7 +203,7 @@ def kernel_samplers(variant: Variant, n: int, effort: Effort) -> dict[str, Sampl
     chain = Chain(scene, implicit_run(scene, n, 1, IMPLICIT_DT, **variant.options()))
     q = bent_arc(n + 1, chain.bodies.rows)
     p, work, buffer = parts(chain, q), np.zeros_like(q), np.zeros(TANGENT_BUFFER)
-    blocks = riccati.block_factors(chain.bodies.nodes, chain.bodies.rows)
+    blocks = riccati.block_factors(chain)
     mass = GeneralizedAlpha(0.9).of_step(IMPLICIT_DT).to_w
     flat = [np.zeros(q.size) for _ in range(4)]
     calls: dict[str, Callable[[int], object]] = {

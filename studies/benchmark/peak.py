@@ -10,7 +10,6 @@ from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import SHEAR as SHEAR_KIND
-from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.elements import cable_kernel, shear_kernel
 from anctmm.elements.shear_kernel import BLOCK
@@ -153,13 +152,13 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
         UPDATE: operations(
             explicit.update, *(counted(np.zeros(q.size)) for _ in range(4)), explicit.Numbers(1, 1, 1e-3, 0.5, 0.5)
         ),
-        **_block_operations(bodies, p, q),
+        **_block_operations(chain, p, q),
     }  # fmt: skip
     return counts | {EXPLICIT: counts[ACCELERATIONS] + counts[UPDATE]}
 
 
-def _block_operations(bodies: Bodies, p: Any, q: Any) -> dict[str, int]:
-    empty = riccati.block_factors(bodies.nodes, bodies.rows)
+def _block_operations(chain: Chain, p: Any, q: Any) -> dict[str, int]:
+    empty = riccati.block_factors(chain)
     fields = {k: counted(v) for k, v in empty._asdict().items() if isinstance(v, np.ndarray)}
     factors = empty._replace(**fields)
     none = np.empty((0, 2))

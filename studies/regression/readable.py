@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.forces.actuation import Actuation
 from anctmm.model.scene import Force, Scene, Torque
 from anctmm.recursion.transfer import Row, accelerations_plain, accelerations_riccati, row_of
 from anctmm.results.solution import Cost, Energy, HermiteField, Solution
@@ -59,8 +60,9 @@ def solve(scene: Scene, run: Discretisation, accelerations: Method) -> Solution:
 def _drive(chain: Chain, t: float, q: Array, v: Array) -> Array:
     """Put the driven nodes where their clamps are; their accelerations."""
     known, reference = np.zeros_like(q), chain.bodies.reference()
-    for node, clamp in chain.hubs:
+    for end, clamp in Actuation(chain.scene, chain.bodies).driven:
         assert clamp.angle is not None
+        node = chain.node(end)
         angle, rate, acceleration = (float(x) for x in clamp.angle(t))
         for k in range(2, len(q), 2):
             g = complex(*reference[k : k + 2, node]) * np.exp(1j * angle)

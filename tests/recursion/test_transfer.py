@@ -293,7 +293,7 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
     """mass · M + K_T at a bent shape, positive definite by its mass, through a pin and an angled weld."""
     chain = chain_of(row_scene(start, [("pin", 0.5), ("weld", 1.0)], end), mesh=20, element=kind)
     bodies, q = chain.bodies, deformed(chain, 0.02)
-    factors, none = block_factors(bodies.nodes, bodies.rows), np.empty((0, 2))
+    factors, none = block_factors(chain), np.empty((0, 2))
     loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
     weight = 1e7
     pivots = factorize(q, bodies.tables(), links(chain), weight, 1.0, loads, none, factors)
@@ -309,7 +309,7 @@ def test_factors_in_single_precision_are_those_in_double_rounded(kind):
     chain = chain_of(row_scene("clamp", [("pin", 0.5), ("weld", 1.0)], "free"), mesh=20, element=kind)
     bodies, q = chain.bodies, deformed(chain, 0.02)
     loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
-    exact, single, rounded = (block_factors(bodies.nodes, bodies.rows, s) for s in (False, True, False))
+    exact, single, rounded = (block_factors(chain, s) for s in (False, True, False))
     for factors in (exact, single):
         factorize(q, bodies.tables(), links(chain), 1e7, 1.0, loads, np.empty((0, 2)), factors)
     size = exact.G.shape[1]
@@ -362,7 +362,7 @@ def test_recursion_solves_newtons_matrix_with_torques(kinds):
     scene = row_scene("pin", [("pin", 0.5)], "free", loads=loads)
     chain = chain_of(scene, mesh=3, element=dict(zip(("b0", "b1"), kinds, strict=True)))
     bodies, q, weight = chain.bodies, deformed(chain, 0.02), 1e7
-    actuation, factors = Actuation(scene, bodies), block_factors(bodies.nodes, bodies.rows)
+    actuation, factors = Actuation(scene, bodies), block_factors(chain)
     values = actuation.load_table(np.zeros(1))[0]
     factorize(q, bodies.tables(), links(chain), weight, 1.0, actuation.loads(), values, factors)
     f = np.random.default_rng(1).standard_normal(q.shape) * scales(chain)
@@ -374,7 +374,7 @@ def test_recursion_solves_newtons_matrix_with_torques(kinds):
 def test_factorization_counts_the_negative_pivots():
     """K_T of a free body at rest has three zero modes; with a negative mass nothing is positive."""
     chain = chain_of(row_scene("free", [], "free"), mesh=2)
-    bodies, factors = chain.bodies, block_factors(chain.bodies.nodes, 4)
+    bodies, factors = chain.bodies, block_factors(chain)
     loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
     for mass, negative in ((1.0, 0), (-1.0, 12)):
         arguments = (bodies.reference(), bodies.tables(), links(chain), mass, 0.0, loads, np.empty((0, 2)))

@@ -1,0 +1,153 @@
+"""Accelerations of trees by transfer matrices, readable: where branches meet, their condensed matrices add up.
+
+The partition at a junction is za = P, zb = δ̈: then S = Σ S_child, e = Σ e_child over all ends that arrive (Rui et al.
+2020, 10.1007/s11044-019-09711-2). Along a body it is the one that its inboard end suits, as for a chain (Rong 2014,
+eqs. 28-35). Vectors of the plane are complex numbers, as in `transfer`.
+
+This is the form to read and to test against. Whoever wants speed, or has loops, uses `riccati`.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.plan import PIN, WELD
+from anctmm.errors import SolverError
+from anctmm.recursion.border import refuse_rigid
+from anctmm.recursion.transfer import (
+    Passage,
+    body_passages,
+    complex_of,
+    pass_pin,
+    riccati_step,
+    state_of,
+    step_back,
+    swapped,
+)
+
+Complex = NDArray[Any]
+Real = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass
+class _Passed:
+    """A body that has been passed: its passages, za = S zb + e at each node, and S, e of all at its last node."""
+
+    passages: list[Passage]
+    memory: list[tuple[Mask, Complex, Complex]] = field(default_factory=list)
+    S: Complex = field(default_factory=lambda: np.empty(0))
+    e: Complex = field(default_factory=lambda: np.empty(0))
+
+
+def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
+    """Accelerations of a scene without loops and driven clamps, (k, nodes), as complex numbers.
+
+    Parameters
+    ----------
+    chain : Chain
+        Of one kind of element.
+    q, f : ndarray, shape (rows, nodes)
+        Coordinates and external forces.
+
+    Raises
+    ------
+    SolverError
+        If the scene closes loops or mixes kinds of elements.
+    """
+    if chain.plan.kept:
+        raise SolverError(f"scene {chain.scene.name!r} closes loops; a tree is needed here")
+    if len(set(chain.bodies.kinds)) > 1:
+        raise SolverError(
+            f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here"
+        )
+    refuse_rigid(chain, "the readable form")
+    first, known = chain.bodies.first, chain.prescribed[::2]
+    waiting: dict[int, tuple[Complex, Complex]] = {}
+    passed = []
+    for b in range(len(first) - 1):
+        start, last = int(first[b]), int(first[b + 1]) - 1
+        body = _Passed(body_passages(chain, b, q, complex_of(f)))
+        _pass_body(body, *_taken(waiting, start, known[:, start]))
+        S, e = _taken(waiting, last, known[:, last])[1:]
+        body.S, body.e = body.memory[-1][1] + S, body.memory[-1][2] + e
+        if chain.onward[b] >= 0:
+            _send(waiting, int(chain.onward[b]), *_linked(chain, b, body.S, body.e, known[:, last]))
+        passed.append(body)
+    out = np.zeros((chain.bodies.rows // 2, chain.bodies.nodes), dtype=complex)
+    for b in range(len(first) - 2, -1, -1):
+        last = int(first[b + 1]) - 1
+        out[:, last] = _at_end(chain, b, passed[b], out, known[:, last])
+        z = state_of(*passed[b].memory[-1], out[:, last])
+        for i, passage in zip(
+            range(last - 1, int(first[b]) - 1, -1), reversed(passed[b].passages), strict=True
+        ):
+            z = step_back(passage, passed[b].memory[i - int(first[b])], z)
+            out[:, i] = z[: len(out)]
+    return out
+
+
+def _taken(
+    waiting: dict[int, tuple[Complex, Complex]], node: int, known: Mask
+) -> tuple[Mask, Complex, Complex]:
+    """Partition, S and e of what waits at a node; what is known to rest there stands in za, and S is 0 for it."""
+    k = len(known)
+    S, e = waiting.pop(node, (np.zeros((k, k), dtype=complex), np.zeros(k, dtype=complex)))
+    free = ~known
+    return free, S * np.outer(free, free), e * free
+
+
+def _send(waiting: dict[int, tuple[Complex, Complex]], node: int, S: Complex, e: Complex) -> None:
+    """Add condensed matrices of a branch to those that wait at a node: S = Σ S_child, e = Σ e_child."""
+    others = waiting.get(node, (0.0, 0.0))
+    waiting[node] = (others[0] + S, others[1] + e)
+
+
+def _pass_body(body: _Passed, by_force: Mask, S: Complex, e: Complex) -> None:
+    """Pass S and e through a body; at its last node all of za are forces."""
+    body.memory = [(by_force, S, e)]
+    for passage in body.passages:
+        assert passage.U is not None
+        assert passage.T is not None
+        S, e = riccati_step(S, e, passage.U, passage.T, by_force)
+        body.memory.append((by_force, S, e))
+    body.memory[-1] = swapped(by_force, S, e, np.arange(len(e)))
+
+
+def _linked(chain: Chain, b: int, S: Complex, e: Complex, known: Mask) -> tuple[Complex, Complex]:
+    """S and e in the frame of the end that a body passes on to."""
+    free = ~known
+    S, e = S * np.outer(free, free), e * free
+    if chain.link[b] == WELD:
+        W = _turn(chain, b)
+        return W[:, None] * S * np.conj(W), W * e
+    if chain.link[b] == PIN:
+        return pass_pin(S, e)
+    return 0.0 * S, 0.0 * e
+
+
+def _turn(chain: Chain, b: int) -> Complex:
+    """Factors by which place and gradients turn at a weld."""
+    W = np.full(chain.bodies.rows // 2, complex(*chain.turn[b]))
+    W[0] = 1.0
+    return W
+
+
+def _at_end(chain: Chain, b: int, body: _Passed, found: Complex, known: Mask) -> Complex:
+    """Accelerations of a body's last node from those of the node that it passed on to: what that leaves free bears no
+    force.
+    """
+    k = len(known)
+    a, given = np.zeros(k, dtype=complex), known.copy()
+    if chain.onward[b] >= 0 and chain.link[b] == WELD:
+        a, given = np.conj(_turn(chain, b)) * found[:, chain.onward[b]], np.ones(k, dtype=bool)
+    elif chain.onward[b] >= 0 and chain.link[b] == PIN:
+        a[0], given[0] = found[0, chain.onward[b]], True
+    free = ~given
+    a[free] = np.linalg.solve(
+        body.S[np.ix_(free, free)], -(body.S[np.ix_(free, given)] @ a[given] + body.e[free])
+    )
+    return a

@@ -1,0 +1,126 @@
+"""Trees and loops: accelerations and tangent solves against a direct solution of all unknowns."""
+
+import numpy as np
+import pytest
+from graphs import SCENES, ladder, polygon
+
+import anctmm as at
+from anctmm.discretise.assembly import elastic_forces, mass_product
+from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import SolverError
+from anctmm.forces.actuation import Actuation
+from anctmm.recursion.accelerations import by_scalars
+from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve, split_factors
+from anctmm.recursion.tree_transfer import accelerations_tree
+
+every_scene = pytest.mark.parametrize("name", SCENES)
+every_element = pytest.mark.parametrize("element", ["cable", "shear"])
+
+
+class Direct:
+    """A scene with matrices of its independent unknowns, about a random bent state."""
+
+    def __init__(self, scene, element, mesh=2):
+        rng = np.random.default_rng(len(scene.bodies))
+        self.chain = Chain(scene, Discretisation(mesh=mesh, element=element))
+        bodies = self.bodies = self.chain.bodies
+        self.T = Joined(self.chain).matrix
+        self.q = bodies.reference() + (self.T @ (1e-2 * rng.standard_normal(self.T.shape[1]))).reshape(
+            bodies.rows, -1
+        )
+        self.f = rng.standard_normal(self.q.shape)
+
+    def mass(self):
+        bodies, unit, out = self.bodies, np.zeros_like(self.q), np.zeros_like(self.q)
+        columns = []
+        for j in range(unit.size):
+            unit.flat[j] = 1.0
+            mass_product(unit, bodies.first, bodies.masses, bodies.buffer(), out)
+            columns.append(out.ravel().copy())
+            unit.flat[j] = 0.0
+        return np.stack(columns, axis=1)
+
+    def stiffness(self):
+        bodies = self.bodies
+        K = np.zeros((bodies.rows, bodies.nodes) * 2)
+        for b, mesh in enumerate(bodies.meshes):
+            own = 2 * mesh.vectors
+            for i in range(bodies.first[b], bodies.first[b + 1] - 1):
+                k = mesh.element.tangent(self.q[:own, i : i + 2].T.reshape(-1, 2)).reshape(2, own, 2, own)
+                for one in range(2):
+                    for two in range(2):
+                        K[:own, i + one, :own, i + two] += k[one, :, two, :]
+        return K.reshape(self.q.size, self.q.size)
+
+    def solved(self, matrix, load):
+        T = self.T.toarray()
+        return (T @ np.linalg.solve(T.T @ matrix @ T, T.T @ load.ravel())).reshape(self.q.shape)
+
+    def elastic(self):
+        t, out = self.bodies.tables(), np.zeros_like(self.q)
+        elastic_forces(t.blend, self.q, t.first, t.kinds, t.constants, t.buffer, out)
+        return out
+
+
+def error(found, exact):
+    return np.abs(found - exact).max() / np.abs(exact).max()
+
+
+@every_element
+@every_scene
+def test_accelerations_of_any_topology(name, element):
+    d = Direct(SCENES[name], element)
+    exact = d.solved(d.mass(), d.f - d.elastic())
+    assert error(solve(mass_factors(d.chain), d.f - d.elastic()), exact) < 1e-12
+    if d.chain.split:
+        t, hubs, a = d.bodies.tables(), Actuation(d.chain.scene, d.bodies).hubs(), np.zeros_like(d.q)
+        tables = (t.first, t.kinds, t.constants, t.masses, t.buffer)
+        motion = (hubs.of, hubs.motion, hubs.reaction)
+        by_scalars(t.blend, d.q, d.f, *tables, *motion, *split_factors(d.chain), a)
+        assert error(a, exact) < 1e-12
+
+
+@every_element
+@every_scene
+def test_tangent_solves_of_any_topology_count_negative_eigenvalues(name, element):
+    d = Direct(SCENES[name], element)
+    loads = Actuation(at.Scene(name, d.chain.scene.bodies), d.bodies).loads()
+    T, factors = d.T.toarray(), block_factors(d.chain)
+    for weight in (1e7, 1e3):
+        matrix = weight * d.mass() + d.stiffness()
+        pivots = factorize(
+            d.q, d.bodies.tables(), links(d.chain), weight, 1.0, loads, np.empty((0, 2)), factors
+        )
+        assert pivots == (np.linalg.eigvalsh(T.T @ matrix @ T) < 0.0).sum()
+        assert error(solve(factors, d.f.copy()), d.solved(matrix, d.f)) < (1e-12 if pivots == 0 else 1e-9)
+
+
+@every_element
+@pytest.mark.parametrize("name", [n for n, s in SCENES.items() if n.startswith(("y_", "binary"))])
+def test_branches_add_up_in_the_readable_form(name, element):
+    d = Direct(SCENES[name], element)
+    a = accelerations_tree(d.chain, d.q, d.f)
+    found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
+    assert error(found, d.solved(d.mass(), d.f - d.elastic())) < 1e-10
+
+
+def test_readable_form_refuses_loops():
+    d = Direct(polygon(at.Pin), "cable")
+    with pytest.raises(SolverError, match="closes loops"):
+        accelerations_tree(d.chain, d.q, d.f)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_loop_keeps_as_few_junctions_as_close_it(name):
+    kept = len(Chain(SCENES[name], Discretisation(mesh=1)).plan.kept)
+    wanted = {"y_frame": 0, "binary_tree": 0, "polygon": 1, "grid": 5, "ladder": 4, "wheel": 7}
+    assert kept == wanted[name.partition("-")[0]]
+
+
+def test_the_kept_system_of_a_ladder_is_sparse():
+    entries = []
+    for rungs in (50, 100, 200):
+        factors = block_factors(Chain(ladder(at.Weld, rungs), Discretisation(mesh=1)))
+        entries.append(len(factors.loops.matrix.L) / rungs)
+    assert entries[2] < 1.1 * entries[0]
