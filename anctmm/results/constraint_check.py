@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.model.drives import tabulate
 from anctmm.model.topology import End, Junction, junctions_of
+from anctmm.results.acting import length_of
 from anctmm.results.finding import Finding
 from anctmm.results.solution import HermiteField, Solution
 
@@ -37,7 +38,7 @@ def constraint_findings(solution: Solution, *, static: bool = False) -> Iterator
         for side in (0, 1)
     }
     reach = max(float(np.abs(path[0]).max()) for path in paths.values())
-    length = sum(body.length for body in scene.bodies)
+    length = length_of(scene)
     rounding = ROUNDINGS * EPS * reach
     for junction in junctions_of(scene):
         yield from _parted(solution, junction, paths, PARTED * length + rounding)

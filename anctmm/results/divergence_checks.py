@@ -2,8 +2,9 @@
 
 Signs that a run has diverged though its numbers are finite: a gradient beyond all bounds, an element turned inside out
 (no energy of these elements forbids that), nearly all energy from nowhere. Signs that it has failed: joints or rigid
-bodies that are not kept. There the history is cut. One that stays whole may be inaccurate: too much energy came from
-nowhere. All are looked for at the outputs, after the run: a step costs nothing.
+bodies that are not kept. There the history is cut. One that stays whole may be inaccurate (too much energy came
+from nowhere) or imprecise (rounding has taken its digits). All are looked for at the outputs, after the run: a step
+costs nothing.
 """
 
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from anctmm.results.constraint_check import constraint_findings
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.finding import FATAL, Finding
+from anctmm.results.precision_check import precision_findings
 from anctmm.results.solution import HermiteField, LagrangeField, Solution, Status
 
 Array = NDArray[np.float64]
@@ -76,7 +78,7 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
     -------
     Solution
         The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
-        "diverged" or "failed"; or a whole one with the status "inaccurate".
+        "diverged" or "failed"; or a whole one with the status "inaccurate" or "imprecise".
     """
     explicit = not static and solution.run is not None and solution.run.integrator == "zhai"
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
@@ -85,6 +87,8 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         found = [*_shape_findings(solution), *constraint_findings(solution, static=static)]
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
+        if not static and solution.status.ok and not found:
+            found += precision_findings(solution)
     fatal = [finding for finding in found if finding.code in FATAL]
     if not found:
         return solution

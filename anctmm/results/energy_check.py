@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.model.drives import tabulate
-from anctmm.model.scene import Clamp, Force, Scene
+from anctmm.model.scene import Force
+from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
 from anctmm.results.finding import Finding, most_stretched, place
 from anctmm.results.solution import Energy, HermiteField, Solution
 
@@ -31,8 +31,8 @@ INACCURATE = 0.1
 ROUNDINGS = 1e3
 #: What Newton's iteration may leave of its tolerance.
 NEWTON = 0.01
-#: Outputs below which they may miss energy exchanged between them, and times at which drives and loads are seen then.
-FEW, SEEN = 32, 65
+#: Outputs below which they may miss energy exchanged between them.
+FEW = 32
 
 
 def all_energy(energy: Energy) -> Array:
@@ -81,7 +81,7 @@ def noise(solution: Solution) -> float:
     an element.
     """
     run, total = solution.run, 0.0
-    length = sum(body.length for body in solution.scene.bodies)
+    length = length_of(solution.scene)
     implicit = run is not None and run.integrator != "zhai"
     left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
     for name, field in solution.fields.items():
@@ -148,27 +148,9 @@ def _exchangeable(solution: Solution) -> float:
     scene, run = solution.scene, solution.run
     if run is None or solution.t.size >= FEW:
         return 0.0
-    span = sum(body.length for body in scene.bodies)
-    mass = sum(body.material.density * body.section.area * body.length for body in scene.bodies)
-    t = run.times(
-        np.unique(np.linspace(0, run.steps, SEEN).astype(np.int64))
-    )  # no time that the run has not asked for
-    total = mass * float(np.hypot(*scene.gravity)) * span
-    return total + sum(_of_drives(scene, t, mass * span**2)) + sum(_of_loads(scene, t, span))
-
-
-def _of_drives(scene: Scene, t: Array, inertia: float) -> Iterator[float]:
-    for joint in scene.joints:
-        if isinstance(joint, Clamp) and joint.angle is not None:
-            rate = tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 1]
-            yield 0.5 * inertia * float(np.abs(rate).max()) ** 2
-
-
-def _of_loads(scene: Scene, t: Array, span: float) -> Iterator[float]:
-    for load in scene.loads:
-        width, way = (2, span) if isinstance(load, Force) else (1, 2.0 * np.pi)
-        if callable(load.value):
-            values = tabulate(f"load on {load.end!r}", load.value, t, width)
-        else:
-            values = np.atleast_2d(np.asarray(load.value, dtype=float))
-        yield way * float(np.abs(values).max())
+    span = length_of(scene)
+    turning = sum(0.5 * mass_of(scene) * (span * rate) ** 2 for rate in drive_rates(scene, run))
+    loads = sum(
+        size * (span if isinstance(load, Force) else 2.0 * np.pi) for load, size in load_sizes(scene, run)
+    )
+    return weight_of(scene) * span + turning + loads

@@ -1,0 +1,115 @@
+"""Digits that rounding has taken: far from the origin, and where a body is too stiff for the forces that act.
+
+Both are estimates from above, of what double precision may do at worst: runs in which they are large were seen to be
+wrong by a twentieth of them or more, and runs in which they are small never.
+"""
+
+from collections.abc import Iterator
+from math import log10, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.scene import Clamp, Force
+from anctmm.results.acting import length_of, load_sizes, mass_of, weight_of
+from anctmm.results.finding import Finding
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+#: Part of the largest displacement that rounding of positions may make before a run is imprecise.
+DISPLACED = 0.03
+#: The same of forces: rounding of the stiffest body's, beside those that act.
+FORCED = 0.3
+#: Distance from the origin, of the length of all bodies, from which on positions lose digits to it.
+FAR = 1e3
+#: Roundings of positions in a step: explicit, and implicit, where Newton's iteration leaves more.
+EXPLICIT, IMPLICIT = 0.5, 2.0
+#: Outputs that are looked at, at most.
+SEEN = 65
+
+
+def precision_findings(solution: Solution) -> Iterator[Finding]:
+    """What rounding says against a run that is whole."""
+    run, scene = solution.run, solution.scene
+    if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(solution)):
+        return
+    length = length_of(scene)
+    reach = max(float(np.abs([body.start, body.end]).max()) for body in scene.bodies)
+    moved = _largest_displacement(solution)
+    if reach > FAR * length:
+        roundings = (EXPLICIT if run.integrator == "zhai" else IMPLICIT) * solution.cost.steps
+        part = _ratio(roundings * float(np.spacing(reach)), moved)
+        if part > DISPLACED:
+            yield Finding(
+                solution.t.size - 1,
+                "imprecise",
+                f"{_digits(part)} of the displacements can be trusted at {{when}}: positions {reach:.2g} m from the "
+                f"origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps; a scene "
+                f"nearer to the origin has its digits",
+            )
+    yield from _too_stiff(solution, max(reach, length), moved)
+
+
+def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Finding]:
+    """Rounding of positions strains every body, and the stiffest one most of all by force."""
+    scene, run = solution.scene, solution.run
+    assert run is not None
+    forces = {
+        name: scene.body(name).material.E * scene.body(name).section.area * elements / scene.body(name).length
+        for name, (elements, kind) in run.of(scene).items()
+        if kind != "rigid"
+    }
+    if not forces:
+        return
+    stiffest = max(forces, key=lambda name: forces[name])
+    noise = 0.5 * float(np.spacing(reach)) * forces[stiffest]
+    inertia = mass_of(scene) * moved * sqrt(solution.cost.steps) / float(solution.t[-1]) ** 2
+    part = _ratio(noise, max(_acting(solution), inertia))
+    if part > FORCED:
+        yield Finding(
+            solution.t.size - 1,
+            "imprecise",
+            f"{_digits(part)} of the displacements can be trusted at {{when}}: rounding of positions makes forces of "
+            f"{noise:.1e} N in body {stiffest!r}, which is too stiff beside the forces that act; a smaller E or a "
+            f"rigid body has more digits",
+            stiffest,
+        )
+
+
+def _acted_upon(solution: Solution) -> bool:
+    """Whether anything moves the scene: one at rest has no digits to lose."""
+    scene = solution.scene
+    driven = any(isinstance(joint, Clamp) and joint.angle is not None for joint in scene.joints)
+    return bool(driven or scene.loads or any(scene.gravity) or any(body.velocity for body in scene.bodies))
+
+
+def _largest_displacement(solution: Solution) -> float:
+    """Of starts, middles and ends of bodies, m."""
+    rows = np.unique(np.linspace(0, solution.t.size - 1, SEEN).astype(np.int64))
+    found = 0.0
+    for name in solution.fields:
+        for fraction in (0.0, 0.5, 1.0):
+            path = solution.position(name, fraction)[rows]
+            found = max(found, float(np.hypot(*(path - path[0]).T).max()))
+    return found
+
+
+def _acting(solution: Solution) -> float:
+    """Largest sum of weight and loads, N; a torque counts by the length of all bodies."""
+    scene, run = solution.scene, solution.run
+    assert run is not None
+    loads = (
+        size / (1.0 if isinstance(load, Force) else length_of(scene)) for load, size in load_sizes(scene, run)
+    )
+    return weight_of(scene) + sum(loads)
+
+
+def _ratio(error: float, size: float) -> float:
+    return error / size if size > 0.0 else np.inf
+
+
+def _digits(part: float) -> str:
+    """Digits that an error of this part leaves, in words."""
+    count = int(-log10(part)) if 0.0 < part < 1.0 else 0
+    return "no digit" if count == 0 else f"about {count} digit{'s' if count > 1 else ''}"

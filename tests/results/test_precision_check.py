@@ -1,0 +1,108 @@
+"""Digits that rounding takes of a motion: told far from the origin and beside bodies too stiff, and nowhere else."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import SQUARE
+
+import anctmm as at
+from studies.scenes import cantilever_fall, four_bar
+
+SOFT = at.Material(E=1e7, density=1000.0)
+ROADS = {
+    "fixed": {"dt": 1e-3},
+    "tolerance": {"tolerance": 1e-3},
+    "zhai": {"integrator": "zhai", "dt": 2e-4},
+}
+
+
+def falling(place, velocity=None):
+    """A cantilever of rubber that falls, at a place (m, m)."""
+    x, y = place
+    body = at.Beam("bar", (x, y), (x + 1.0, y), SQUARE, SOFT, velocity)
+    return at.Scene("far", [body], [at.Clamp("bar.start")], gravity=(0.0, -9.81))
+
+
+def fallen(place, road):
+    return at.solve(falling(place), mesh=4, t_end=0.25, output_dt=0.05, **ROADS[road])
+
+
+@pytest.mark.parametrize("place", [(1e12, 0.0), (0.0, -3e12)])
+@pytest.mark.parametrize("road", ROADS)
+def test_a_scene_that_is_too_far_away_says_so(road, place):
+    found, here = fallen(place, road), fallen((0.0, 0.0), road)
+    n = len(found.t)
+    assert np.abs(found.displacement("bar.end") - here.displacement("bar.end")[:n]).max() > 1e-4
+    assert not found.status.ok
+    if found.status == "imprecise":
+        assert n == len(here.t)
+        assert "digit" in found.status.message
+        assert "nearer to the origin" in found.status.message
+        assert f"t = {found.t[-1]:.6g} s" in found.status.message
+
+
+@pytest.mark.parametrize("far", [0.0, 1e6, 1e9])
+@pytest.mark.parametrize("road", ROADS)
+def test_a_scene_that_has_its_digits_is_ok(road, far):
+    found, here = fallen((far, 0.3 * far), road), fallen((0.0, 0.0), road)
+    assert found.status.ok, found.status
+    assert np.abs(found.displacement("bar.end") - here.displacement("bar.end")).max() < 1e-3
+
+
+def test_uniform_flight_far_away_loses_what_it_moves_in_a_step():
+    """A step of 0.1 mm at 1e12 m is rounded to 0.12 mm, each time."""
+    body = at.Beam("bar", (1e12, 0.0), (1e12 + 1.0, 0.0), SQUARE, SOFT, lambda s: (1.0, 0.0))
+    found = at.solve(
+        at.Scene("flight", [body]), mesh=1, integrator="zhai", dt=1e-4, t_end=0.1, output_dt=0.05
+    )
+    assert found.displacement("bar.end")[-1, 0] != pytest.approx(0.1, rel=0.05)
+    assert found.status == "imprecise"
+
+
+def pulled(soft, stiff, **options):
+    """A soft body that is clamped, and a stiff one welded to it, pulled aside by a micronewton."""
+    bodies = [
+        at.Beam("soft", (0.0, 0.0), (1.0, 0.0), SQUARE, at.Material(E=soft, density=1000.0)),
+        at.Beam("stiff", (1.0, 0.0), (2.0, 0.0), SQUARE, at.Material(E=stiff, density=1000.0)),
+    ]
+    joints = [at.Clamp("soft.start"), at.Weld("soft.end", "stiff.start")]
+    scene = at.Scene("pulled", bodies, joints, [at.Force("stiff.end", (0.0, 1e-6))])
+    return at.solve(scene, mesh=1, t_end=10.0, output_dt=2.5, **options)
+
+
+def test_a_body_too_stiff_for_the_forces_that_act_is_told():
+    found, known = pulled(100.0, 1e16, dt=0.1), pulled(100.0, 1e8, dt=0.1)
+    assert known.status.ok, known.status
+    away = np.abs(found.displacement("stiff.end") - known.displacement("stiff.end")[: len(found.t)]).max()
+    assert away > 0.2 * np.abs(known.displacement("stiff.end")).max()
+    assert found.status == "imprecise"
+    assert found.status.body == "stiff"
+    assert "forces that act" in found.status.message
+
+
+@pytest.mark.parametrize("stiff", [1e9, 2e11])
+def test_steel_beside_rubber_is_ok(stiff):
+    bodies = [
+        at.Beam("rubber", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT),
+        at.Beam("steel", (1.0, 0.0), (2.0, 0.0), SQUARE, at.Material(E=stiff, density=7850.0)),
+    ]
+    joints = [at.Pin("rubber.start"), at.Pin("rubber.end", "steel.start")]
+    for loads, gravity in (((), (0.0, -9.81)), ([at.Force("steel.end", (0.0, 1e-3))], (0.0, 0.0))):
+        scene = at.Scene("pair", bodies, joints, loads, gravity)
+        found = at.solve(scene, mesh=4, dt=1e-3, t_end=0.2)
+        assert found.status.ok, found.status
+
+
+def test_what_rests_has_no_digits_to_lose():
+    held = [at.Pin("bar.start"), at.Pin("bar.end")]
+    for gravity in ((0.0, 0.0), (-9.81, 0.0)):
+        scene = replace(falling((0.0, 0.0)), joints=held, gravity=gravity)
+        assert at.solve(scene, mesh=1, dt=1e-2, t_end=1.0).status.ok
+
+
+@pytest.mark.parametrize("base", [four_bar(), cantilever_fall()], ids=["four-bar", "fall"])
+def test_base_scenes_keep_their_digits(base):
+    for dt in (1e-2, 1e-3):
+        found = at.solve(base.scene, mesh=8, dt=dt, t_end=0.4)
+        assert found.status.ok, found.status
