@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import elastic_forces, mass_product, resist
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
-from anctmm.jit.compiling import kernel
+from anctmm.jit.compiling import inlined, kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
 from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
@@ -86,15 +86,18 @@ class State(NamedTuple):
 
 
 class Damping(NamedTuple):
-    """Kelvin-Voigt damping of each body, s, and the power lost: now and at the end of the step before, (2,), W."""
+    """Kelvin-Voigt damping of each body, s; its forces now and at the end of the step before, (2, rows, nodes), N."""
 
     of: Array
-    power: Array
+    force: Array
 
 
 def damping_of(model: Model) -> Damping | None:
     """Damping of a model that has some; None where it has none: then nothing of it is compiled."""
-    return None if model.bodies.damping is None else Damping(model.bodies.damping, np.zeros(2))
+    bodies = model.bodies
+    return (
+        None if bodies.damping is None else Damping(bodies.damping, np.zeros((2, bodies.rows, bodies.nodes)))
+    )
 
 
 def stiffened(model: Model, c: Scheme) -> Parts:
@@ -129,6 +132,31 @@ def predict(c: Scheme, s: State) -> None:
         s.new_acceleration[i] = s.acceleration[i]
 
 
+@inlined
+def resisting(damping: Damping, parts: Parts, q: Array, v: Array, buffer: Array, f: Array) -> None:
+    """Find the damping forces at q and v, (rows, nodes), and add them to f."""
+    force = damping.force[0]
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            force[k, i] = 0.0
+    resist(parts.blend, q, v, parts.first, parts.kinds, parts.constants, damping.of, buffer, force)
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            f[k, i] += force[k, i]
+
+
+@inlined
+def dissipated(damping: Damping, q: Array, before: Array) -> float:
+    """Work of the damping forces over a step, J: their mean times the displacement; q of shape (rows, nodes)."""
+    work = 0.0
+    for k in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            now = damping.force[0, k, i]
+            work += 0.5 * (now + damping.force[1, k, i]) * (q[k, i] - before[k, i])
+            damping.force[1, k, i] = now
+    return work
+
+
 @kernel
 def residual(
     parts: Parts, rows: Rows, loads: Loads, damping: Damping | None, table: Array, n: int, s: State
@@ -142,11 +170,7 @@ def residual(
     for i in range(size):
         s.right[i] = parts.dead[i] - s.right[i] - inertia[i]
     if damping is not None:
-        velocity = s.new_v.reshape(s.new.shape)
-        damping.power[0] = resist(
-            parts.blend, s.new, velocity, parts.first, parts.kinds, parts.constants, damping.of, s.motion.buffer,
-            s.force,
-        )  # fmt: skip
+        resisting(damping, parts, s.new, s.new_v.reshape(s.new.shape), s.motion.buffer, s.force)
     add_loads(loads, table, n, s.new_q, s.right)
     for j in range(len(rows.reference)):
         x, y = misfit(rows, j, s.new_q, s.motion.b)
@@ -300,10 +324,9 @@ def march(
             code = newton(c, parts, stiff, rows, loads, damping, system, pattern, factors, values, at, s)
             if code != CONVERGED:
                 return code
-            accept(c, s)
             if damping is not None:
-                m.work[0] -= 0.5 * c.h * (damping.power[0] + damping.power[1])
-                damping.power[1] = damping.power[0]
+                m.work[0] += dissipated(damping, s.new, m.q)
+            accept(c, s)
         if len(m.trail):
             work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)
             if n > 0:
@@ -434,9 +457,10 @@ def _accelerate(
     s.right[:size] = model.parts.dead
     if damping is not None:
         p = model.parts
-        damping.power[:] = resist(
-            p.blend, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, s.force
-        )
+        damping.force[:] = 0.0
+        resist(p.blend, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, damping.force[0])
+        s.force[:] += damping.force[0]
+        damping.force[1] = damping.force[0]
     add_loads(model.loads, values, 0, m.flat_q, s.right)
     scale = typical(model.scalar_mass)
     s.right[size:] = scale * m.acceleration.reshape(-1)
