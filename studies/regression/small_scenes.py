@@ -400,3 +400,21 @@ def pulse() -> at.Scene:
         [at.Clamp("stick.start", drive)],
         [at.Torque("stick.end", push), at.Force("stick.end", Ramp((0.0, 0.0), (3.0, 20.0)))],
     )
+
+
+def spun() -> at.Scene:
+    """A stiff bar that turns fast about a pin: implicit steps that are too long for it make energy."""
+    steel = at.Material(E=2e11, density=7800.0)
+    bar = moving(body("bar", A, (0.8, 0.6), steel), speed=50.0, centre=A)
+    return _scene("small-spun", [bar], [at.Pin("bar.start")])
+
+
+def locked() -> at.Scene:
+    """A rigid crank that is driven where the rigid coupler, pinned to the ground, cannot follow."""
+    bodies = [body("crank", A, (0.3, 0.0)), body("coupler", (0.3, 0.0), (0.9, 0.3), FIRM, ROD)]
+    joints: list[Joint] = [
+        at.Clamp("crank.start", at.Quintic(2.0, 0.05)),
+        at.Pin("crank.end", "coupler.start"),
+        at.Pin("coupler.end"),
+    ]
+    return _scene("small-locked", bodies, joints)

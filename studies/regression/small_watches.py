@@ -191,4 +191,12 @@ def _failing() -> tuple[Watch, ...]:
         (crushed, "static-crushed", Static(2, "shear")),
         (small.bare(), "static-free", Static(2, "cable")),
     ]
-    return tuple(_watch(scene, {name: run}, "diverged") for scene, name, run in runs)
+    long_steps = {
+        "made-energy": (implicit(4, "cable", steps=10, dt=0.01), "diverged"),
+        "some-energy": (implicit(4, "cable", steps=8, dt=0.007), "inaccurate"),
+    }
+    return (
+        *(_watch(scene, {name: run}, "diverged") for scene, name, run in runs),
+        *(_watch(small.spun(), {name: run}, ends) for name, (run, ends) in long_steps.items()),
+        _watch(small.locked(), {"locked": explicit(1, "rigid", dt=1e-3)}, "failed"),
+    )
