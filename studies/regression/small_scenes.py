@@ -358,6 +358,11 @@ def angled_still() -> at.Scene:
     return _scene("small-angled-still", row.bodies, row.joints, loads, (0.6, -0.9))
 
 
+def column() -> at.Scene:
+    """A clamped column under one and a half times Euler's load, with a small force to the side."""
+    return stick("small-column", (-0.03164, -0.02363), 0.0, (0.0, 0.0))
+
+
 def rolled() -> at.Scene:
     """A torque in whose first steps Newton's iteration hardly converges: with a new matrix at each correction."""
     return stick("small-rolled", (0.0, 0.0), 0.12, (0.0, 0.0))

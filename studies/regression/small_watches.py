@@ -198,5 +198,6 @@ def _failing() -> tuple[Watch, ...]:
     return (
         *(_watch(scene, {name: run}, "diverged") for scene, name, run in runs),
         *(_watch(small.spun(), {name: run}, ends) for name, (run, ends) in long_steps.items()),
+        _watch(small.column(), {"unstable": Static(4, "cable")}, "unstable"),
         _watch(small.locked(), {"locked": explicit(1, "rigid", dt=1e-3)}, "failed"),
     )

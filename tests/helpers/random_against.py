@@ -92,7 +92,7 @@ def _reference(peer: str, case: Asked) -> tuple[Solution, float] | str:
         found = _solve(peer, case.scene, run, **OPTIONS.get(peer, {}))
         return found if isinstance(found, str) else (found, 0.0)
     answers = []
-    for steps in (1000, 2000):
+    for steps in (200, 400):
         fixed = Discretisation(
             run.mesh, run.element, run.quadrature, dt=run.t_end / steps, t_end=run.t_end,
             output_dt=run.output_dt, newton_tolerance=run.newton_tolerance,

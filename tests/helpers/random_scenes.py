@@ -220,7 +220,7 @@ def asked(seed, peer="global-dae"):
     from rest or turn; loads of every kind; initial velocities; both integrators with their parameters; tolerances.
     """
     random = Random(seed)
-    method = random.choice(["zhai", "zhai", "generalized-alpha", "generalized-alpha", "tolerance"])
+    method = random.choice([*["zhai", "generalized-alpha"] * 4, "tolerance"])
     if peer.startswith("exudyn"):
         method = "generalized-alpha"
     damped = random.random() < 0.25 and method == "zhai"
