@@ -79,7 +79,11 @@ def _solved(A: Matrix, right: Array) -> Array | None:
 def _negative(A: Matrix) -> int | None:
     """Number of negative eigenvalues; None where the factorisation cannot keep the matrix symmetric."""
     if A.shape[0] <= DENSE:
-        return int((eigh(A.toarray(), eigvals_only=True) < 0.0).sum())
+        scale = np.abs(A.diagonal())
+        scale = 1.0 / np.sqrt(
+            np.where(scale > 0.0, scale, 1.0)
+        )  # else stretch hides the bending of slender beams
+        return int((eigh(scale[:, None] * A.toarray() * scale, eigvals_only=True) < 0.0).sum())
     for order in ("MMD_AT_PLUS_A", "NATURAL"):
         try:
             lu = splu(A, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})

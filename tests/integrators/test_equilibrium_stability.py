@@ -370,6 +370,17 @@ def test_a_body_without_unknowns_stands(kind, branch):
         assert found.status.ok, found.status
 
 
+@pytest.mark.parametrize("solver", [solve_static, global_dae.solve_static])
+@pytest.mark.parametrize("slenderness", [1e3, 1e5])
+def test_very_slender_elements_are_not_called_unstable(solver, slenderness):
+    """Stretch is stiffer than bending by the square of l/h: its rounding shall not hide the lowest eigenvalue."""
+    section = Rectangle(1.0 / slenderness, 1.0 / slenderness)
+    beam = Beam("bar", (0.0, 0.0), (8.0, 0.0), section, STIFF)
+    force = 1e-6 * STIFF.E * section.second_moment / 64.0
+    found = solver(Scene("slender", [beam], [Clamp("bar.start")], [Force("bar.end", (0.0, force))]), mesh=8)
+    assert found.status.ok, found.status
+
+
 def test_branches_are_named():
     with pytest.raises(UnknownOptionError, match=r"branch is 'low'.*path.*stable"):
         solve_static(bar([Clamp("bar.start")]), mesh=1, branch="low")
