@@ -108,6 +108,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
         limits.append(("inaccurate", INACCURATE, keeps))
     for code, part, lost in limits:
         bad = from_nowhere(energy, part, least, lost=lost and not damped, damped=damped) & beyond
+        if code == "inaccurate":  # what is gone at the next output was a start that the step does not resolve
+            bad[:-1] &= bad[1:]
         if bad.any():
             yield _finding(solution, int(bad.argmax()), code)
 
