@@ -5,6 +5,8 @@ from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
 from anctmm.model.sections import Circle, Rectangle, Section
+from anctmm.model.start import consistent_velocities
+from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status
 from anctmm.solve import solve
@@ -24,6 +26,7 @@ __all__ = [
     "Pulse",
     "Quintic",
     "Rectangle",
+    "RigidVelocity",
     "Scene",
     "Section",
     "Solution",
@@ -31,6 +34,7 @@ __all__ = [
     "Torque",
     "Weld",
     "compare",
+    "consistent_velocities",
     "distance",
     "solve",
     "solve_static",

@@ -1,4 +1,10 @@
-"""Exceptions. Every message names the thing, its value and what is allowed."""
+"""Exceptions and warnings. Every message names the thing, its value and what is allowed."""
+
+from collections.abc import Iterable
+from itertools import islice
+from math import log10
+from reprlib import Repr
+from typing import Never
 
 
 class AnctmmError(Exception):
@@ -11,6 +17,10 @@ class SceneError(AnctmmError, ValueError):
 
 class PropertyError(SceneError):
     """A physical property is not finite, has the wrong sign or is out of its range."""
+
+
+class UnknownKindError(SceneError, TypeError):
+    """A body, joint, load or other part of a scene is of a kind that is not known (there)."""
 
 
 class DegenerateBodyError(SceneError):
@@ -95,5 +105,70 @@ class PluginError(SolverError):
     """A registered solver cannot be loaded, lacks what is asked of it, or answers with nonsense."""
 
 
+class StartWarning(UserWarning):
+    """Initial velocities that a joint, a drive or a rigid body cannot have are replaced by those that it can."""
+
+
 class OutputError(AnctmmError, OSError):
     """A file or directory cannot be written."""
+
+
+def shown(value: object) -> str:
+    """A value as one short line, whatever its `repr` does."""
+    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 10**40:
+        return f"{'-' if value < 0 else ''}{_power_of_ten(abs(value))}"
+    try:
+        text = _SHORT.repr(value)
+    except Exception:  # reprs of others may do anything
+        return f"<{type(value).__name__} that cannot be shown>"
+    return one_line(text)
+
+
+def listed(names: Iterable[object]) -> str:
+    """Names as text, the first few of many."""
+    names = list(names)
+    some = ", ".join(map(shown, islice(names, MANY)))
+    return some if len(names) <= MANY else f"{some}, … ({len(names)} in all)"
+
+
+def reason(error: BaseException) -> str:
+    """Class and message of an exception as one short line, whatever its `str` does."""
+    try:
+        text = str(error)
+    except Exception:
+        text = ""
+    name = type(error).__name__
+    return one_line(f"{name}: {text}" if text else name)
+
+
+def one_line(text: str) -> str:
+    """Text without line breaks, its middle left out where it is long."""
+    text = " ".join(text.split()) if len(text.splitlines()) > 1 else text
+    return text if len(text) <= LONG else f"{text[: LONG // 2]} … {text[-LONG // 4 :]}"
+
+
+def unknown_kind(what: str, thing: Never, allowed: Iterable[type]) -> UnknownKindError:
+    """What to raise where no case of a `match` is for a thing: mypy proves that every known kind has a case."""
+    return UnknownKindError(
+        f"{what} is {shown(thing)} of type {type(thing).__name__}; "
+        f"allowed here are {', '.join(kind.__name__ for kind in allowed)}"
+    )
+
+
+def unknown_option(what: str, value: object, allowed: Iterable[str]) -> UnknownOptionError:
+    """What to raise where a name is none of those allowed, or no case of a `match` is for it."""
+    return UnknownOptionError(f"{what} is {shown(value)}; allowed are {', '.join(map(repr, allowed))}")
+
+
+#: Characters of a value in a message, and names in a list, at most.
+LONG, MANY = 240, 12
+_SHORT = Repr()
+_SHORT.maxlevel, _SHORT.maxstring, _SHORT.maxlong, _SHORT.maxother = 4, 80, 60, LONG
+_SHORT.maxtuple = _SHORT.maxlist = _SHORT.maxarray = _SHORT.maxdict = _SHORT.maxset = 8
+
+
+def _power_of_ten(value: int) -> str:
+    """A large whole number as about 1.2e345; its digits may be too many to be printed."""
+    shift = max(value.bit_length() - 60, 0)
+    exponent = log10(value >> shift) + shift * log10(2.0)
+    return f"{10.0 ** (exponent % 1.0):.3g}e{int(exponent)}"

@@ -3,12 +3,12 @@
 from typing import Any
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import StepError
+from anctmm.errors import StepError, unknown_option
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
-from anctmm.model.scene import Scene
+from anctmm.model.scene import Scene, checked_scene
 from anctmm.recursion.border import refuse_rigid
 from anctmm.results.solution import Solution
 
@@ -42,16 +42,19 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
     run = discretise(run, options, fixed_step=False)
-    check_memory(scene, run, EXPLICIT if run.integrator == "zhai" else IMPLICIT)
+    check_memory(checked_scene(scene), run, EXPLICIT if run.integrator == "zhai" else IMPLICIT)
     chain = Chain(scene, run)
     if chain.run.tolerance is not None and chain.bodies.damping is not None:
         raise StepError(
             f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "
             f"the error does not know damping"
         )
-    if chain.run.integrator == "zhai":
-        return zhai.integrate(chain)
-    refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
-    return (
-        generalized_alpha.integrate(chain) if chain.run.tolerance is None else step_control.integrate(chain)
-    )
+    match chain.run.integrator:
+        case "zhai":
+            return zhai.integrate(chain)
+        case "generalized-alpha":
+            refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
+            implicit = generalized_alpha if chain.run.tolerance is None else step_control
+            return implicit.integrate(chain)
+        case _:
+            raise unknown_option("integrator", chain.run.integrator, INTEGRATORS)

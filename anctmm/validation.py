@@ -1,9 +1,28 @@
-"""Checks at the door: each names the thing, its value and what is allowed."""
+"""Checks of what a user gives: each names the thing, its value and what is allowed, and returns plain values.
 
-from collections.abc import Iterable
+A number is an int, a float, a Fraction, a Decimal or a NumPy scalar, and becomes a float. Texts, truth values,
+complex numbers, durations and quantities with units of another package are none: nothing is guessed.
+"""
+
+from collections.abc import Callable, Iterable, Sequence
+from decimal import Decimal
 from math import isfinite
+from numbers import Integral, Real
+from typing import Any
 
-from anctmm.errors import AnctmmError, PropertyError, UnknownOptionError
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import AnctmmError, PropertyError, reason, shown, unknown_option
+
+Array = NDArray[np.float64]
+
+#: Largest size of any number, and smallest of one that is not zero: their products of a few do not overflow.
+LARGEST, SMALLEST = 1e100, 1e-100
+#: Sizes of lengths and places, m.
+LONGEST, SHORTEST = 1e15, 1e-15
+#: Characters of a name.
+NAME = 100
 
 
 def number(name: str, value: object, error: type[AnctmmError] = PropertyError) -> float:
@@ -12,22 +31,29 @@ def number(name: str, value: object, error: type[AnctmmError] = PropertyError) -
     Raises
     ------
     AnctmmError
-        Of the class `error`, if `value` is no finite real number.
+        Of the class `error`, if `value` is no finite real number, or is larger than 1e100.
     """
-    try:
-        result = float(value)  # type: ignore[arg-type]
-    except (TypeError, ValueError):
-        raise error(f"{name} is {value!r}; a finite number is needed") from None
-    if not isfinite(result):
-        raise error(f"{name} is {value!r}; a finite number is needed")
+    result = _real(value)
+    if result is None or not isfinite(result):
+        raise error(f"{name} is {shown(value)}; a finite number is needed")
+    if abs(result) > LARGEST:
+        raise error(f"{name} is {shown(value)}; a number from -{LARGEST:g} to {LARGEST:g} is needed")
     return result
 
 
-def positive(name: str, value: object, error: type[AnctmmError] = PropertyError) -> float:
-    """Return `value` as a float greater than zero, or raise `error`."""
+def positive(
+    name: str,
+    value: object,
+    error: type[AnctmmError] = PropertyError,
+    low: float = SMALLEST,
+    high: float = LARGEST,
+) -> float:
+    """Return `value` as a float greater than zero and from `low` to `high`, or raise `error`."""
     result = number(name, value, error)
     if result <= 0.0:
-        raise error(f"{name} is {value!r}; a number greater than 0 is needed")
+        raise error(f"{name} is {shown(value)}; a number greater than 0 is needed")
+    if not low <= result <= high:
+        raise error(f"{name} is {shown(value)}; a number from {low:g} to {high:g} is needed")
     return result
 
 
@@ -35,7 +61,7 @@ def not_negative(name: str, value: object, error: type[AnctmmError] = PropertyEr
     """Return `value` as a float of at least zero, or raise `error`."""
     result = number(name, value, error)
     if result < 0.0:
-        raise error(f"{name} is {value!r}; a number of at least 0 is needed")
+        raise error(f"{name} is {shown(value)}; a number of at least 0 is needed")
     return result
 
 
@@ -47,17 +73,57 @@ def within(
     above = result >= low if bounds[0] == "[" else result > low
     below = result <= high if bounds[1] == "]" else result < high
     if not (above and below):
-        raise error(f"{name} is {value!r}; allowed is {bounds[0]}{low:g}, {high:g}{bounds[1]}")
+        raise error(f"{name} is {shown(value)}; allowed is {bounds[0]}{low:g}, {high:g}{bounds[1]}")
     return result
 
 
-def vector(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, float]:
-    """Return `value` as a pair of finite floats, or raise `error`."""
-    try:
-        x, y = tuple(value)  # type: ignore[arg-type, var-annotated]
-    except (TypeError, ValueError):
-        raise error(f"{name} is {value!r}; a pair of finite numbers (x, y) is needed") from None
-    return number(f"{name}, x", x, error), number(f"{name}, y", y, error)
+def whole(name: str, value: object, high: int, error: type[AnctmmError] = PropertyError) -> int:
+    """Return `value` as an int from 1 to `high`, or raise `error`."""
+    result = None
+    if isinstance(value, Integral) and not isinstance(value, bool | np.timedelta64):
+        try:
+            result = int(value)
+        except Exception:  # an integer of another package
+            result = None
+    if result is None or result < 1:
+        raise error(f"{name} is {shown(value)}; a whole number from 1 on is needed")
+    if result > high:
+        raise error(f"{name} is {shown(value)}; a whole number from 1 on is needed, at most {high}")
+    return result
+
+
+def flag(name: str, value: object, error: type[AnctmmError] = PropertyError) -> bool:
+    """Return `value` as a bool, or raise `error`: no other value is taken for true or false."""
+    if not isinstance(value, bool | np.bool_):
+        raise error(f"{name} is {shown(value)}; True or False is needed")
+    return bool(value)
+
+
+def text(name: str, value: object, error: type[AnctmmError] = PropertyError) -> str:
+    """Return `value` as a plain string that can name something, or raise `error`."""
+    needed = f"a non-empty string of at most {NAME} printable characters is needed"
+    if not isinstance(value, str):
+        raise error(f"{name} is {shown(value)}; {needed}")
+    result = str.__str__(value)
+    if not 0 < len(result) <= NAME or not result.isprintable() or result != result.strip():
+        raise error(f"{name} is {shown(value)}; {needed}, with no space before or behind")
+    return result
+
+
+def vector(
+    name: str, value: object, error: type[AnctmmError] = PropertyError, high: float = LARGEST
+) -> tuple[float, float]:
+    """Return `value` as a pair of finite floats of size `high` at most, or raise `error`."""
+    if not is_pair(value):
+        raise error(
+            f"{name} is {shown(value)}; a pair of finite numbers (x, y) is needed: a tuple, a list or an array, "
+            f"whose order is known"
+        )
+    pair: Any = value
+    x, y = (number(f"{name}, {axis}", pair[i], error) for i, axis in enumerate("xy"))
+    if max(abs(x), abs(y)) > high:
+        raise error(f"{name} is {shown(value)}; numbers from -{high:g} to {high:g} are needed")
+    return x, y
 
 
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
@@ -69,6 +135,62 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
         If it is not.
     """
     allowed = sorted(allowed)
-    if not isinstance(value, str) or value not in allowed:
-        raise UnknownOptionError(f"{name} is {value!r}; allowed are {', '.join(map(repr, allowed))}")
-    return value
+    plain = str.__str__(value) if isinstance(value, str) else None
+    if plain not in allowed:
+        raise unknown_option(name, value, allowed)
+    return plain
+
+
+def answer_of(
+    name: str, function: Callable[[Any], Any], argument: float, error: type[AnctmmError] = PropertyError
+) -> Any:
+    """What a user's function answers to one argument; whatever it raises becomes `error`, which tells it."""
+    try:
+        return function(argument)
+    except (Exception, SystemExit) as raised:  # a user's function may do anything
+        raise error(
+            f"{name} at {argument!r} raises {reason(raised)}; a function of one number is needed"
+        ) from raised
+
+
+def reals(value: Any) -> Array:
+    """Numbers of any shape as an array of floats.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are others among them than real numbers.
+    """
+    array = np.asarray(value)
+    if array.dtype.kind in "iuf":
+        return array.astype(np.float64)
+    plain = [_real(x) for x in array.ravel().tolist()] if array.dtype.kind == "O" else [None]
+    if None in plain:
+        raise TypeError(f"{shown(value)} is no real number, nor an array of them")
+    return np.array(plain, dtype=np.float64).reshape(array.shape)
+
+
+def _real(value: object) -> float | None:
+    """A real number as a float, infinite where it is too large; None if it is none."""
+    if type(value) is np.ndarray and value.ndim == 0:
+        value = value.item()
+    if not isinstance(value, Real | Decimal) or isinstance(value, bool | np.timedelta64):
+        return None
+    try:
+        return float(value)
+    except OverflowError:
+        return float("inf")
+    except Exception:  # a number of another package, or a Decimal that signals
+        return None
+
+
+def is_pair(value: object) -> bool:
+    """Whether a value is an ordered sequence or an array of two things; texts, sets and mappings are none."""
+    if isinstance(value, np.ndarray):
+        return type(value) is np.ndarray and value.shape == (2,)
+    if not isinstance(value, Sequence) or isinstance(value, str | bytes | bytearray | memoryview):
+        return False
+    try:
+        return len(value) == 2
+    except Exception:  # a sequence of the user's own
+        return False

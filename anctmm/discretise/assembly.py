@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.mesh import BodyMesh
+from anctmm.discretise.mesh import BodyMesh, Element
 from anctmm.elements.cable import CableElement
 from anctmm.elements.cable_kernel import constants as cable_constants
 from anctmm.elements.dispatch import (
@@ -27,9 +27,11 @@ from anctmm.elements.dispatch import (
     element_forces,
     element_tangents,
 )
+from anctmm.elements.shear import ShearElement
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.shear_kernel import constants as shear_constants
 from anctmm.elements.tangent_blocks import lower
+from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import embedded, inlined, kernel
 
 Array = NDArray[np.float64]
@@ -48,6 +50,27 @@ class Tables(NamedTuple):
     constants: Array
     masses: Array
     buffer: Array
+
+
+def kernel_of(element: Element) -> int:
+    """CABLE or SHEAR: the kernels that an element needs (a rigid one is a cable without stiffness)."""
+    match element:
+        case ShearElement():
+            return SHEAR
+        case CableElement():
+            return CABLE
+        case _:
+            raise unknown_kind("element", element, (ShearElement, CableElement))
+
+
+def _constants_of(element: Element) -> Array:
+    match element:
+        case ShearElement():
+            return shear_constants(element)
+        case CableElement():
+            return cable_constants(element)
+        case _:
+            raise unknown_kind("element", element, (ShearElement, CableElement))
 
 
 @dataclass(frozen=True)
@@ -87,7 +110,7 @@ class Bodies:
     @cached_property
     def kinds(self) -> Ints:
         """CABLE or SHEAR, of each body."""
-        return np.array([SHEAR if m.kind == "shear" else CABLE for m in self.meshes], dtype=np.int64)
+        return np.array([kernel_of(m.element) for m in self.meshes], dtype=np.int64)
 
     @cached_property
     def blend(self) -> tuple[int, ...]:
@@ -98,10 +121,7 @@ class Bodies:
     @cached_property
     def constants(self) -> Array:
         """Constants of the element kernels, a row a body."""
-        rows = [
-            cable_constants(m.element) if isinstance(m.element, CableElement) else shear_constants(m.element)
-            for m in self.meshes
-        ]
+        rows = [_constants_of(m.element) for m in self.meshes]
         table = np.zeros((len(rows), max(map(len, rows))))
         for line, row in zip(table, rows, strict=True):
             line[: len(row)] = row

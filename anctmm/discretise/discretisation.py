@@ -1,19 +1,25 @@
 """What a convergence study varies: mesh, element, integrator, step and output."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import DiscretisationError, MeshError, StepError
-from anctmm.model.scene import Beam, Scene
-from anctmm.validation import number, one_of, positive, within
+from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown
+from anctmm.model.scene import Beam, Scene, checked_scene
+from anctmm.validation import flag, number, one_of, positive, whole, within
 
 ELEMENTS = ("cable", "shear", "rigid")
 QUADRATURES = ("full", "reduced", "lobatto")
 INTEGRATORS = ("zhai", "generalized-alpha")
+#: Elements of a body at most: sparse matrices number their rows by 32 bits.
+MOST = 2**31 - 1
+#: Equal parts of a load at most: an equilibrium is kept of each.
+MOST_LOAD_STEPS = 1_000_000
+#: Steps of a run at most: whole numbers up to here are exact as floats.
+MOST_STEPS = 2.0**53
 
 
 class _NotGiven(float):
@@ -77,43 +83,42 @@ class Discretisation:
     stride: int = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
-        for name in ("mesh", "element"):
+        set_ = object.__setattr__
+        for name, check in (("mesh", _elements), ("element", _element)):
+            set_(self, name, _by_body(name, getattr(self, name), check))
+        set_(self, "quadrature", one_of("quadrature", self.quadrature, QUADRATURES))
+        set_(self, "integrator", one_of("integrator", self.integrator, INTEGRATORS))
+        for name in ("psi", "phi"):
+            set_(self, name, number(name, getattr(self, name), DiscretisationError))
+        for name, low, high, bounds in (
+            ("spectral_radius", 0.0, 1.0, "[]"),
+            ("newton_tolerance", 0.0, 1e-2, "(]"),
+        ):
             value = getattr(self, name)
-            if isinstance(value, Mapping):
-                object.__setattr__(self, name, FrozenMapping(value))
-        for count in _values(self.mesh):
-            if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-                raise MeshError(f"mesh is {self.mesh!r}; whole numbers of elements from 1 on are needed")
-        for kind in _values(self.element):
-            one_of("element", kind, ELEMENTS)
-        one_of("quadrature", self.quadrature, QUADRATURES)
-        one_of("integrator", self.integrator, INTEGRATORS)
-        number("psi", self.psi, DiscretisationError)
-        number("phi", self.phi, DiscretisationError)
-        within("spectral_radius", self.spectral_radius, 0.0, 1.0, "[]", DiscretisationError)
-        within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
-        positive("dt (s)", self.dt, StepError)
-        positive("t_end (s)", self.t_end, StepError)
+            set_(self, name, within(name, value, low, high, bounds, DiscretisationError))
+        set_(self, "check_stability", flag("check_stability", self.check_stability, DiscretisationError))
+        for name in ("dt", "t_end"):
+            if not isinstance(getattr(self, name), _NotGiven):
+                set_(self, name, positive(f"{name} (s)", getattr(self, name), StepError))
+        if self.output_dt is not None:
+            set_(self, "output_dt", positive("output_dt (s)", self.output_dt, StepError))
         dt = self.dt if self.tolerance is None else self._interval()
-        output_dt = dt if self.output_dt is None else positive("output_dt (s)", self.output_dt, StepError)
-        object.__setattr__(self, "steps", _multiple("t_end (s)", self.t_end, dt))
-        object.__setattr__(self, "stride", min(_multiple("output_dt (s)", output_dt, dt), self.steps))
+        set_(self, "steps", _multiple("t_end (s)", self.t_end, dt))
+        stride = _multiple("output_dt (s)", dt if self.output_dt is None else self.output_dt, dt)
+        set_(self, "stride", min(stride, self.steps))
 
     def _interval(self) -> float:
         """With a tolerance, the interval of the output, s: `steps` then counts intervals."""
-        within("tolerance", self.tolerance, 0.0, 0.5, "()", StepError)
+        tolerance = within("tolerance", self.tolerance, 0.0, 0.5, "()", StepError)
+        object.__setattr__(self, "tolerance", tolerance)
         if not isinstance(self.dt, _NotGiven):
-            raise StepError(
-                f"dt is {self.dt!r} s beside tolerance {self.tolerance!r}; one of them is allowed"
-            )
+            raise StepError(f"dt is {self.dt!r} s beside tolerance {tolerance!r}; one of them is allowed")
         if self.integrator != "generalized-alpha":
             raise StepError(
-                f"tolerance is {self.tolerance!r} with integrator {self.integrator!r}; "
+                f"tolerance is {tolerance!r} with integrator {self.integrator!r}; "
                 f"'generalized-alpha' is needed: stability bounds an explicit step, not accuracy"
             )
-        if self.output_dt is None:
-            return self.t_end / 200
-        return positive("output_dt (s)", self.output_dt, StepError)
+        return self.t_end / 200 if self.output_dt is None else self.output_dt
 
     @property
     def output_steps(self) -> NDArray[np.int64]:
@@ -138,15 +143,15 @@ class Discretisation:
         MeshError
             If a mapping misses a body of the scene or names one it does not have, or a rigid body has several elements.
         """
-        names = [b.name for b in scene.bodies]
+        names = [b.name for b in checked_scene(scene).bodies]
         for what in ("mesh", "element"):
             value = getattr(self, what)
             if isinstance(value, Mapping) and set(value) != set(names):
                 raise MeshError(
-                    f"{what} is {dict(value)!r}; every body of scene {scene.name!r} and no other is needed: "
-                    f"{', '.join(map(repr, names))}"
+                    f"{what} is {shown(dict(value))}; every body of scene {scene.name!r} and no other is needed: "
+                    f"{listed(names)}"
                 )
-        cut = {n: (int(_pick(self.mesh, n)), _pick(self.element, n)) for n in names}
+        cut = {n: (_pick(self.mesh, n), _pick(self.element, n)) for n in names}
         for name, (elements, kind) in cut.items():
             if kind == "rigid" and elements != 1:
                 raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
@@ -187,9 +192,9 @@ def discretise(
 
 def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisation:
     if run is not None:
-        if options or not isinstance(run, Discretisation):
+        if options or type(run) is not Discretisation:
             raise DiscretisationError(
-                f"run is {run!r} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
+                f"run is {shown(run)} beside keywords {sorted(options)}; a Discretisation or keywords are allowed"
             )
         return run
     allowed = [f.name for f in fields(Discretisation) if f.init]
@@ -201,13 +206,52 @@ def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisatio
     return Discretisation(**options)
 
 
+def parts_of_load(load_steps: object) -> int:
+    """Return a number of load steps, or refuse it.
+
+    Raises
+    ------
+    DiscretisationError
+        If it is no whole number from 1 on, or too many.
+    """
+    return whole("load_steps", load_steps, MOST_LOAD_STEPS, DiscretisationError)
+
+
 def element_length(body: Beam, elements: int) -> float:
     """Undeformed length of each of a body's equal elements, m."""
     return body.length / elements
 
 
-def _values(value: Any) -> list[Any]:
-    return list(value.values()) if isinstance(value, Mapping) else [value]
+def _by_body(what: str, value: Any, check: Callable[[str, Any, Any], Any]) -> Any:
+    """One value, or one for each of some bodies, checked."""
+    if not isinstance(value, Mapping):
+        return check(what, value, value)
+    try:
+        items = list(value.items())
+    except Exception as error:  # a mapping of the user's own
+        raise MeshError(
+            f"{what} is {shown(value)}, which raises {reason(error)}; a mapping of body names is needed"
+        ) from error
+    found: dict[str, Any] = {}
+    for name, one in items:
+        if not isinstance(name, str):
+            raise MeshError(f"{what} is {shown(value)}; names of bodies are needed in place of {shown(name)}")
+        found[str.__str__(name)] = check(what, value, one)
+    return FrozenMapping(found)
+
+
+def _elements(what: str, value: Any, count: Any) -> int:
+    """A number of elements; `value` is all that is given."""
+    try:
+        return whole(what, count, MOST, MeshError)
+    except MeshError:
+        raise MeshError(
+            f"{what} is {shown(value)}; whole numbers of elements from 1 on are needed, at most {MOST}"
+        ) from None
+
+
+def _element(what: str, value: Any, kind: Any) -> str:
+    return one_of(what, kind, ELEMENTS)
 
 
 def _pick(value: Any, name: str) -> Any:
@@ -215,7 +259,13 @@ def _pick(value: Any, name: str) -> Any:
 
 
 def _multiple(name: str, value: float, dt: float) -> int:
-    count = round(value / dt)
+    ratio = value / dt
+    if not ratio <= MOST_STEPS:
+        raise StepError(
+            f"{name} is {value!r} with steps dt = {dt!r} s, {ratio:.3g} of them; at most {MOST_STEPS:.3g} are "
+            f"allowed: their numbers are no longer exact beyond"
+        )
+    count = round(ratio)
     if count < 1 or abs(count * dt - value) > 1e-6 * dt:
         raise StepError(
             f"{name} is {value!r}; a whole number of steps dt = {dt!r} s is needed, "

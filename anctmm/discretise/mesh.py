@@ -7,17 +7,18 @@ wants it.
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.differentiate import derivative
 
-from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.discretisation import ELEMENTS, QUADRATURES, Discretisation
 from anctmm.elements.cable import CableElement
 from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shear import ShearElement
-from anctmm.model.scene import Beam, Force, Scene, Torque
+from anctmm.errors import unknown_kind, unknown_option
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Beam, Force, Load, Scene, Torque
+from anctmm.validation import one_of
 
 Array = NDArray[np.float64]
 Element = ShearElement | CableElement
@@ -85,7 +86,9 @@ class BodyMesh:
         fractions = np.linspace(first, last, self.nodes)
         v[:, 0] = [self.body.velocity_at(float(s)) for s in fractions]
         sign = -1.0 if self.flipped else 1.0
-        v[:, 1] = sign * np.array([self._velocity_slope(float(s)) for s in fractions]) / self.body.length
+        v[:, 1] = (
+            sign * np.array([self.body.velocity_slope_at(float(s)) for s in fractions]) / self.body.length
+        )
         if self.vectors == 3:
             along, normal = self.reference[0, 1], self.reference[0, 2]
             v[:, 2] = -(v[:, 1] @ normal)[:, None] * along
@@ -115,32 +118,6 @@ class BodyMesh:
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)
 
-    @cached_property
-    def _speed(self) -> float:
-        """Size of the initial velocity, m/s: the unit must not decide how well its slope is found."""
-        return (
-            float(np.abs([self.body.velocity_at(s) for s in np.linspace(0.0, 1.0, 9).tolist()]).max()) or 1.0
-        )
-
-    def _velocity_slope(self, fraction: float) -> Array:
-        side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
-        step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
-
-        def component(s: Array, axis: Array) -> Array:
-            values = [self.body.velocity_at(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
-            return np.reshape(values, np.broadcast(s, axis).shape)
-
-        slope: Any = derivative  # its stubs do not know a direction given as a number
-        result = slope(
-            component,
-            np.full(2, fraction),
-            args=(np.arange(2),),
-            initial_step=step,
-            step_direction=side,
-            tolerances={"atol": 1e-12 * self._speed, "rtol": 1e-12},
-        )
-        return np.asarray(result.df)
-
 
 def body_meshes(
     scene: Scene, run: Discretisation, passed: Iterable[tuple[str, bool]] | None = None
@@ -160,10 +137,15 @@ def body_meshes(
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
     body = scene.body(name)
     element: Element
-    if kind == "shear":
-        element = ShearElement.of(body, elements)
-    else:
-        element = (RigidElement if kind == "rigid" else CableElement).of(body, elements, quadrature)
+    match kind:
+        case "shear":
+            element = ShearElement.of(body, elements)
+        case "cable":
+            element = CableElement.of(body, elements, one_of("quadrature", quadrature, QUADRATURES))
+        case "rigid":
+            element = RigidElement.of(body)
+        case _:
+            raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
     return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
 
 
@@ -180,14 +162,36 @@ def build(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:
 
 def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
     """Constant forces as (body, side, force)."""
-    return [
-        (body.name, side, load.value)
-        for load in scene.loads
-        if isinstance(load, Force) and not callable(load.value)
-        for body, side in [scene.body_end(load.end)]
-    ]
+    found = []
+    for load in scene.loads:
+        match load:
+            case Force(value=(x, y)):
+                body, side = scene.body_end(load.end)
+                found.append((body.name, side, (x, y)))
+            case Force() | Torque():
+                pass
+            case _:
+                raise unknown_kind("load", load, LOADS)
+    return found
 
 
 def varying_loads(scene: Scene) -> list[Force | Torque]:
     """Loads whose generalized force changes: forces of time, and all torques, which turn with their node."""
-    return [load for load in scene.loads if isinstance(load, Torque) or callable(load.value)]
+    return [load for load in scene.loads if varies(load)]
+
+
+def varies(load: Load) -> bool:
+    """Whether the generalized force of a load changes.
+
+    Raises
+    ------
+    UnknownKindError
+        If no solver knows such a load.
+    """
+    match load:
+        case Force():
+            return callable(load.value)
+        case Torque():
+            return True
+        case _:
+            raise unknown_kind("load", load, LOADS)

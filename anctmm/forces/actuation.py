@@ -11,10 +11,12 @@ from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
+from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import kernel
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
-from anctmm.model.scene import Force, Scene
+from anctmm.model.loads import LOADS, width_of
+from anctmm.model.scene import Force, Load, Scene, Torque
 from anctmm.model.topology import End, junctions_of
 
 Array = NDArray[np.float64]
@@ -108,10 +110,7 @@ class Actuation:
         """Varying loads for kernels, with a memory of their own."""
         loads = varying_loads(self.scene)
         nodes = np.array([self._node(load.end) for load in loads], dtype=np.int64)
-        rows = [
-            0 if isinstance(load, Force) else self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
-            for load in loads
-        ]
+        rows = [self._row(load) for load in loads]
         return Loads(nodes, np.array(rows, dtype=np.int64), np.zeros((2, len(loads), 2)))
 
     def hub_table(self, t: Array) -> Array:
@@ -124,12 +123,22 @@ class Actuation:
         loads = varying_loads(self.scene)
         table = np.zeros((len(t), len(loads), 2))
         for i, load in enumerate(loads):
-            width = 2 if isinstance(load, Force) else 1
+            width = width_of(load)
             if callable(load.value):
                 table[:, i, :width] = tabulate(f"load on {load.end!r}", load.value, t, width)
             else:
                 table[:, i, :width] = load.value
         return table
+
+    def _row(self, load: Load) -> int:
+        """First of the components a load acts on."""
+        match load:
+            case Force():
+                return 0
+            case Torque():
+                return self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
+            case _:
+                raise unknown_kind("load", load, LOADS)
 
     def _node(self, end: str) -> int:
         body, side = self.scene.body_end(end)

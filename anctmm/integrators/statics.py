@@ -8,13 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.errors import DiscretisationError
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.integrators.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.load_path import MANY, LoadPath
 from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.stable_branch import downhill, stable_path
-from anctmm.model.scene import Scene
+from anctmm.model.scene import Scene, checked_scene
 from anctmm.recursion.border import refuse_rigid
 from anctmm.results.solution import Solution, Status
 from anctmm.results.stability_status import singular, unstable
@@ -69,10 +68,9 @@ def solve_static(
     DiscretisationError
         If the options are wrong or do not fit the scene.
     """
-    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
-        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
+    load_steps = parts_of_load(load_steps)
     one_of("branch", branch, BRANCHES)
-    chain = Chain(scene, discretise(run, options))
+    chain = Chain(checked_scene(scene), discretise(run, options))
     refuse_rigid(chain, "statics")
     search = LoadPath(chain)
     search.newton(0.0)  # compiles

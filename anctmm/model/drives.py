@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import PropertyError
-from anctmm.validation import number, positive
+from anctmm.errors import PropertyError, reason
+from anctmm.validation import LARGEST, number, positive, reals
 
 Angle = Callable[[Any], tuple[Any, Any, Any]]
 Array = NDArray[np.float64]
@@ -30,8 +30,8 @@ class Quintic:
     duration: float
 
     def __post_init__(self) -> None:
-        number("Quintic turn (rad)", self.turn)
-        positive("Quintic duration (s)", self.duration)
+        object.__setattr__(self, "turn", number("Quintic turn (rad)", self.turn))
+        object.__setattr__(self, "duration", positive("Quintic duration (s)", self.duration))
 
     def __call__(self, t: Any) -> tuple[Any, Any, Any]:
         """Angle (rad), rate (rad/s) and acceleration (rad/s²) at the time(s) `t` (s)."""
@@ -51,13 +51,25 @@ class Pulse:
     duration: float
 
     def __post_init__(self) -> None:
-        number("Pulse amplitude", self.amplitude)
-        positive("Pulse duration (s)", self.duration)
+        object.__setattr__(self, "amplitude", number("Pulse amplitude", self.amplitude))
+        object.__setattr__(self, "duration", positive("Pulse duration (s)", self.duration))
 
     def __call__(self, t: Any) -> Any:
         """Value at the time(s) `t` (s)."""
         x = np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
         return self.amplitude * np.sin(np.pi * x) ** 2
+
+
+def value_at(name: str, history: Callable[[Any], Any], time: float, width: int) -> Array:
+    """Values of a history at one time, (width,); parameters and errors as of `tabulate`."""
+    try:
+        values = reals(history(time)).reshape(width)
+    except (Exception, SystemExit) as error:  # a user's function may do anything
+        raise PropertyError(
+            f"{name}: the history gave no {width} finite number(s) at t = {time!r} s: {reason(error)}"
+        ) from error
+    _check_finite(name, values[None], np.array([time]))
+    return values
 
 
 def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
@@ -85,34 +97,38 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
     """
 
     def one(time: float) -> Array:
-        try:
-            return np.asarray(history(time), dtype=float).reshape(width)
-        except Exception as error:
-            raise PropertyError(
-                f"{name}: the history gave no {width} finite number(s) at t = {time!r} s: {error}"
-            ) from error
+        return value_at(name, history, time, width)
 
     table = np.empty((len(t), width))
     if len(t) == 0:
         return table
-    ends = () if isinstance(history, (Quintic, Pulse)) else (0, len(t) // 2, len(t) - 1)
+    ends = () if type(history) in (Quintic, Pulse) else (0, len(t) // 2, len(t) - 1)
     samples = {i: one(float(t[i])) for i in ends}
     try:
         with np.errstate(all="ignore"):
-            values = history(t)
+            values = history(t.copy())  # it may write into what it is given
         columns = [values] if width == 1 else list(values)
-        table[:] = np.stack([np.broadcast_to(np.asarray(c, dtype=float), t.shape) for c in columns], axis=1)
+        table[:] = np.stack([np.broadcast_to(reals(c), t.shape) for c in columns], axis=1)
         vectorised = len(columns) == width and all(
             (np.abs(table[i] - v) <= 1e-12 * np.abs(v)).all() for i, v in samples.items()
         )
-    except Exception:  # a history of scalars only: whatever it raises on an array, ask it time by time
+    except (
+        Exception,
+        SystemExit,
+    ):  # a history of scalars only: whatever it raises on an array, ask it time by time
         vectorised = False
     if not vectorised:
         for i, time in enumerate(t):
             table[i] = one(float(time))
-    if not np.isfinite(table).all():
-        row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0])
-        raise PropertyError(
-            f"{name}: the history is {table[row].tolist()!r} at t = {float(t[row])!r} s; finite numbers are needed"
-        )
+    _check_finite(name, table, t)
     return table
+
+
+def _check_finite(name: str, table: Array, t: Array) -> None:
+    bad = ~(np.abs(table) <= LARGEST).all(axis=1)
+    if bad.any():
+        row = int(np.flatnonzero(bad)[0])
+        raise PropertyError(
+            f"{name}: the history is {table[row].tolist()!r} at t = {float(t[row])!r} s; finite numbers are needed, "
+            f"of size {LARGEST:g} at most"
+        )

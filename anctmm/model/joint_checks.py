@@ -1,4 +1,4 @@
-"""Whether the joints of a scene fit each other and its bodies: no hold twice, no gap, one velocity at a place."""
+"""Whether the joints of a scene fit each other and its bodies: no hold twice, no gap."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -13,15 +13,15 @@ from anctmm.errors import (
     JointGapError,
     RepeatedJointError,
     SceneError,
+    shown,
+    unknown_kind,
 )
-from anctmm.model.joints import Clamp, Joint, Weld
+from anctmm.model.joints import JOINTS, SIDES, Clamp, Joint, Pin, Weld
 from anctmm.model.topology import End, Sets, end_of
 
 Point = tuple[float, float]
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
-#: Relative difference up to which two velocities count as equal.
-SPEED = 1e-9
 #: The ground, among the ends of bodies.
 GROUND: End = ("", -1)
 
@@ -47,10 +47,6 @@ class Placed(Protocol):
     @property
     def length(self) -> float:
         """Undeformed length, m."""
-        ...
-
-    def velocity_at(self, fraction: float) -> Point:
-        """Initial velocity, m/s."""
         ...
 
 
@@ -88,7 +84,7 @@ def check_joints(scene: Jointed) -> None:
     ContradictingJointsError
         If two clamps, one of them driven, hold ends that are welded to each other.
     JointGapError
-        If ends of one place lie apart or have different velocities, or an end that is held moves.
+        If ends of one place lie apart.
     """
     for joint in scene.joints:
         _check_ends(scene, joint)
@@ -98,17 +94,28 @@ def check_joints(scene: Jointed) -> None:
 
 def _check_ends(scene: Jointed, joint: Joint) -> None:
     """Number of ends, their names, none twice."""
-    least = 2 if isinstance(joint, Weld) else 1
+    least = fewest_ends(joint)
     if len(joint.ends) < least:
         needed = "two or more are" if least == 2 else "one or more is"
-        raise SceneError(f"{joint!r} names {len(joint.ends)} end(s); {needed} needed")
+        raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {needed} needed")
     known = [end_of(scene, name) for name in joint.ends]
     for name, end in zip(joint.ends, known, strict=True):
         if known.count(end) > 1:
             raise EndJoinedTwiceError(
-                f"{joint!r} names end {name!r} {known.count(end)} times; an end may be in several joints, "
+                f"{shown(joint)} names end {shown(name)} {known.count(end)} times; an end may be in several joints, "
                 f"but in each of them once"
             )
+
+
+def fewest_ends(joint: Joint) -> int:
+    """Ends that a joint needs at least."""
+    match joint:
+        case Pin() | Clamp():
+            return 1
+        case Weld():
+            return 2
+        case _:
+            raise unknown_kind("joint", joint, JOINTS)
 
 
 def _check_repeats(scene: Jointed) -> None:
@@ -147,43 +154,46 @@ def _path(edges: dict[End, list[tuple[End, Joint]]], start: End, goal: End) -> l
 
 def _repeated(joint: Joint, one: End, two: End, others: list[Joint]) -> SceneError:
     """The error that says what a joint repeats."""
-    by = " with ".join(map(repr, others))
+    by = " with ".join(map(shown, others))
     clamps = [j for j in (joint, *others) if isinstance(j, Clamp)]
     if len(clamps) == 2 and all(isinstance(j, Clamp | Weld) for j in (joint, *others)):
         driven = any(clamp.angle is not None for clamp in clamps)
-        what = f"both hold the direction of {_text(one)}{', one of them driven' if driven else ''}"
+        what = f"both hold the direction of {end_text(one)}{', one of them driven' if driven else ''}"
         return (ContradictingJointsError if driven else RepeatedJointError)(
-            f"{joint!r} beside {by}: two clamps {what}; one clamp is allowed for ends welded to each other"
+            f"{shown(joint)} beside {by}: two clamps {what}; one clamp is allowed for ends welded to each other"
         )
-    held = f"the place of {_text(one)}" if two == GROUND else f"{_text(one)} and {_text(two)} at one place"
+    held = (
+        f"the place of {end_text(one)}"
+        if two == GROUND
+        else f"{end_text(one)} and {end_text(two)} at one place"
+    )
     remedy = "leave one out" if two == GROUND or len(joint.ends) == 2 else "name one of these ends only"
     return RepeatedJointError(
-        f"{joint!r} holds {held}, as {by} {'does' if len(others) == 1 else 'do'} already; "
+        f"{shown(joint)} holds {held}, as {by} {'does' if len(others) == 1 else 'do'} already; "
         f"an end may be in several joints, but each must hold what the others leave free: {remedy}"
     )
 
 
-def _text(end: End) -> str:
+def end_text(end: End) -> str:
     """An end as messages name it."""
-    return "the ground" if end == GROUND else repr(f"{end[0]}.{('start', 'end')[end[1]]}")
+    return "the ground" if end == GROUND else repr(f"{end[0]}.{SIDES[end[1]]}")
 
 
 class Met(NamedTuple):
-    """An end of a body as joints meet it: place (m), length of its body (m), initial velocity (m/s)."""
+    """An end of a body as joints meet it: place (m), length of its body (m)."""
 
     end: End
     place: Point
     length: float
-    velocity: Point
 
 
 def _met(scene: Jointed, name: str) -> Met:
     body, side = scene.body_end(name)
-    return Met((body.name, side), (body.start, body.end)[side], body.length, body.velocity_at(float(side)))
+    return Met((body.name, side), (body.start, body.end)[side], body.length)
 
 
 def _check_places(scene: Jointed) -> None:
-    """Ends of one place lie there and move as one; an end that is held rests."""
+    """Ends of one place lie there."""
     ends = {name: _met(scene, name) for joint in scene.joints for name in joint.ends}
     places = Sets[End]()
     for joint in scene.joints:
@@ -196,25 +206,15 @@ def _check_places(scene: Jointed) -> None:
             _check_meeting(joint, first, other)
         # small gaps must not add up from joint to joint
         _check_meeting(joint, before.setdefault(places.of(first.end), first), first)
-        if joint.grounded and first.velocity != (0.0, 0.0):
-            raise JointGapError(
-                f"{joint!r} holds {_text(first.end)}, whose initial velocity is {first.velocity!r} m/s; "
-                f"(0, 0) is needed"
-            )
 
 
 def _check_meeting(joint: Joint, a: Met, b: Met) -> None:
     """Two ends that a joint, maybe with the help of others, holds at one place."""
-    (p, q), (u, v) = (a.place, b.place), (a.velocity, b.velocity)
+    p, q = a.place, b.place
     rounding = 8 * np.finfo(float).eps * max(map(abs, p + q))
     gap, allowed = hypot(q[0] - p[0], q[1] - p[1]), GAP * min(a.length, b.length) + rounding
     if gap > allowed:
         raise JointGapError(
-            f"{joint!r} joins ends at {p!r} ({_text(a.end)}) and {q!r} ({_text(b.end)}), {gap:.3g} m apart; "
+            f"{shown(joint)} joins ends at {p!r} ({end_text(a.end)}) and {q!r} ({end_text(b.end)}), {gap:.3g} m apart; "
             f"at most {allowed:.3g} m is allowed"
-        )
-    if hypot(v[0] - u[0], v[1] - u[1]) > SPEED * max(map(abs, (*u, *v))):
-        raise JointGapError(
-            f"{joint!r} joins ends whose initial velocities are {u!r} ({_text(a.end)}) and {v!r} "
-            f"({_text(b.end)}) m/s; they must be equal"
         )

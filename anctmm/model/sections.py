@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import pi
 
 from anctmm.errors import PropertyError
-from anctmm.validation import positive
+from anctmm.validation import LONGEST, SHORTEST, positive
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,8 @@ class Section:
         A = positive("section area (m²)", self.area)
         I = positive("section second_moment (m⁴)", self.second_moment)  # noqa: E741
         J = positive("section fourth_moment (m⁶)", self.fourth_moment)
+        for name, value in (("area", A), ("second_moment", I), ("fourth_moment", J)):
+            object.__setattr__(self, name, value)
         if J < I * I / A * (1.0 - 1e-12):
             raise PropertyError(
                 f"section fourth_moment (m⁶) is {J!r}; no section of area {A!r} and second moment {I!r} "
@@ -45,7 +47,7 @@ class Circle(Section):
     """Full circle; J = πr⁶/8."""
 
     def __init__(self, diameter: float) -> None:
-        r = 0.5 * positive("circle diameter (m)", diameter)
+        r = 0.5 * positive("circle diameter (m)", diameter, low=SHORTEST, high=LONGEST)
         super().__init__(pi * r**2, pi * r**4 / 4, pi * r**6 / 8)
 
 
@@ -53,6 +55,6 @@ class Rectangle(Section):
     """Rectangle, `height` lying in the plane of motion; J = bh⁵/80."""
 
     def __init__(self, width: float, height: float) -> None:
-        b = positive("rectangle width (m)", width)
-        h = positive("rectangle height (m)", height)
+        b = positive("rectangle width (m)", width, low=SHORTEST, high=LONGEST)
+        h = positive("rectangle height (m)", height, low=SHORTEST, high=LONGEST)
         super().__init__(b * h, b * h**3 / 12, b * h**5 / 80)

@@ -2,9 +2,10 @@
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar, assert_never
+from typing import Generic, Protocol, TypeVar
 
-from anctmm.model.joints import Clamp, Joint, Pin, Weld
+from anctmm.errors import unknown_kind
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Weld
 
 End = tuple[str, int]
 """Body and side: 0 its start, 1 its end."""
@@ -131,7 +132,7 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
             case Clamp():
                 clamps.append((first, joint))
             case _:
-                assert_never(joint)
+                raise unknown_kind("joint", joint, JOINTS)
     grounded = {places.of(end) for end in held}
     clamped = {directions.of(end): clamp for end, clamp in clamps}
     ends = [(body.name, side) for body in scene.bodies for side in (0, 1)]

@@ -1,12 +1,13 @@
 """Measures of the difference of two histories."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import SolverError
+from anctmm.errors import SolverError, reason, shown
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution, Status
 
@@ -15,6 +16,8 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 #: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
 ROUNDINGS = 1e3
+#: Probes of a comparison at most: an iterable without an end is told.
+MOST_PROBES = 100_000
 
 
 @dataclass(frozen=True)
@@ -82,8 +85,10 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     UnknownNameError
         If a probe is not of the scene.
     """
-    if not probes:
-        raise SolverError("probes is empty; at least one probe is needed")
+    probes = _given(probes)
+    for name, value in (("solution", solution), ("reference", reference)):
+        if not isinstance(value, Solution):
+            raise SolverError(f"{name} is {shown(value)}; a Solution is needed")
     mine, theirs = common_times(solution.t, reference.t)
     whole = solution.status.ok and reference.status.ok
     if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):
@@ -97,12 +102,13 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
     for probe in probes:
         place = solution.scene.probe(probe)
+        key = probe if isinstance(probe, str) else place
         if not moving:
-            by_probe[probe] = float("nan")
+            by_probe[key] = float("nan")
             continue
         u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
         rounding = ROUNDINGS * EPS * max(length, float(np.abs(reference.position(*place)).max()))
-        by_probe[probe] = history_error(u, v, rounding)
+        by_probe[key] = history_error(u, v, rounding)
         largest = max(largest, float(np.linalg.norm(u - v, axis=-1).max()))
         scale, blur = max(scale, float(np.linalg.norm(v, axis=-1).max())), max(blur, rounding)
     return Comparison(
@@ -113,6 +119,22 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         statuses=(solution.status, reference.status),
         common=int(mine.size),
     )
+
+
+def _given(probes: object) -> list[Probe]:
+    """Probes as a list; what they are is seen by the scene."""
+    needed = "a list of at least one probe is needed, such as ['body.end', ('body', 0.5)]"
+    if isinstance(probes, str | bytes | Set | Mapping) or not isinstance(probes, Iterable):
+        raise SolverError(f"probes is {shown(probes)}; {needed}")
+    try:
+        found = list(islice(probes, MOST_PROBES + 1))
+    except Exception as error:  # an iterable of the user's own
+        raise SolverError(f"probes is {shown(probes)}, which raises {reason(error)}; {needed}") from error
+    if not found:
+        raise SolverError(f"probes is empty; {needed}: at least one probe is needed")
+    if len(found) > MOST_PROBES:
+        raise SolverError(f"probes is {shown(probes)}, more than {MOST_PROBES}; {needed}, no longer one")
+    return found
 
 
 def common_times(a: Array, b: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import SceneError
-from anctmm.model.scene import Beam, Clamp, Force, Scene
+from anctmm.errors import SceneError, unknown_kind
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, checked_scene
 from anctmm.results.solution import Energy, Solution
 from anctmm.validation import one_of
 from reference.exact.cantilever import Cantilever
@@ -34,7 +35,7 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
     SceneError
         If it is none, naming what is in the way.
     """
-    if len(scene.bodies) != 1:
+    if len(checked_scene(scene).bodies) != 1:
         names = ", ".join(repr(b.name) for b in scene.bodies)
         raise SceneError(
             f"scene {scene.name!r} has {len(scene.bodies)} bodies ({names}); one has an exact static"
@@ -53,10 +54,13 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
             )
         if load.end == expected.end:
             continue
-        if isinstance(load, Force):
-            force += load.value
-        else:
-            moment += load.value
+        match load:
+            case Force():
+                force += load.value
+            case Torque():
+                moment += load.value
+            case _:
+                raise unknown_kind("load", load, LOADS)
     weight = beam.material.density * beam.section.area * np.asarray(scene.gravity)
     return beam, Cantilever(
         beam.length, (force[0], force[1]), moment, (weight[0], weight[1]), beam.start, beam.angle

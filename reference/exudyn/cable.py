@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
-from anctmm.model.scene import Beam, Scene
+from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.solution import HermiteField, Solution
 from anctmm.solvers.capabilities import Offer
 from reference.exudyn.model import Model
@@ -94,7 +94,7 @@ class Cables:
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.run.of(self.scene)
+        self.run.of(checked_scene(self.scene))
         self.meshes = build(self.scene, replace(self.run, element="cable"))
 
     def reference(self, body: Beam) -> Array:

@@ -10,14 +10,17 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Protocol, assert_never, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.model.drives import Angle, Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Joint, Pin, Scene, Torque, Weld
+from anctmm.errors import unknown_kind
+from anctmm.model.drives import Angle, Pulse, Quintic, value_at
+from anctmm.model.joints import JOINTS
+from anctmm.model.loads import LOADS, width_of
+from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Scene, Torque, Weld
 from anctmm.model.topology import junctions_of
 from anctmm.results.solution import Field
 
@@ -243,7 +246,7 @@ class Model:
                 if joint.grounded:
                     self._fix(self.node(joint.ends[-1])[1], range(2))
             case _:
-                assert_never(joint)
+                raise unknown_kind("joint", joint, JOINTS)
 
     def _fix(self, node: Any, coordinates: range) -> None:
         self.held.setdefault(node, set()).update(coordinates)
@@ -270,7 +273,8 @@ class Model:
 
     def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
         side, drive = self.scene.body_end(clamp.end)[1], cast(Angle, clamp.angle)
-        angle = _remembered(lambda t: float(drive(t)[0]), self.run)
+        name = f"clamp {clamp.end!r} angle"
+        angle = _remembered(lambda t: float(value_at(name, drive, t, 3)[0]), self.run)
         for index, displacement in self.beams.turned(body).items():
             function = _offset(angle, displacement)
             constraint = self.mbs.AddObject(
@@ -278,7 +282,7 @@ class Model:
                     markerNumbers=[self.ground, self.coordinate(node, index)], offsetUserFunction=function
                 )
             )
-            if isinstance(drive, Quintic):
+            if type(drive) is Quintic:  # what a subclass of the user's does is not known
                 compiled = _symbolic_offset(self.exu.symbolic, drive, displacement)
                 self.symbolic.append((constraint, "offsetUserFunction", compiled))
             sensor = self.items.SensorObject(
@@ -289,24 +293,24 @@ class Model:
             )
             self.drives.append((body.name, side, index, self.mbs.AddSensor(sensor)))
 
-    def _add_load(self, load: Force | Torque) -> None:
+    def _add_load(self, load: Load) -> None:
         _, node = self.node(load.end)
         items, value = self.items, load.value
-        if self.static and callable(value):
-            value = value(0.0)
-        history = value if callable(value) else None
-        if isinstance(load, Force):
-            marker = self.mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
-            vector = [0.0, 0.0, 0.0] if history else [float(value[0]), float(value[1]), 0.0]  # type: ignore[index]
-            item = items.LoadForceVector(markerNumber=marker, loadVector=vector)
-        else:
-            marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
-            vector = [0.0, 0.0, 0.0 if history else float(value)]  # type: ignore[arg-type]
-            item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
+        history = value if callable(value) and not self.static else None
+        vector = _load_vector(load, None)(self.mbs, 0.0, None) if callable(value) else _constant_vector(load)
+        match load:
+            case Force():
+                marker = self.mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
+                item = items.LoadForceVector(markerNumber=marker, loadVector=vector)
+            case Torque():
+                marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+                item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
+            case _:
+                raise unknown_kind("load", load, LOADS)
         if history is not None:
-            item.loadVectorUserFunction = _load_vector(history, isinstance(load, Torque), self.run)
+            item.loadVectorUserFunction = _load_vector(load, self.run)
         number = self.mbs.AddLoad(item)
-        if isinstance(load, Torque) and isinstance(history, Pulse):
+        if isinstance(load, Torque) and type(history) is Pulse:
             compiled = _symbolic_pulse(self.exu.symbolic, history)
             self.symbolic.append((number, "loadVectorUserFunction", compiled))
 
@@ -350,15 +354,21 @@ def _symbolic_offset(
     return offset
 
 
-def _load_vector(
-    history: Callable[[float], Any], torque: bool, run: Discretisation | None
-) -> Callable[..., list[float]]:
+def _load_vector(load: Load, run: Discretisation | None) -> Callable[..., list[float]]:
+    name, history, width = f"load on {load.end!r}", cast(Callable[[Any], Any], load.value), width_of(load)
+
     def plain(t: float) -> list[float]:
-        value = history(t)
-        return [0.0, 0.0, float(value)] if torque else [float(value[0]), float(value[1]), 0.0]
+        value = value_at(name, history, t, width).tolist()
+        return [0.0, 0.0, *value] if width == 1 else [*value, 0.0]
 
     remembered = _remembered(plain, run)
     return lambda mbs, t, constant: remembered(t)  # type: ignore[no-any-return]
+
+
+def _constant_vector(load: Load) -> list[float]:
+    """Exudyn's vector of a load that does not vary."""
+    value = [float(x) for x in np.atleast_1d(cast(Any, load.value))]
+    return [0.0, 0.0, *value] if width_of(load) == 1 else [*value, 0.0]
 
 
 def _symbolic_pulse(esym: Any, pulse: Pulse) -> Callable[..., Any]:

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
-from anctmm.errors import DiscretisationError
-from anctmm.model.scene import Beam, Scene
+from anctmm.errors import DiscretisationError, shown
+from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.solution import LagrangeField, Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
@@ -110,9 +110,10 @@ class ReissnerBeams:
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:
-        if self.order not in WEIGHT:
-            raise DiscretisationError(f"order is {self.order!r}; 1 or 2 is allowed")
-        positive("shear_factor", self.shear_factor, DiscretisationError)
+        if type(self.order) is not int or self.order not in WEIGHT:
+            raise DiscretisationError(f"order is {shown(self.order)}; 1 or 2 is allowed")
+        self.shear_factor = positive("shear_factor", self.shear_factor, DiscretisationError)
+        checked_scene(self.scene)
         intervals = {name: self.order * count for name, (count, _) in self.run.of(self.scene).items()}
         self.meshes = build(self.scene, replace(self.run, mesh=intervals, element="cable"))
 

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import DiscretisationError
+from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS, Discretisation, parts_of_load
+from anctmm.errors import DiscretisationError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
-from anctmm.model.scene import Clamp, Force, Load, Scene, Torque
+from anctmm.model.joints import JOINTS
+from anctmm.model.loads import LOADS, width_of
+from anctmm.model.scene import Clamp, Force, Load, Pin, Scene, Torque, Weld
 from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
-from anctmm.validation import positive
+from anctmm.validation import is_pair, positive
 from reference.exudyn.model import Beams, Model, Unsupported, load_exudyn, silence
 from reference.exudyn.stability import stability_status
 
@@ -51,10 +53,16 @@ def dynamics(
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
     if tolerances is None:
         tolerances = TOLERANCES[0], max(TOLERANCES[1], roundoff(beams, scene))
-    for name, value in zip(("relative", "absolute"), tolerances, strict=True):
+    if not is_pair(tolerances):
+        raise DiscretisationError(
+            f"tolerances are {shown(tolerances)}; a pair is needed: relative, and absolute (N), greater than 0"
+        )
+    relative, absolute = (
         positive(f"{name} tolerance", value, DiscretisationError)
+        for name, value in zip(("relative", "absolute"), tolerances, strict=True)
+    )
     times = run.times(run.output_steps)
-    loads = {load: _table(load, times) for load in scene.loads if callable(load.value)}
+    loads = {k: _table(load, times) for k, load in enumerate(scene.loads) if callable(load.value)}
     try:
         _check_kinds(scene, run)
         _check_integrator(scene, run)
@@ -66,7 +74,7 @@ def dynamics(
         if run.integrator == "zhai":
             model.hold()
         model.assemble()
-        settings = _settings(exu, model, run, tolerances)
+        settings = _settings(exu, model, run, (relative, absolute))
         message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
         history = _read(model, times)
     status = _verdict(model, run, history, message)
@@ -82,6 +90,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     The stability of the one under the whole load is looked at; the status says what is found, or that it is not known.
     """
     positive("load_steps", load_steps, DiscretisationError)
+    load_steps = parts_of_load(load_steps)
     try:
         _check_kinds(scene, run)
         exu = load_exudyn()
@@ -129,13 +138,28 @@ def roundoff(beams: Beams, scene: Scene) -> float:
 
 def _check_kinds(scene: Scene, run: Discretisation) -> None:
     for name, (_, kind) in run.of(scene).items():
-        if kind == "rigid":
-            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
+        match kind:
+            case "cable" | "shear":
+                pass
+            case "rigid":
+                raise Unsupported(
+                    f"element is 'rigid' for body {name!r}; these models have flexible bodies only"
+                )
+            case _:
+                raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
 
 
 def _check_integrator(scene: Scene, run: Discretisation) -> None:
-    if run.integrator != "zhai":
-        return
+    match run.integrator:
+        case "generalized-alpha":
+            return
+        case "zhai":
+            _check_explicit(scene, run)
+        case _:
+            raise unknown_option("integrator", run.integrator, INTEGRATORS)
+
+
+def _check_explicit(scene: Scene, run: Discretisation) -> None:
     if (run.psi, run.phi) != (0.5, 0.5):
         raise Unsupported(
             f"Zhai's psi, phi are {run.psi!r}, {run.phi!r}; Exudyn has only VelocityVerlet, their case ½, ½"
@@ -223,12 +247,17 @@ def _verdict(model: Model, run: Discretisation, history: History, message: str |
 
 
 def _table(load: Load, t: Array) -> Array:
-    width = 2 if isinstance(load, Force) else 1
-    return tabulate(f"{type(load).__name__.lower()} on {load.end!r}", load.value, t, width)  # type: ignore[arg-type]
+    """Values of a load of time, (n, numbers of a value)."""
+    return tabulate(f"{type(load).__name__.lower()} on {load.end!r}", load.value, t, width_of(load))  # type: ignore[arg-type]
+
+
+def _constant(load: Load) -> Array:
+    """Value of a load that is held as at t = 0, (numbers of a value,)."""
+    return _table(load, np.zeros(1))[0] if callable(load.value) else np.atleast_1d(load.value)
 
 
 def _solution(
-    model: Model, run: Discretisation, history: History, loads: dict[Load, Array], cost: Cost, status: Status
+    model: Model, run: Discretisation, history: History, loads: dict[int, Array], cost: Cost, status: Status
 ) -> Solution:
     scene, beams = model.scene, model.beams
     fields = {name: beams.field(scene.body(name), q) for name, q in history.coordinates.items()}
@@ -248,7 +277,7 @@ def _knows_work(scene: Scene, run: Discretisation) -> bool:
     )
 
 
-def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy:
+def _energy(model: Model, history: History, tables: dict[int, Array]) -> Energy:
     """Energies of the kept history.
 
     The work of drives and of what varies in time is summed by the trapezoidal rule over the output times, so
@@ -262,18 +291,21 @@ def _energy(model: Model, history: History, tables: dict[Load, Array]) -> Energy
         kinetic += T
         strain += U
         potential -= np.einsum("tij,ij->t", q - q[:1], model.beams.weight(body))
-    for load in scene.loads:
+    for k, load in enumerate(scene.loads):
         body, side = scene.body_end(load.end)
         node = history.coordinates[body.name][:, -1 if side else 0]
-        if isinstance(load, Force) and load not in tables:
-            force = load.value(0.0) if callable(load.value) else load.value
-            potential -= (node[:, :2] - node[:1, :2]) @ np.array(force, dtype=float)
-        elif isinstance(load, Force):
-            work += _work(tables[load], node[:, :2])
-        else:
-            value = load.value(0.0) if callable(load.value) else load.value
-            moment = tables.get(load, np.full((n, 1), value))
-            work += _work(moment, model.beams.angle(node)[:, None])
+        values = tables.get(k)
+        match load:
+            case Force():
+                if values is None:
+                    potential -= (node[:, :2] - node[:1, :2]) @ _constant(load)
+                else:
+                    work += _work(values, node[:, :2])
+            case Torque():
+                moment = np.full((n, 1), _constant(load)) if values is None else values
+                work += _work(moment, model.beams.angle(node)[:, None])
+            case _:
+                raise unknown_kind("load", load, LOADS)
     for (name, side, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
         work += _work(-multiplier[:, None], history.coordinates[name][:, -1 if side else 0, index, None])
     nan = np.full(n, np.nan)

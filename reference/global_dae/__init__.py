@@ -6,10 +6,10 @@ implicit, for the coordinates themselves. It shares the element kernels with ANC
 
 from typing import Any
 
-from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import DiscretisationError
-from anctmm.model.scene import Scene
+from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
@@ -70,15 +70,10 @@ def solve(
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    check_memory(scene, run, EXPLICIT if run.integrator == "zhai" else IMPLICIT, DENSE if dense else 0.0)
-    model = Model.of(scene, run)
-    marcher: Marcher
-    if run.integrator == "zhai":
-        if run.check_stability:
-            check_step(model)
-        marcher = Zhai(model, dense, stabilization == "projection")
-    else:
-        marcher = GeneralizedAlpha(model, dense)
+    check_memory(
+        checked_scene(scene), run, EXPLICIT if run.integrator == "zhai" else IMPLICIT, DENSE if dense else 0.0
+    )
+    marcher = _marcher(Model.of(scene, run), linear_algebra, stabilization)
     return marcher.run(NAMES[linear_algebra])
 
 
@@ -112,6 +107,24 @@ def solve_static(
         Or one of its kinds, as in `solve`.
     """
     run = discretise(run, options)
-    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
-        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
-    return equilibria(Model.of(scene, run), load_steps, "global-dae")
+    return equilibria(Model.of(checked_scene(scene), run), parts_of_load(load_steps), "global-dae")
+
+
+def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:
+    """The integrator that a discretisation asks for."""
+    run, dense = model.run, linear_algebra == "dense-refactor"
+    match run.integrator:
+        case "zhai":
+            if run.check_stability:
+                check_step(model)
+            return Zhai(model, dense, stabilization == "projection")
+        case "generalized-alpha":
+            for body in model.scene.bodies:
+                if body.material.damping > 0.0:
+                    raise DiscretisationError(
+                        f"integrator is {run.integrator!r} with damping {body.material.damping!r} s of body "
+                        f"{body.name!r}; 'zhai' is needed: the implicit global solver knows no damping"
+                    )
+            return GeneralizedAlpha(model, dense)
+        case _:
+            raise unknown_option("integrator", run.integrator, INTEGRATORS)

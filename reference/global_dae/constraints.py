@@ -7,7 +7,7 @@ joint, and of joints that share an end, have vectors in common: Φ Φᴴ is spar
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
-from typing import NamedTuple, assert_never
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +15,9 @@ from scipy import sparse
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.mesh import BodyMesh
-from anctmm.errors import DiscretisationError
+from anctmm.errors import DiscretisationError, unknown_kind
 from anctmm.jit.compiling import inlined
+from anctmm.model.joints import JOINTS
 from anctmm.model.scene import Clamp, Pin, Scene, Weld
 from reference.global_dae.lu import Factors, Matrix, factorise, solve_factored
 
@@ -96,7 +97,7 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
                 rows.extend(_together(nodes, joint.grounded))
                 rows.extend(_aligned(nodes, vectors, reference))
             case _:
-                assert_never(joint)
+                raise unknown_kind("joint", joint, JOINTS)
     return rows
 
 

@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.mesh import constant_forces, varying_loads
+from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import inlined
 from anctmm.model.drives import tabulate
-from anctmm.model.scene import Scene, Torque
+from anctmm.model.loads import LOADS, width_of
+from anctmm.model.scene import Force, Scene, Torque
 from reference.global_dae.constraints import Rows, drives_of
 
 Array = NDArray[np.float64]
@@ -29,9 +31,15 @@ def varying(scene: Scene, bodies: Bodies) -> Loads:
     places, torques = [], []
     for load in varying_loads(scene):
         body, side = scene.body_end(load.end)
-        row = bodies.turning_row(body.name) if isinstance(load, Torque) else 0
+        match load:
+            case Force():
+                row, torque = 0, 0
+            case Torque():
+                row, torque = bodies.turning_row(body.name), 1
+            case _:
+                raise unknown_kind("load", load, LOADS)
         places.append(row * bodies.nodes + bodies.node(body.name, side))
-        torques.append(int(isinstance(load, Torque)))
+        torques.append(torque)
     return Loads(np.array(places, dtype=np.int64), np.array(torques, dtype=np.int64), bodies.nodes)
 
 
@@ -48,12 +56,12 @@ def load_table(scene: Scene, t: Array) -> Array:
     loads = varying_loads(scene)
     table = np.zeros((len(t), len(loads), 2))
     for k, load in enumerate(loads):
-        width = 1 if isinstance(load, Torque) else 2
+        width = width_of(load)
         if callable(load.value):
             name = f"{'torque' if width == 1 else 'force'} on {load.end!r}"
             table[:, k, :width] = tabulate(name, load.value, t, width)
         else:
-            table[:, k, 0] = load.value
+            table[:, k, :width] = load.value
     return table
 
 

@@ -25,6 +25,10 @@ Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
 
 
+#: Elements it knows.
+KINDS = ("cable", "shear")
+
+
 class Parts(NamedTuple):
     """What the kernels need of the bodies; `dead` (gravity and constant forces) and `reference` are flat."""
 
@@ -60,9 +64,9 @@ class Model:
     def of(cls, scene: Scene, run: Discretisation) -> "Model":
         """Build it; raises the errors of `mesh.build` and `constraint_rows`; refuses rigid bodies."""
         for name, (_, kind) in run.of(scene).items():
-            if kind == "rigid":
+            if kind not in KINDS:
                 raise DiscretisationError(
-                    f"element is 'rigid' for body {name!r}; the global solver needs 'cable' or 'shear'"
+                    f"element is {kind!r} for body {name!r}; the global solver needs 'cable' or 'shear'"
                 )
         bodies = Bodies(list(build(scene, run).values()))
         return cls(scene, run, bodies, constraint_rows(scene, bodies))

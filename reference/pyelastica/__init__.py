@@ -16,9 +16,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.errors import DiscretisationError, StabilityError
-from anctmm.model.scene import Clamp, Scene
+from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS, Discretisation, discretise, parts_of_load
+from anctmm.errors import DiscretisationError, StabilityError, unknown_kind, unknown_option
+from anctmm.model.bodies import beam_of
+from anctmm.model.joints import JOINTS
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Clamp, Force, Pin, Scene, Torque, Weld, checked_scene
 from anctmm.results.divergence_checks import STRETCH_LIMIT, checked
 from anctmm.results.energy_check import all_energy, from_nowhere
 from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status, nothing
@@ -134,8 +137,7 @@ def solve_static(
     run = discretise(run, options)
     _check(clamp, shear_factor)
     positive("rest", rest, DiscretisationError)
-    if isinstance(load_steps, bool) or not isinstance(load_steps, int) or load_steps < 1:
-        raise DiscretisationError(f"load_steps is {load_steps!r}; a whole number from 1 on is needed")
+    load_steps = parts_of_load(load_steps)
     try:
         system = System(_model(scene, run), scene, run, clamp, shear_factor, relaxed=True)
         return system.equilibria(load_steps, rest)
@@ -314,10 +316,15 @@ def _check(clamp: str, shear_factor: float) -> None:
 
 
 def _check_run(run: Discretisation) -> None:
-    if run.integrator != "zhai":
-        raise Unsupported(
-            f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
-        )
+    match run.integrator:
+        case "zhai":
+            pass
+        case "generalized-alpha":
+            raise Unsupported(
+                f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
+            )
+        case _:
+            raise unknown_option("integrator", run.integrator, INTEGRATORS)
     if (run.psi, run.phi) != (0.5, 0.5):
         raise Unsupported(
             f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
@@ -326,25 +333,41 @@ def _check_run(run: Discretisation) -> None:
 
 def _model(scene: Scene, run: Discretisation) -> ModuleType:
     """The module that needs PyElastica, once it is known that PyElastica can do the scene."""
-    for joint in scene.joints:
-        if len(joint.ends) > 1:
-            raise Unsupported(
-                f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
-                f"bodies held by the ground or free are allowed"
-            )
-        if isinstance(joint, Clamp) and joint.angle is not None:
-            raise Unsupported(f"{joint!r} turns; a fixed clamp is needed")
+    for joint in checked_scene(scene).joints:
+        match joint:
+            case Clamp(angle=None) | Pin(ends=(_,)):
+                pass
+            case Clamp():
+                raise Unsupported(f"{joint!r} turns; a fixed clamp is needed")
+            case Pin() | Weld():
+                raise Unsupported(
+                    f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
+                    f"bodies held by the ground or free are allowed"
+                )
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
     for load in scene.loads:
-        if callable(load.value):
-            raise Unsupported(f"{load!r} varies in time; a constant load is needed")
+        match load:
+            case Force() | Torque():
+                if callable(load.value):
+                    raise Unsupported(f"{load!r} varies in time; a constant load is needed")
+            case _:
+                raise unknown_kind("load", load, LOADS)
     for body in scene.bodies:
         if body.material.damping > 0.0:
             raise Unsupported(
                 f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
             )
     for name, (count, kind) in run.of(scene).items():
-        if kind == "rigid":
-            raise Unsupported(f"element is 'rigid' for body {name!r}; these models have flexible bodies only")
+        match kind:
+            case "cable" | "shear":
+                pass
+            case "rigid":
+                raise Unsupported(
+                    f"element is 'rigid' for body {name!r}; these models have flexible bodies only"
+                )
+            case _:
+                raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
         if count < 2:
             raise Unsupported(f"body {name!r} has {count} element; PyElastica needs 2 or more")
     try:

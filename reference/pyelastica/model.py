@@ -14,7 +14,10 @@ import elastica as ea
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.model.scene import Beam, Clamp, Force, Load, Scene, Torque
+from anctmm.errors import unknown_kind
+from anctmm.model.joints import JOINTS
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Scene, Torque, Weld
 
 Array = NDArray[np.float64]
 
@@ -75,6 +78,19 @@ class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
             system.external_torques[0, end] += self.rod.factor * moment - spring * angle
 
 
+def _hold_of(joint: Joint) -> str:
+    """How a joint to the ground holds a rod's end: "clamp" or "pin"."""
+    match joint:
+        case Clamp():
+            return "clamp"
+        case Pin():
+            return "pin"
+        case Weld():
+            raise unknown_kind("joint to the ground", joint, (Pin, Clamp))  # type: ignore[arg-type]
+        case _:
+            raise unknown_kind("joint", joint, JOINTS)
+
+
 @dataclass
 class Rod:
     """One body as a Cosserat rod, with PyElastica's own (`rod`) inside.
@@ -112,7 +128,7 @@ class Rod:
         for joint in self.scene.joints:
             body, side = self.scene.body_end(joint.ends[0])
             if body is self.body:
-                self.held[-1 if side else 0] = "clamp" if isinstance(joint, Clamp) else "pin"
+                self.held[-1 if side else 0] = _hold_of(joint)
         self.mass, self.inertia = self._inertias()
         self.forces = self._weight() + self._end_forces()
         self.moments = self._end_moments()
@@ -193,16 +209,26 @@ class Rod:
     def _end_forces(self) -> Array:
         forces = np.zeros((2, self.elements + 1))
         for end, load in self._on_ends():
-            if isinstance(load, Force):
-                forces[:, end] += np.asarray(load.value, dtype=float)
+            match load:
+                case Force():
+                    forces[:, end] += np.asarray(load.value, dtype=float)
+                case Torque():
+                    pass
+                case _:
+                    raise unknown_kind("load", load, LOADS)
         return forces
 
     def _end_moments(self) -> dict[int, tuple[float, float]]:
         """Moment (N m) and spring (N m/rad) of each end that has one."""
         moments = {0: 0.0, -1: 0.0}
         for end, load in self._on_ends():
-            if isinstance(load, Torque):
-                moments[end] += float(np.asarray(load.value, dtype=float))
+            match load:
+                case Torque():
+                    moments[end] += float(np.asarray(load.value, dtype=float))
+                case Force():
+                    pass
+                case _:
+                    raise unknown_kind("load", load, LOADS)
         spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0
         springs = {end: spring if self.held.get(end) == "clamp" else 0.0 for end in moments}
         return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}

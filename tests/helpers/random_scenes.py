@@ -96,7 +96,7 @@ def rows(draw, supports=("free", "pin", "clamp", "hub"), varying=True, least=1):
     for end in ("b0.start", f"{names[-1]}.end"):
         joints += _support(draw(st.sampled_from(supports)), end, draw(EIGHTHS))
     loads = [] if free else [_load(draw, names, varying) for _ in range(draw(st.integers(0, 3)))]
-    bodies = _thrown(draw, bodies, [j.ends[0] for j in joints if j.grounded])
+    bodies = _thrown(draw, bodies, [j.ends[0] for j in joints if j.grounded], "weld" in links)
     gravity = draw(VECTORS.filter(any))
     scene = Scene("row", bodies, joints, loads, (4.0 * gravity[0], 4.0 * gravity[1]))
     return _discretised(draw, scene, links, ("cable", "shear"), least)
@@ -144,14 +144,16 @@ def _bodies(draw, turns):
     return bodies
 
 
-def _thrown(draw, bodies, held):
-    """Bodies with an initial velocity, unless more than one place is held."""
+def _thrown(draw, bodies, held, welded):
+    """Bodies with an initial velocity, unless more than one place is held; welded ones stretch and turn alike."""
     places = {f"{b.name}.{side}": getattr(b, side) for b in bodies for side in ("start", "end")}
     held = sorted({places[end] for end in held})
     if len(held) > 1 or draw(st.integers(0, 3)) == 0:
         return bodies
     centre = held[0] if held else draw(VECTORS)
     gradient = tuple(draw(EIGHTHS) for _ in range(4))
+    if welded:  # the same along bodies at an angle: a field that stretches all directions alike
+        gradient = (gradient[0], -gradient[2], gradient[2], gradient[0])
     return [replace(b, velocity=Swirl(b.start, b.end, centre, gradient)) for b in bodies]
 
 

@@ -1,0 +1,211 @@
+"""Bodies and what they are made of."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from functools import cached_property
+from math import atan2, hypot
+
+from anctmm.errors import DegenerateBodyError, PropertyError, reason, shown
+from anctmm.model.sections import Section
+from anctmm.model.velocities import Point, size_of, slope_of
+from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
+
+#: Error of a velocity's slope, of the velocity, from which on it has none.
+UNSURE = 1e-4
+#: Stiffnesses and masses of a body: their squares, in sums over many elements, are numbers still.
+LEAST, MOST = 1e-100, 1e100
+
+
+def distance(a: Point, b: Point) -> float:
+    """Distance of two points, m.
+
+    Raises
+    ------
+    PropertyError
+        If one of them is no pair of finite numbers.
+    """
+    (ax, ay), (bx, by) = vector("distance from (m)", a), vector("distance to (m)", b)
+    return hypot(bx - ax, by - ay)
+
+
+@dataclass(frozen=True)
+class Material:
+    """Isotropic linear (Saint Venant-Kirchhoff) material.
+
+    Parameters
+    ----------
+    E : float
+        Young's modulus, Pa.
+    density : float
+        kg/m³.
+    poisson : float
+        Poisson's ratio, in [0, ½). Only the shear element sees it; note its Poisson locking.
+    damping : float
+        Kelvin-Voigt damping τ, s: the stress is that of the strains plus τ times their rates. A mode of angular
+        frequency ω then has the damping ratio τω/2.
+
+    Raises
+    ------
+    PropertyError
+        If a number is not finite, has the wrong sign or is out of its range.
+    """
+
+    E: float
+    density: float
+    poisson: float = 0.0
+    damping: float = 0.0
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "E", positive("material E (Pa)", self.E))
+        set_(self, "density", positive("material density (kg/m³)", self.density))
+        set_(self, "poisson", within("material poisson", self.poisson, 0.0, 0.5, "[)"))
+        set_(self, "damping", not_negative("material damping (s)", self.damping))
+
+    def __repr__(self) -> str:
+        # what is absent is not written: texts and keys of undamped scenes stay as they are
+        damping = f", damping={self.damping!r}" if self.damping else ""
+        return f"Material(E={self.E!r}, density={self.density!r}, poisson={self.poisson!r}{damping})"
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lamé's first parameter λ and the shear modulus G, Pa."""
+        nu = self.poisson
+        return self.E * nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), self.E / (2.0 * (1.0 + nu))
+
+
+@dataclass(frozen=True)
+class Beam:
+    """A flexible body, straight and free of stress between `start` and `end`.
+
+    Parameters
+    ----------
+    name : str
+        Its ends are called "name.start" and "name.end".
+    start, end : (float, float)
+        m.
+    section : Section
+    material : Material
+    velocity : callable, optional
+        fraction of the length in [0, 1] → (vx, vy), m/s, at t = 0; at rest without it.
+
+    Raises
+    ------
+    PropertyError
+        If one of them is of another kind or out of its range.
+    DegenerateBodyError
+        If the beam has no length.
+    """
+
+    name: str
+    start: Point
+    end: Point
+    section: Section
+    material: Material
+    velocity: Callable[[float], Point] | None = None
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        set_(self, "name", text("beam name", self.name))
+        set_(self, "start", vector(f"beam {self.name!r} start (m)", self.start, high=LONGEST))
+        set_(self, "end", vector(f"beam {self.name!r} end (m)", self.end, high=LONGEST))
+        _check_fields(f"beam {self.name!r} section", self.section, Section)
+        _check_fields(f"beam {self.name!r} material", self.material, Material)
+        if self.velocity is not None and not callable(self.velocity):
+            raise PropertyError(
+                f"beam {self.name!r} velocity is {shown(self.velocity)}; "
+                f"None or a callable fraction -> (vx, vy) is allowed"
+            )
+        if self.length == 0.0:
+            raise DegenerateBodyError(
+                f"beam {self.name!r} has length 0: start and end are both {self.start!r}; "
+                f"two distinct points are needed"
+            )
+        positive(f"beam {self.name!r} length (m)", self.length, DegenerateBodyError, SHORTEST, LONGEST)
+        self._check_sizes()
+
+    @property
+    def length(self) -> float:
+        """Undeformed length, m."""
+        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+
+    @property
+    def angle(self) -> float:
+        """Direction from start to end, rad."""
+        return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
+
+    def velocity_at(self, fraction: float) -> Point:
+        """Initial velocity at a fraction of the length, m/s.
+
+        Raises
+        ------
+        PropertyError
+            If the callable raises, or answers with another thing than a pair of finite numbers.
+        """
+        if self.velocity is None:
+            return (0.0, 0.0)
+        name = f"beam {self.name!r} velocity"
+        return vector(
+            f"{name} at fraction {fraction!r} (m/s)",
+            answer_of(f"{name}, a function,", self.velocity, fraction),
+        )
+
+    def velocity_slope_at(self, fraction: float) -> Point:
+        """Derivative of the initial velocity by the fraction of the length, m/s.
+
+        Raises
+        ------
+        PropertyError
+            If the velocity has none there.
+        """
+        if self.velocity is None:
+            return (0.0, 0.0)
+        slope, error = slope_of(self.velocity_at, fraction, self.speed)
+        if not error <= UNSURE * max(self.speed, abs(slope[0]), abs(slope[1])):
+            raise PropertyError(
+                f"beam {self.name!r} velocity has no slope at fraction {fraction!r} (differences give {slope!r} m/s, "
+                f"known to {error:.2g}); a smooth function is needed"
+            )
+        return slope
+
+    @cached_property
+    def speed(self) -> float:
+        """Size of the initial velocity, m/s; 1 without one."""
+        return size_of(self.velocity_at)
+
+    def _check_sizes(self) -> None:
+        """Refuse a beam whose stiffness or mass is no number that can be computed with."""
+        section, material, L = self.section, self.material, self.length
+        E, rho = material.E, material.density
+        A, I, J = section.area, section.second_moment, section.fourth_moment  # noqa: E741
+        for name, value in {
+            "EA (N)": E * A,
+            "EI (N m²)": E * I,
+            "EJ (N m⁴)": E * J,
+            "EA/length (N/m)": E * A / L,
+            "EI/length³ (N/m)": E * I / L**3,
+            "mass (kg)": rho * A * L,
+            "rotary inertia (kg m²)": rho * I * L,
+        }.items():
+            if not LEAST <= value <= MOST:
+                raise PropertyError(
+                    f"beam {self.name!r} has {name} {value:g}; a number from {LEAST:g} to {MOST:g} is needed"
+                )
+
+
+#: All kinds.
+BODIES = (Beam,)
+
+
+def _check_fields(name: str, thing: object, kind: type[Section] | type[Material]) -> None:
+    """Refuse what is no section or material, or, of a user's own subclass, has not the numbers of one."""
+    if not isinstance(thing, kind):
+        raise PropertyError(f"{name} is {shown(thing)}; a {kind.__name__} is needed")
+    try:
+        numbers = [getattr(thing, f.name) for f in fields(kind)]
+    except Exception as error:  # a property of the subclass may do anything
+        raise PropertyError(
+            f"{name} is {shown(thing)}, whose numbers cannot be read ({reason(error)}); "
+            f"{', '.join(f.name for f in fields(kind))} are needed"
+        ) from error
+    kind(*numbers)

@@ -1,0 +1,72 @@
+"""Loads on ends of bodies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+
+from anctmm.errors import shown, unknown_kind
+from anctmm.model.drives import tabulate
+from anctmm.model.joints import end_name
+from anctmm.model.velocities import Point
+from anctmm.validation import number, vector
+
+
+@final
+@dataclass(frozen=True)
+class Force:
+    """Dead force on an end: constant (Fx, Fy) or t → (Fx, Fy), N."""
+
+    end: str
+    value: Point | Callable[[Any], Point]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "end", end_name(self.end))
+        if not callable(self.value):
+            object.__setattr__(self, "value", vector(f"force on {shown(self.end)} (N)", self.value))
+
+
+@final
+@dataclass(frozen=True)
+class Torque:
+    """Moment on an end, positive counter-clockwise: constant or t → moment, N m.
+
+    It acts on the direction of the section: on r_x of a cable (whose section stays normal to its axis), on
+    r_y of a shear-deformable element.
+    """
+
+    end: str
+    value: float | Callable[[Any], float]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "end", end_name(self.end))
+        if not callable(self.value):
+            object.__setattr__(self, "value", number(f"torque on {shown(self.end)} (N m)", self.value))
+
+
+Load = Force | Torque
+#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+LOADS = (Force, Torque)
+
+
+def width_of(load: Load) -> int:
+    """Numbers that the value of a load has."""
+    match load:
+        case Force():
+            return 2
+        case Torque():
+            return 1
+        case _:
+            raise unknown_kind("load", load, LOADS)
+
+
+def check_load(load: Load) -> None:
+    """Refuse a load whose history gives nothing at t = 0.
+
+    Raises
+    ------
+    PropertyError
+    """
+    if callable(load.value):
+        tabulate(f"load on {shown(load.end)}", load.value, np.zeros(1), width_of(load))

@@ -1,0 +1,233 @@
+"""Initial velocities: whether joints and drives can have those of the bodies, and such that they can.
+
+Velocities of joined ends must be equal, and those of held ends zero. At a weld the gradients turn together, too: what
+else is given has no meaning. At a clamp the ground or the drive says what the gradient does, whatever the body's
+velocity; a difference is told by a warning, since the energy of the start then depends on the mesh.
+"""
+
+from cmath import phase
+from dataclasses import dataclass, replace
+from math import sqrt
+from typing import TYPE_CHECKING
+from warnings import warn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import JointGapError, StartWarning, shown, unknown_kind
+from anctmm.model.bodies import Beam
+from anctmm.model.drives import value_at
+from anctmm.model.joints import JOINTS, SIDES, Clamp, Joint, Pin, Weld
+from anctmm.model.topology import End, junctions_of
+from anctmm.model.velocities import Point, RigidVelocity
+
+if TYPE_CHECKING:
+    from anctmm.model.scene import Scene
+
+Array = NDArray[np.float64]
+#: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
+#: differences.
+EQUAL, EQUAL_SLOPES = 1e-9, 1e-6
+EPS = float(np.finfo(float).eps)
+
+
+def check_start(scene: "Scene") -> None:
+    """Refuse initial velocities that joints cannot have, and warn of those that clamps replace.
+
+    Raises
+    ------
+    JointGapError
+        Naming the ends, the velocities or rates, and what is needed.
+    """
+    moving = any(b.velocity is not None for b in scene.bodies) or any(map(turning_rate, scene.joints))
+    if not moving or not scene.joints:
+        return
+    allowed = EQUAL * _largest_speed(scene) + EPS * _wave_speed(scene)
+    for junction in junctions_of(scene):
+        ends = [Moving.of(scene, end) for end in junction.ends]
+        _check_velocities(ends, junction.grounded, allowed)
+        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+            first, *others = (Moving.of(scene, end) for end in group)
+            for other in others:
+                _check_gradients(first, other, EQUAL_SLOPES / EQUAL * allowed)
+            if clamp is not None:
+                _compare_turning(clamp, first, EQUAL_SLOPES / EQUAL * allowed)
+
+
+def turning_rate(joint: Joint) -> float:
+    """Rate at which a driven clamp turns at t = 0, rad/s; 0 of any other joint."""
+    if not isinstance(joint, Clamp) or joint.angle is None:
+        return 0.0
+    return float(value_at(f"clamp {shown(joint.end)} angle", joint.angle, 0.0, 3)[1])
+
+
+def consistent_velocities(scene: "Scene") -> "Scene":
+    """The scene with initial velocities that fit its joints and drives, each body moving as a rigid one.
+
+    A driven clamp that turns at t = 0 sets what it holds in motion. Where joints leave freedom, the kinetic energy is
+    the least, as after a sudden start. Velocities that bodies had are replaced.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    JointGapError
+        If bodies would have to bend at once.
+    """
+    rows, rates = _rigid_constraints(scene)
+    scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
+    # least norm of the motion times the root of its inertia: least kinetic energy
+    motion = np.linalg.lstsq(rows / scale, rates, rcond=None)[0] / scale
+    missed = float(np.abs(rows @ motion - rates).max(initial=0.0))
+    if missed > EQUAL * float(np.abs(rates).max(initial=0.0)):
+        raise JointGapError(
+            f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: {missed:.3g} m/s "
+            f"are missed; bodies that bend need velocities of their own"
+        )
+    bodies = []
+    for body, (vx, vy, spin) in zip(scene.bodies, motion.reshape(-1, 3).tolist(), strict=True):
+        rigid = RigidVelocity(body.start, body.end, _center(body), spin, (vx, vy))
+        bodies.append(replace(body, velocity=rigid if vx or vy or spin else None))
+    return replace(scene, bodies=tuple(bodies))
+
+
+def _largest_speed(scene: "Scene") -> float:
+    """Largest speed of bodies and driven clamps at t = 0, m/s."""
+    speeds = [b.speed for b in scene.bodies if b.velocity is not None]
+    for joint in scene.joints:
+        speeds.append(abs(turning_rate(joint)) * scene.body_end(joint.ends[0])[0].length)
+    return max(speeds, default=0.0)
+
+
+def _wave_speed(scene: "Scene") -> float:
+    """Largest speed of axial waves, m/s: a velocity of ε times it strains a body by ε, which rounding hides."""
+    return max(sqrt(b.material.E / b.material.density) for b in scene.bodies)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """An end of a body and how it moves at t = 0; vectors of the plane are complex numbers."""
+
+    body: Beam
+    side: int
+
+    @classmethod
+    def of(cls, scene: "Scene", end: End) -> "Moving":
+        """That of an end's name."""
+        return cls(scene.body(end[0]), end[1])
+
+    @property
+    def velocity(self) -> Point:
+        """m/s."""
+        return self.body.velocity_at(float(self.side))
+
+    @property
+    def gradient_rate(self) -> complex:
+        """Rate of the gradient r_x, 1/s."""
+        return complex(*self.body.velocity_slope_at(float(self.side))) / self.body.length
+
+    @property
+    def axis(self) -> complex:
+        """Direction of the body, of length 1."""
+        (x, y), (u, v) = self.body.start, self.body.end
+        return complex(u - x, v - y) / self.body.length
+
+    def __str__(self) -> str:
+        return repr(f"{self.body.name}.{SIDES[self.side]}")
+
+
+def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> None:
+    first, v = ends[0], ends[0].velocity
+    for end in ends if grounded else ():
+        if max(map(abs, end.velocity)) > allowed:
+            raise JointGapError(
+                f"end {end} is held and its initial velocity is {end.velocity!r} m/s; (0, 0) is needed"
+            )
+    for end in ends[1:]:
+        if max(abs(a - b) for a, b in zip(end.velocity, v, strict=True)) > allowed:
+            raise JointGapError(
+                f"ends {first} and {end} are joined and their initial velocities are {v!r} and {end.velocity!r} m/s; "
+                f"they must be equal"
+            )
+
+
+def _check_gradients(one: Moving, two: Moving, allowed: float) -> None:
+    """Gradients that are welded are one, turned: so are their rates."""
+    turn, rates = two.axis / one.axis, (one.gradient_rate, two.gradient_rate)
+    if abs(rates[1] - turn * rates[0]) <= allowed / min(one.body.length, two.body.length):
+        return
+    turned = f", turned by {phase(turn):.6g} rad," if abs(turn - 1.0) > EQUAL else ""
+    raise JointGapError(
+        f"ends {one} and {two} are welded and velocities change along their bodies by {_pair(rates[0])} and "
+        f"{_pair(rates[1])} 1/s there; these must be equal{turned} as a weld turns and stretches both alike"
+    )
+
+
+def _compare_turning(clamp: Clamp, end: Moving, allowed: float) -> None:
+    rate, given = turning_rate(clamp), end.gradient_rate / end.axis
+    if abs(given - 1j * rate) <= allowed / end.body.length:
+        return
+    warn(
+        f"clamp {shown(clamp.end)} turns at {rate:.6g} rad/s at t = 0 and body {end.body.name!r} there at "
+        f"{given.imag:.6g} rad/s, stretching by {given.real:.3g} 1/s: the clamp's node starts as the clamp does, "
+        f"and the energy of the start depends on the mesh; anctmm.consistent_velocities(scene) gives velocities "
+        f"that fit",
+        StartWarning,
+        stacklevel=5,
+    )
+
+
+def _pair(value: complex) -> str:
+    return f"({value.real:.6g}, {value.imag:.6g})"
+
+
+def _center(body: Beam) -> Point:
+    return 0.5 * (body.start[0] + body.end[0]), 0.5 * (body.start[1] + body.end[1])
+
+
+def _root_inertias(body: Beam) -> Array:
+    """Roots of mass, mass and moment of inertia about the centre of a body, by its velocity and its spin."""
+    line = body.material.density * body.section.area * body.length
+    inertia = line * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
+    return np.sqrt([line, line, inertia])
+
+
+def _rigid_constraints(scene: "Scene") -> tuple[Array, Array]:
+    """Joints' equations for the velocities of rigid bodies (vx, vy of the centre, spin): rows and right sides, m/s."""
+    place = {body.name: 3 * i for i, body in enumerate(scene.bodies)}
+    size = 3 * len(scene.bodies)
+
+    def of_end(name: str) -> Array:
+        """(3, size): velocity of an end, and the spin times the body's length."""
+        body, side = scene.body_end(name)
+        (x, y), (cx, cy), rows = (body.start, body.end)[side], _center(body), np.zeros((3, size))
+        i = place[body.name]
+        rows[0, i], rows[0, i + 2] = 1.0, cy - y
+        rows[1, i + 1], rows[1, i + 2] = 1.0, x - cx
+        rows[2, i + 2] = body.length
+        return rows
+
+    found: list[tuple[Array, float]] = []
+    for joint in scene.joints:
+        rows = [of_end(end) for end in joint.ends]
+        lengths = [scene.body_end(end)[0].length for end in joint.ends]
+        found += [(row, 0.0) for other in rows[1:] for row in other[:2] - rows[0][:2]]
+        if joint.grounded:
+            found += [(row, 0.0) for row in rows[0][:2]]
+        match joint:
+            case Pin():
+                pass
+            case Weld():
+                spins = [row[2] / length for row, length in zip(rows, lengths, strict=True)]
+                found += [(min(lengths) * (spin - spins[0]), 0.0) for spin in spins[1:]]
+            case Clamp():
+                found.append((rows[0][2], turning_rate(joint) * lengths[0]))
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
+    return np.array([row for row, _ in found]).reshape(-1, size), np.array([rate for _, rate in found])

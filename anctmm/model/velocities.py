@@ -1,0 +1,95 @@
+"""Initial velocities as functions of the fraction of a body's length: that of a rigid motion, and slopes of any."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.differentiate import derivative
+
+from anctmm.validation import LONGEST, number, vector
+
+Array = NDArray[np.float64]
+Point = tuple[float, float]
+#: Points at which the size of a velocity is looked for.
+SAMPLES = 9
+#: Error of a slope's last digits, of the velocity's size.
+FINEST = 1e-12
+
+
+@dataclass(frozen=True)
+class RigidVelocity:
+    """Velocity of a straight body that moves as a rigid one, for `Beam(velocity=...)`.
+
+    Parameters
+    ----------
+    start, end : (float, float)
+        Of the body, m.
+    center : (float, float)
+        A point of the plane, m, that the body turns about,
+    spin : float
+        at this rate, rad/s,
+    velocity : (float, float)
+        while it moves with this velocity, m/s.
+
+    Raises
+    ------
+    PropertyError
+        If a number is not finite.
+    """
+
+    start: Point
+    end: Point
+    center: Point
+    spin: float
+    velocity: Point = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        set_ = object.__setattr__
+        for name in ("start", "end", "center"):
+            set_(self, name, vector(f"RigidVelocity {name} (m)", getattr(self, name), high=LONGEST))
+        set_(self, "spin", number("RigidVelocity spin (rad/s)", self.spin))
+        set_(self, "velocity", vector("RigidVelocity velocity (m/s)", self.velocity))
+
+    def __call__(self, fraction: float) -> Point:
+        """Velocity at a fraction of the length, m/s."""
+        x, y = (
+            (1.0 - fraction) * a + fraction * b - c
+            for a, b, c in zip(self.start, self.end, self.center, strict=True)
+        )
+        return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
+
+
+def size_of(velocity: Callable[[float], Point]) -> float:
+    """Largest component of a velocity at a few fractions, m/s; 1 where it vanishes."""
+    return max(max(map(abs, velocity(s))) for s in np.linspace(0.0, 1.0, SAMPLES).tolist()) or 1.0
+
+
+def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -> tuple[Point, float]:
+    """Derivative of a velocity by the fraction, and its error, m/s; one-sided at the ends.
+
+    Parameters
+    ----------
+    velocity : callable
+    fraction : float
+    size : float
+        Of the velocity, m/s: the unit must not decide how well its slope is found.
+    """
+    side = 1.0 if fraction == 0.0 else -1.0 if fraction == 1.0 else 0.0
+    step = min(0.5, *(d for d in (fraction, 1.0 - fraction) if d > 0.0)) / 2.0
+
+    def component(s: Array, axis: Array) -> Array:
+        values = [velocity(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
+        return np.reshape(values, np.broadcast(s, axis).shape)
+
+    slope: Any = derivative  # its stubs do not know a direction given as a number
+    found = slope(
+        component,
+        np.full(2, fraction),
+        args=(np.arange(2),),
+        initial_step=step,
+        step_direction=side,
+        tolerances={"atol": FINEST * size, "rtol": FINEST},
+    )
+    return (float(found.df[0]), float(found.df[1])), float(np.max(found.error))
