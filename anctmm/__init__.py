@@ -3,9 +3,9 @@
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.rigid_start import consistent_velocities
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
 from anctmm.model.sections import Circle, Rectangle, Section
-from anctmm.model.start import consistent_velocities
 from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status

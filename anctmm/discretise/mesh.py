@@ -16,6 +16,7 @@ from anctmm.elements.cable import CableElement
 from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import unknown_kind, unknown_option
+from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Beam, Force, Load, Scene, Torque
 from anctmm.validation import one_of
@@ -135,7 +136,7 @@ def body_meshes(
 
 
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
-    body = scene.body(name)
+    body = beam_of(scene.body(name))
     element: Element
     match kind:
         case "shear":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import atan2, hypot
 
-from anctmm.errors import DegenerateBodyError, PropertyError, reason, shown
+from anctmm.errors import DegenerateBodyError, PropertyError, reason, shown, unknown_kind
 from anctmm.model.sections import Section
 from anctmm.model.velocities import Point, size_of, slope_of
 from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
@@ -193,8 +193,24 @@ class Beam:
                 )
 
 
-#: All kinds.
+Body = Beam
+#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
 BODIES = (Beam,)
+
+
+def beam_of(body: Body) -> Beam:
+    """Return a beam, for what knows beams only.
+
+    Raises
+    ------
+    UnknownKindError
+        If the body is of another kind.
+    """
+    match body:
+        case Beam():
+            return body
+        case _:
+            raise unknown_kind("body", body, (Beam,))
 
 
 def _check_fields(name: str, thing: object, kind: type[Section] | type[Material]) -> None:

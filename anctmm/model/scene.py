@@ -147,7 +147,7 @@ def _all_of(what: str, things: object, kinds: tuple[type, ...]) -> tuple[Any, ..
     """Things of an ordered iterable, each of exactly one of the kinds."""
     names = ", ".join(kind.__name__ for kind in kinds)
     needed = f"a list of {names} is needed"
-    if isinstance(things, str | Set | Mapping) or not isinstance(things, Iterable):
+    if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
         raise SceneError(f"scene {what} is {shown(things)}; {needed}")
     found: list[Any] = []
     try:

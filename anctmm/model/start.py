@@ -1,4 +1,4 @@
-"""Initial velocities: whether joints and drives can have those of the bodies, and such that they can.
+"""Initial velocities: whether joints and drives can have those of the bodies.
 
 Velocities of joined ends must be equal, and those of held ends zero. At a weld the gradients turn together, too: what
 else is given has no meaning. At a clamp the ground or the drive says what the gradient does, whatever the body's
@@ -6,25 +6,23 @@ velocity; a difference is told by a warning, since the energy of the start then 
 """
 
 from cmath import phase
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import sqrt
 from typing import TYPE_CHECKING
 from warnings import warn
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anctmm.errors import JointGapError, StartWarning, shown, unknown_kind
+from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import value_at
-from anctmm.model.joints import JOINTS, SIDES, Clamp, Joint, Pin, Weld
+from anctmm.model.joints import SIDES, Clamp, Joint
 from anctmm.model.topology import End, junctions_of
-from anctmm.model.velocities import Point, RigidVelocity
+from anctmm.model.velocities import Point
 
 if TYPE_CHECKING:
     from anctmm.model.scene import Scene
 
-Array = NDArray[np.float64]
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
 #: differences.
 EQUAL, EQUAL_SLOPES = 1e-9, 1e-6
@@ -59,42 +57,6 @@ def turning_rate(joint: Joint) -> float:
     if not isinstance(joint, Clamp) or joint.angle is None:
         return 0.0
     return float(value_at(f"clamp {shown(joint.end)} angle", joint.angle, 0.0, 3)[1])
-
-
-def consistent_velocities(scene: "Scene") -> "Scene":
-    """The scene with initial velocities that fit its joints and drives, each body moving as a rigid one.
-
-    A driven clamp that turns at t = 0 sets what it holds in motion. Where joints leave freedom, the kinetic energy is
-    the least, as after a sudden start. Velocities that bodies had are replaced.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    JointGapError
-        If bodies would have to bend at once.
-    """
-    rows, rates = _rigid_constraints(scene)
-    scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
-    # least norm of the motion times the root of its inertia: least kinetic energy
-    motion = np.linalg.lstsq(rows / scale, rates, rcond=None)[0] / scale
-    missed = float(np.abs(rows @ motion - rates).max(initial=0.0))
-    if missed > EQUAL * float(np.abs(rates).max(initial=0.0)):
-        raise JointGapError(
-            f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: {missed:.3g} m/s "
-            f"are missed; bodies that bend need velocities of their own"
-        )
-    bodies = []
-    for body, (vx, vy, spin) in zip(scene.bodies, motion.reshape(-1, 3).tolist(), strict=True):
-        rigid = RigidVelocity(body.start, body.end, _center(body), spin, (vx, vy))
-        bodies.append(replace(body, velocity=rigid if vx or vy or spin else None))
-    return replace(scene, bodies=tuple(bodies))
 
 
 def _largest_speed(scene: "Scene") -> float:
@@ -185,49 +147,3 @@ def _compare_turning(clamp: Clamp, end: Moving, allowed: float) -> None:
 
 def _pair(value: complex) -> str:
     return f"({value.real:.6g}, {value.imag:.6g})"
-
-
-def _center(body: Beam) -> Point:
-    return 0.5 * (body.start[0] + body.end[0]), 0.5 * (body.start[1] + body.end[1])
-
-
-def _root_inertias(body: Beam) -> Array:
-    """Roots of mass, mass and moment of inertia about the centre of a body, by its velocity and its spin."""
-    line = body.material.density * body.section.area * body.length
-    inertia = line * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
-    return np.sqrt([line, line, inertia])
-
-
-def _rigid_constraints(scene: "Scene") -> tuple[Array, Array]:
-    """Joints' equations for the velocities of rigid bodies (vx, vy of the centre, spin): rows and right sides, m/s."""
-    place = {body.name: 3 * i for i, body in enumerate(scene.bodies)}
-    size = 3 * len(scene.bodies)
-
-    def of_end(name: str) -> Array:
-        """(3, size): velocity of an end, and the spin times the body's length."""
-        body, side = scene.body_end(name)
-        (x, y), (cx, cy), rows = (body.start, body.end)[side], _center(body), np.zeros((3, size))
-        i = place[body.name]
-        rows[0, i], rows[0, i + 2] = 1.0, cy - y
-        rows[1, i + 1], rows[1, i + 2] = 1.0, x - cx
-        rows[2, i + 2] = body.length
-        return rows
-
-    found: list[tuple[Array, float]] = []
-    for joint in scene.joints:
-        rows = [of_end(end) for end in joint.ends]
-        lengths = [scene.body_end(end)[0].length for end in joint.ends]
-        found += [(row, 0.0) for other in rows[1:] for row in other[:2] - rows[0][:2]]
-        if joint.grounded:
-            found += [(row, 0.0) for row in rows[0][:2]]
-        match joint:
-            case Pin():
-                pass
-            case Weld():
-                spins = [row[2] / length for row, length in zip(rows, lengths, strict=True)]
-                found += [(min(lengths) * (spin - spins[0]), 0.0) for spin in spins[1:]]
-            case Clamp():
-                found.append((rows[0][2], turning_rate(joint) * lengths[0]))
-            case _:
-                raise unknown_kind("joint", joint, JOINTS)
-    return np.array([row for row, _ in found]).reshape(-1, size), np.array([rate for _, rate in found])

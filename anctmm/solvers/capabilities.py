@@ -1,9 +1,9 @@
 """What a solver says it can do, so that what it cannot is shown and not passed over."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from anctmm.errors import DiscretisationError
+from anctmm.errors import DiscretisationError, unknown_option
 from anctmm.validation import one_of
 
 #: What a solver may lack, and what that means. Whoever lacks something says so; asked for it all the same, it answers
@@ -49,9 +49,7 @@ class Offer:
     limits: Mapping[str, str] = field(default_factory=lambda: {"cable": "elastica", "shear": "director"})
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lacks", frozenset(self.lacks))
-        for feature in self.lacks:
-            one_of("a feature an Offer lacks", feature, FEATURES)
+        object.__setattr__(self, "lacks", _features(self.lacks))
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, ("cable", "shear"))
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
@@ -66,3 +64,11 @@ class Offer:
     def element_of(self, asked: str) -> str:
         """Name of the element it uses for one asked for."""
         return self.element or asked
+
+
+def _features(lacks: object) -> frozenset[str]:
+    """Names of features, each one of `FEATURES`."""
+    name = "a feature an Offer lacks"
+    if isinstance(lacks, str | bytes) or not isinstance(lacks, Iterable):
+        raise unknown_option(f"{name}, in a list,", lacks, sorted(FEATURES))
+    return frozenset(one_of(name, feature, FEATURES) for feature in lacks)

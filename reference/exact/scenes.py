@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import SceneError, unknown_kind
+from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, checked_scene
 from anctmm.results.solution import Energy, Solution
@@ -40,7 +41,7 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
         raise SceneError(
             f"scene {scene.name!r} has {len(scene.bodies)} bodies ({names}); one has an exact static"
         )
-    (beam,) = scene.bodies
+    beam = beam_of(scene.bodies[0])
     expected = Clamp(f"{beam.name}.start")
     if scene.joints != (expected,):
         raise SceneError(

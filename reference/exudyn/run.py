@@ -165,11 +165,16 @@ def _check_explicit(scene: Scene, run: Discretisation) -> None:
             f"Zhai's psi, phi are {run.psi!r}, {run.phi!r}; Exudyn has only VelocityVerlet, their case ½, ½"
         )
     for joint in scene.joints:
-        if len(joint.ends) > 1 or (isinstance(joint, Clamp) and joint.angle is not None):
-            raise Unsupported(
-                f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
-                f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
-            )
+        match joint:
+            case Clamp(angle=None) | Pin(ends=(_,)):
+                pass
+            case Clamp() | Pin() | Weld():
+                raise Unsupported(
+                    f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
+                    f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
+                )
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
 
 
 def _common_settings(exu: Any, model: Model, solver: str) -> Any:

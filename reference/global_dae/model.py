@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.discretisation import ELEMENTS, Discretisation
 from anctmm.discretise.mesh import build
-from anctmm.errors import DiscretisationError
+from anctmm.errors import DiscretisationError, unknown_option
 from anctmm.model.scene import Scene
 from reference.global_dae.constraints import Row, Rows, compiled_rows, constraint_rows
 from reference.global_dae.loads import Loads, dead_forces, varying
@@ -23,10 +23,6 @@ from reference.global_dae.loads import Loads, dead_forces, varying
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
-
-
-#: Elements it knows.
-KINDS = ("cable", "shear")
 
 
 class Parts(NamedTuple):
@@ -64,10 +60,15 @@ class Model:
     def of(cls, scene: Scene, run: Discretisation) -> "Model":
         """Build it; raises the errors of `mesh.build` and `constraint_rows`; refuses rigid bodies."""
         for name, (_, kind) in run.of(scene).items():
-            if kind not in KINDS:
-                raise DiscretisationError(
-                    f"element is {kind!r} for body {name!r}; the global solver needs 'cable' or 'shear'"
-                )
+            match kind:
+                case "cable" | "shear":
+                    pass
+                case "rigid":
+                    raise DiscretisationError(
+                        f"element is 'rigid' for body {name!r}; the global solver needs 'cable' or 'shear'"
+                    )
+                case _:
+                    raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
         bodies = Bodies(list(build(scene, run).values()))
         return cls(scene, run, bodies, constraint_rows(scene, bodies))
 

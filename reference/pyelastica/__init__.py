@@ -91,6 +91,7 @@ def solve(
         If the step lies above the stability limit of the straight grid, and `check_stability` is set.
     """
     run = discretise(run, options)
+    checked_scene(scene)
     _check(clamp, shear_factor)
     try:
         _check_run(run)
@@ -353,7 +354,7 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
                     raise Unsupported(f"{load!r} varies in time; a constant load is needed")
             case _:
                 raise unknown_kind("load", load, LOADS)
-    for body in scene.bodies:
+    for body in map(beam_of, scene.bodies):
         if body.material.damping > 0.0:
             raise Unsupported(
                 f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"

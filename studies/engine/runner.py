@@ -202,15 +202,15 @@ class Runner:
         list of Outcome
             In the order of the cases, sorted so that contestants stand together.
         """
-        ordered = list(dict.fromkeys(cases))
+        ordered = list({_identity(case): case for case in cases}.values())
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
             for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s):
                 outcomes.append(outcome)
                 self.on_done(outcome.case, len(outcomes), len(ordered))
-        place = {case: i for i, case in enumerate(ordered)}
-        return sorted(outcomes, key=lambda o: place[o.case])
+        place = {_identity(case): i for i, case in enumerate(ordered)}
+        return sorted(outcomes, key=lambda o: place[_identity(o.case)])
 
     def solve(self, case: Case) -> Outcome:
         """One case."""
@@ -283,14 +283,15 @@ class Runner:
         return f"{module_of(plain)}.{getattr(plain, '__qualname__', '?')} {digest}" if digest else ""
 
     def _contest(self, group: Sequence[Case], budget_s: float) -> Iterator[Outcome]:
-        first = {case: self._sample(case, 0) for case in group}
-        costs = {case: [s.cost] if s.status.ok else [] for case, s in first.items()}
+        # by place, not by case: what a scene's functions are need not have a hash
+        first = [self._sample(case, 0) for case in group]
+        costs = [[s.cost] if s.status.ok else [] for s in first]
         for k in range(1, self.repeats):
-            for case in group:
-                if costs[case] and sum(c.wall_s for c in costs[case]) < budget_s:
-                    costs[case].append(self._sample(case, k).cost)
-        for case in group:
-            yield Outcome(case, first[case], tuple(costs[case]))
+            for case, known in zip(group, costs, strict=True):
+                if known and sum(c.wall_s for c in known) < budget_s:
+                    known.append(self._sample(case, k).cost)
+        for case, solution, known in zip(group, first, costs, strict=True):
+            yield Outcome(case, solution, tuple(known))
 
     def _sample(self, case: Case, k: int) -> Solution:
         """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
@@ -446,7 +447,10 @@ def _text(value: Any) -> str:
         return f"{{{', '.join(sorted(map(_text, value)))}}}"
     if isinstance(value, np.ndarray):
         return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
-    return repr(value)
+    try:
+        return repr(value)
+    except Exception:  # a function of the user's own; such cases are not kept
+        return f"{_class(value)} {id(value)}"
 
 
 def _class(value: Any) -> str:
@@ -469,6 +473,15 @@ def _parts(value: Any) -> Iterator[Any]:
 def classes(value: Any) -> set[str]:
     """Modules of the classes of a value and of its parts: a drive's law is code of its class."""
     return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
+
+
+def _identity(case: Case) -> Case | int:
+    """What is equal for equal cases; a case that has no hash, for a function in its scene, equals itself alone."""
+    try:
+        hash(case)
+    except Exception:
+        return id(case)
+    return case
 
 
 def reproducible(value: Any) -> bool:

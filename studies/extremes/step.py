@@ -15,7 +15,9 @@ from scipy.linalg import eigh
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import unknown_kind
 from anctmm.integrators.stability import highest_frequency, zhai_limit
+from anctmm.model.loads import LOADS
 from anctmm.model.scene import Beam, Clamp, Force, Material, Scene, Torque
 from anctmm.model.sections import Rectangle
 from studies.benchmark.direct import Direct, mass_matrices, stiffness_matrices
@@ -143,8 +145,13 @@ def frequencies(scene: Scene, run: Discretisation, q: Array) -> Array:
         for blocks in (stiffness_matrices(chain.bodies, q), mass_matrices(chain.bodies))
     )
     for load in scene.loads:
-        if isinstance(load, Torque):
-            K += matrix.T @ _torque_stiffness(chain, load, q) @ matrix
+        match load:
+            case Torque():
+                K += matrix.T @ _torque_stiffness(chain, load, q) @ matrix
+            case Force():
+                pass
+            case _:
+                raise unknown_kind("load", load, LOADS)
     values = eigh(K, M, eigvals_only=True)
     return np.sqrt(np.maximum(values, 0.0))
 

@@ -6,7 +6,6 @@ Elements, damping and transfer are those in their readable form, which the compi
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,9 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import unknown_kind
 from anctmm.forces.actuation import Actuation
+from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, Scene, Torque
 from anctmm.recursion.transfer import Row, accelerations_plain, accelerations_riccati, row_of
 from anctmm.results.solution import Cost, Energy, HermiteField, Solution
@@ -87,7 +88,7 @@ def _forces(chain: Chain, t: float, q: Array, v: Array) -> Array:
                 x, y = q[row : row + 2, node]
                 f[row : row + 2, node] += moment / (x * x + y * y) * np.array([-y, x])
             case _:
-                assert_never(load)
+                raise unknown_kind("load", load, LOADS)
     for b, mesh in enumerate(bodies.meshes):
         for i in range(bodies.first[b], bodies.first[b + 1] - 1) if mesh.element.damping else ():
             ends = slice(i, i + 2)

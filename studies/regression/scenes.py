@@ -3,16 +3,17 @@
 import re
 import runpy
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Set
 from dataclasses import MISSING, dataclass, fields
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError
+from anctmm.discretise.discretisation import Discretisation, parts_of_load
+from anctmm.errors import AnctmmError, reason, shown
 from anctmm.model.scene import Probe, Scene
 from anctmm.solvers.foreign_code import contained, told
 from studies import scenes
@@ -22,6 +23,8 @@ from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
 DECLARED = "WATCHED"
 #: Names of scenes, runs and solvers become names of directories and files.
 PLAIN = re.compile(r"\w[\w.+-]{0,99}")
+#: Probes or solvers of a watch, at most: an iterable without an end is told.
+MOST = 10_000
 #: Always told of a run; of what else it sets, only what is not a default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
 
@@ -47,6 +50,12 @@ class Static:
     quadrature: str = "full"
     newton_tolerance: float = 1e-12
     load_steps: int = 4
+
+    def __post_init__(self) -> None:
+        checked = self.discretisation
+        for name in ("mesh", "element", "quadrature", "newton_tolerance"):
+            object.__setattr__(self, name, getattr(checked, name))
+        object.__setattr__(self, "load_steps", parts_of_load(self.load_steps))
 
     @property
     def discretisation(self) -> Discretisation:
@@ -95,17 +104,11 @@ class Watch:
     ends: str = "ok"
 
     def __post_init__(self) -> None:
-        if not isinstance(self.scene, Scene):
-            raise CheckError(f"Watch scene is {told(self.scene)}; a Scene is needed")
+        if type(self.scene) is not Scene:
+            raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         _plain("scene name", self.scene.name)
         for name in ("probes", "solvers"):
-            value = getattr(self, name)
-            given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str) else value
-            if not isinstance(given, tuple) or not given:
-                raise CheckError(
-                    f"Watch of {self.scene.name!r} has {name} {told(given)}; a list of at least one is needed"
-                )
-            object.__setattr__(self, name, given)
+            object.__setattr__(self, name, self._several(name, getattr(self, name)))
         for body in self.scene.bodies:
             _in_a_head(body.name)
         for probe in self.probes:
@@ -114,15 +117,29 @@ class Watch:
             _plain("solver", solver)
         if not isinstance(self.runs, Mapping) or not self.runs:
             raise CheckError(
-                f"Watch of {self.scene.name!r} has runs {told(self.runs)}; "
+                f"Watch of {self.scene.name!r} has runs {shown(self.runs)}; "
                 f"a mapping of at least one name to a Discretisation or a Static is needed"
             )
         for name, run in self.runs.items():
             _plain("run name", name)
-            if not isinstance(run, Run):
+            if type(run) not in (Discretisation, Static):
                 raise CheckError(
-                    f"run {name!r} of {self.scene.name!r} is {told(run)}; a Discretisation or a Static is needed"
+                    f"run {name!r} of {self.scene.name!r} is {shown(run)}; "
+                    f"a Discretisation or a Static is needed"
                 )
+
+    def _several(self, name: str, value: object) -> tuple[Any, ...]:
+        """At least one thing of an ordered iterable."""
+        needed = f"Watch of {self.scene.name!r} has {name} {shown(value)}; a list of at least one is needed"
+        if isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable):
+            raise CheckError(needed)
+        try:
+            found = tuple(islice(value, MOST + 1))
+        except Exception as error:  # an iterable of the user's own
+            raise CheckError(f"{needed}, and it raises {reason(error)}") from error
+        if not 0 < len(found) <= MOST:
+            raise CheckError(f"{needed}, and {MOST} at most")
+        return found
 
 
 @dataclass(frozen=True)
@@ -302,7 +319,7 @@ def _rest(base: BaseScene) -> tuple[Watch, ...]:
 def _plain(what: str, name: object) -> None:
     if not isinstance(name, str) or not PLAIN.fullmatch(name):
         raise CheckError(
-            f"{what} is {name!r}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
+            f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
         )
 
 

@@ -21,8 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import AnctmmError, PluginError, SolverError
-from anctmm.model.scene import Beam, Force, Load, Point, Scene
+from anctmm.errors import AnctmmError, PluginError, SolverError, unknown_kind
+from anctmm.model.joints import JOINTS
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Point, Scene, Torque, Weld
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
@@ -135,15 +137,25 @@ def turned(scene: Scene, angle: float) -> Scene:
         return replace(b, start=turn(b.start), end=turn(b.end), velocity=velocity)
 
     def load(force: Load) -> Load:
-        if not isinstance(force, Force):
-            return force
-        value = force.value
-        return replace(force, value=(lambda t: turn(value(t))) if callable(value) else turn(value))
+        match force:
+            case Force(value=value):
+                return replace(force, value=(lambda t: turn(value(t))) if callable(value) else turn(value))
+            case Torque():
+                return force
+            case _:
+                raise unknown_kind("load", force, LOADS)
+
+    def joint(held: Joint) -> Joint:
+        match held:
+            case Pin() | Weld() | Clamp():
+                return held
+            case _:
+                raise unknown_kind("joint", held, JOINTS)
 
     return Scene(
         scene.name,
         tuple(map(body, scene.bodies)),
-        scene.joints,
+        tuple(map(joint, scene.joints)),
         tuple(map(load, scene.loads)),
         turn(scene.gravity),
     )

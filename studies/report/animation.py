@@ -11,7 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.model.scene import Clamp, Scene
+from anctmm.errors import unknown_kind
+from anctmm.model.joints import JOINTS
+from anctmm.model.scene import Clamp, Pin, Scene, Weld
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -128,13 +130,18 @@ def supports(scene: Scene, unit: float) -> tuple[tuple[str, int, int], ...]:
     """Where the scene is held by the ground."""
     found = []
     for joint in scene.joints:
-        clamp = isinstance(joint, Clamp)
-        ends = [joint.end] if isinstance(joint, Clamp) else list(joint.ends)
-        if clamp or getattr(joint, "grounded", False):
-            name, fraction = scene.probe(ends[0])
+        match joint:
+            case Clamp():
+                sign = "clamp"
+            case Pin() | Weld():
+                sign = "pin"
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
+        if joint.grounded:
+            name, fraction = scene.probe(joint.ends[0])
             body = scene.body(name)
             x, y = (a + fraction * (b - a) for a, b in zip(body.start, body.end, strict=True))
-            found.append(("clamp" if clamp else "pin", round(x / unit), round(-y / unit)))
+            found.append((sign, round(x / unit), round(-y / unit)))
     return tuple(found)
 
 
