@@ -423,3 +423,33 @@ def locked() -> at.Scene:
         at.Pin("coupler.end"),
     ]
     return _scene("small-locked", bodies, joints)
+
+
+def tree() -> at.Scene:
+    """Three bodies in one hinge, one of them driven at its other end, one with a body welded at an angle."""
+    E, F = (0.6, -0.3), (0.9, 0.7)
+    bodies = [
+        body("trunk", A, B),
+        body("left", C, B, FIRM, ROD),
+        body("right", B, E, PLAIN, BLOCK),
+        body("twig", C, F),
+    ]
+    joints: list[Joint] = [
+        at.Clamp("trunk.start", at.Quintic(0.7, 0.05)),
+        at.Pin("trunk.end", "left.end", "right.start"),
+        at.Weld("left.start", "twig.start"),
+    ]
+    loads: list[Load] = [at.Torque("right.end", 0.02), at.Force("twig.end", Ramp((0.1, -0.3), (10.0, 90.0)))]
+    return _scene("small-tree", bodies, joints, loads, GRAVITY)
+
+
+def loop() -> at.Scene:
+    """A triangle of bodies that swings about one corner; another corner is welded at its angle."""
+    bodies = [body("one", A, B), body("two", C, B, FIRM, ROD), body("three", C, A, PLAIN, BLOCK)]
+    joints: list[Joint] = [
+        at.Pin("one.start", "three.end", grounded=True),
+        at.Pin("one.end", "two.end"),
+        at.Weld("two.start", "three.start"),
+    ]
+    loads: list[Load] = [at.Torque("two.end", 0.02), at.Force("three.start", (0.3, -0.4))]
+    return _scene("small-loop", bodies, joints, loads, GRAVITY)

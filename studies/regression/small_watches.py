@@ -85,6 +85,8 @@ def _explicit() -> tuple[Watch, ...]:
         _both(small.straight_row(), {"one": 2, "two": 1, "three": 2}),
         # welds at an angle: of one element only, for others the kernels would have to be compiled, too
         _both(small.driven_end(), explicitly=("cable",)),
+        _both(small.tree(), explicitly=("cable",)),
+        _both(small.loop(), explicitly=("cable",)),
         _both(small.angled_row(), {"one": 1, "two": 3, "three": 2, "four": 1}, explicitly=("cable",)),
         _watch(small.options_row(), {**rules, **other}),
         _watch(small.mixed_row(), mixed),
