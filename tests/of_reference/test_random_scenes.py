@@ -1,0 +1,50 @@
+"""Random scenes: no answer is "ok" and wrong. A hundred against the global DAE, a score against Exudyn.
+
+A thousand are tried by `python tests/helpers/random_against.py`. They are interpreted here: each scene is small, and
+the kernels of two solvers for every kind of scene would take minutes to compile; that compiled kernels find what the
+interpreted ones do is what the stored histories of `anctmm check` show.
+"""
+
+import os
+import subprocess
+import sys
+
+import planted
+import pytest
+from random_scenes import asked
+
+SCRIPT = planted.TABLE.with_name("random_against.py")
+
+
+@pytest.mark.parametrize(("peer", "count"), [("global-dae", 100), ("exudyn-cable", 20)])
+def test_no_answer_is_ok_and_wrong(peer, count):
+    done = subprocess.run(
+        [sys.executable, SCRIPT, "--peer", peer, "--count", str(count)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(planted.ROOT)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    counts = {
+        what: int(n) for n, _, what in (p.partition(" ") for p in done.stdout.splitlines()[-1].split(", "))
+    }
+    assert sum(counts.values()) == count
+    assert counts["agree"] >= 0.75 * count, done.stdout
+
+
+def test_scenes_are_drawn_of_every_kind():
+    drawn = [asked(seed) for seed in range(100)]
+    joints = [j for a in drawn for j in a.scene.joints]
+    loads = [load for a in drawn for load in a.scene.loads]
+    bodies = [b for a in drawn for b in a.scene.bodies]
+    assert {type(j).__name__ for j in joints} == {"Pin", "Weld", "Clamp"}
+    assert {type(load).__name__ for load in loads} == {"Force", "Torque"}
+    assert {callable(load.value) for load in loads} == {True, False}
+    assert any(j.grounded and len(j.ends) == 2 for j in joints)
+    assert any(getattr(j, "angle", None) for j in joints)
+    assert any(b.velocity for b in bodies)
+    assert any(b.material.damping for b in bodies)
+    assert any(b.material.poisson for b in bodies)
+    assert {kind for a in drawn for kind in a.run.element.values()} == {"cable", "shear"}
+    assert {a.run.integrator for a in drawn} == {"zhai", "generalized-alpha"}
+    assert any(a.run.tolerance for a in drawn)
+    assert asked(7) == asked(7)
