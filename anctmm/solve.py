@@ -10,6 +10,7 @@ from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.recursion.border import refuse_rigid
+from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 
 __all__ = ["solve", "solve_static"]
@@ -18,6 +19,7 @@ __all__ = ["solve", "solve_static"]
 EXPLICIT, IMPLICIT = 150.0, 240.0
 
 
+@accounted
 def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
     """Simulate a scene by ANC-TMM.
 

@@ -6,7 +6,7 @@ so that comparing their times compares methods.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -63,12 +63,14 @@ def kernel_of(element: Element) -> int:
             raise unknown_kind("element", element, (ShearElement, CableElement))
 
 
-def _constants_of(element: Element) -> Array:
+@lru_cache
+def _constants_of(element: Element) -> tuple[float, ...]:
+    """Constants of the kernels of an element, found once for all runs that have it."""
     match element:
         case ShearElement():
-            return shear_constants(element)
+            return tuple(shear_constants(element).tolist())
         case CableElement():
-            return cable_constants(element)
+            return tuple(cable_constants(element).tolist())
         case _:
             raise unknown_kind("element", element, (ShearElement, CableElement))
 

@@ -6,7 +6,7 @@ wants it.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from anctmm.model.scene import Beam, Force, Load, Scene, Torque
 from anctmm.validation import one_of
 
 Array = NDArray[np.float64]
+#: Elements up to which a body's mesh is kept for the next run: building it takes longer than the steps of a short one.
+KEPT = 256
 Element = ShearElement | CableElement
 
 
@@ -137,6 +139,14 @@ def body_meshes(
 
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
     body = beam_of(scene.body(name))
+    # only small meshes are kept between runs, and none whose velocities a function of the user's gives
+    make = _kept_mesh if elements <= KEPT and body.velocity is None else _mesh
+    return make(body, quadrature, elements, kind, scene.gravity, flipped)
+
+
+def _mesh(
+    body: Beam, quadrature: str, elements: int, kind: str, gravity: tuple[float, float], flipped: bool
+) -> BodyMesh:
     element: Element
     match kind:
         case "shear":
@@ -146,8 +156,11 @@ def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: st
         case "rigid":
             element = RigidElement.of(body)
         case _:
-            raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
-    return BodyMesh(body, kind, elements, element, scene.gravity, flipped)
+            raise unknown_option(f"element of body {body.name!r}", kind, ELEMENTS)
+    return BodyMesh(body, kind, elements, element, gravity, flipped)
+
+
+_kept_mesh = lru_cache(maxsize=128)(_mesh)
 
 
 def build(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:

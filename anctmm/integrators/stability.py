@@ -1,5 +1,6 @@
 """Stability limit of the explicit integrator, from the highest frequency of the linearised scene."""
 
+from functools import lru_cache
 from math import inf, sqrt
 
 import numpy as np
@@ -10,6 +11,7 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
 from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.mesh import Element
 from anctmm.errors import StabilityError
 from anctmm.recursion.border import project, rigid_system
 from anctmm.recursion.riccati import mass_factors, solve
@@ -132,14 +134,17 @@ def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
 
     With other `bodies` of the same nodes, theirs.
     """
-    bound = 0.0
     one_of_each = {mesh.element: mesh for mesh in (bodies or chain.bodies).meshes}
-    for mesh in one_of_each.values():
-        q = mesh.reference[:2].reshape(-1, 2)
-        K = mesh.element.tangent(q).reshape(q.size, q.size)
-        values = eigh(K, np.kron(mesh.element.mass, np.eye(2)), eigvals_only=True)
-        bound = max(bound, sqrt(max(float(values[-1]), 0.0)))
-    return bound
+    return max(_frequency(e, tuple(mesh.reference[:2].ravel().tolist())) for e, mesh in one_of_each.items())
+
+
+@lru_cache
+def _frequency(element: Element, coordinates: tuple[float, ...]) -> float:
+    """Largest frequency of a free element at its coordinates, rad/s, found once for all runs that have it."""
+    q = np.reshape(coordinates, (-1, 2))
+    K = element.tangent(q).reshape(q.size, q.size)
+    values = eigh(K, np.kron(element.mass, np.eye(2)), eigvals_only=True)
+    return sqrt(max(float(values[-1]), 0.0))
 
 
 def check_step(chain: Chain) -> None:

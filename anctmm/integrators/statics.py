@@ -15,6 +15,7 @@ from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.stable_branch import downhill, stable_path
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.recursion.border import refuse_rigid
+from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution, Status
 from anctmm.results.stability_status import singular, unstable
 from anctmm.validation import one_of
@@ -29,6 +30,7 @@ COARSE = 8
 ADVICE = "branch='stable' finds a stable one"
 
 
+@accounted
 def solve_static(
     scene: Scene,
     run: Discretisation | None = None,

@@ -27,16 +27,17 @@ class Compiling(event.Listener):  # type: ignore[misc]
 
     Parameters
     ----------
-    seconds : float
-        Spent by the compiler until now.
+    seconds, cpu_seconds : float
+        Wall and processor time spent by the compiler until now.
     kernels : int
         Compiled for somebody who called them; those that they call are not counted.
     """
 
     seconds: float = 0.0
+    cpu_seconds: float = 0.0
     kernels: int = 0
     _depth: int = 0
-    _began: float = 0.0
+    _began: tuple[float, float] = (0.0, 0.0)
     _often: tuple[int, int, int] = (0, 0, 0)
     _timer: threading.Timer | None = None
     _said: threading.Event = field(default_factory=threading.Event)
@@ -46,7 +47,7 @@ class Compiling(event.Listener):  # type: ignore[misc]
         self._depth += 1
         if self._depth > 1:
             return
-        self._began = time.perf_counter()
+        self._began = time.perf_counter(), time.process_time()
         self._often = gc.get_threshold()
         gc.set_threshold(self._often[0] and GARBAGE, *self._often[1:])
         if not self._said.is_set():
@@ -65,7 +66,8 @@ class Compiling(event.Listener):  # type: ignore[misc]
         gc.set_threshold(*self._often)
         if self._timer is not None:
             self._timer.cancel()
-        self.seconds += time.perf_counter() - self._began
+        self.seconds += time.perf_counter() - self._began[0]
+        self.cpu_seconds += time.process_time() - self._began[1]
         self.kernels += 1
 
     def _say(self, name: str) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 
 from anctmm.errors import PluginError, UnknownSolverError
 from anctmm.model.scene import Scene
+from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution, Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.solvers.foreign_code import contained, told
@@ -110,11 +111,12 @@ def offer_of(solver: Solver) -> Offer:
 
 
 def checked(name: str, solve: Solver) -> Solver:
-    """The same solver, whose answers are solutions of the scene or a PluginError that names it."""
+    """The same solver, whose answers are solutions of the scene or a PluginError that names it; see `accounted`."""
+    counted = accounted(solve)
 
     @wraps(solve)
     def solver(scene: Scene, *arguments: Any, **options: Any) -> Solution:
-        answer = solve(scene, *arguments, **options)
+        answer = counted(scene, *arguments, **options)
         if reason := flaw(scene, answer):
             raise PluginError(f"solver {name!r} answers scene {scene.name!r} with {reason}")
         return answer

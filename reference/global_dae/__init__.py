@@ -10,6 +10,7 @@ from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discre
 from anctmm.discretise.memory import check_memory
 from anctmm.errors import DiscretisationError, unknown_option
 from anctmm.model.scene import Scene, checked_scene
+from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
@@ -31,6 +32,7 @@ STABILIZATION = ("projection", "none")
 NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
 
 
+@accounted
 def solve(
     scene: Scene,
     run: Discretisation | None = None,
@@ -82,6 +84,7 @@ def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any)
     return solve(scene, run, linear_algebra="dense-refactor", **options)
 
 
+@accounted
 def solve_static(
     scene: Scene, run: Discretisation | None = None, *, load_steps: int = 1, **options: Any
 ) -> Solution:

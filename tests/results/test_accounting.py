@@ -1,0 +1,72 @@
+"""A cost says what the steps took, what building the rest took, and what the compiler took."""
+
+from dataclasses import replace
+from math import isnan, nan
+from time import process_time
+
+import pytest
+from samples import bar
+
+from anctmm.jit.announcing import compiling
+from anctmm.model.scene import Clamp
+from anctmm.results.accounting import accounted
+from anctmm.results.solution import Cost
+from anctmm.solve import solve, solve_static
+from anctmm.solvers import registry
+from reference import global_dae
+
+SCENE = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
+RUNS = {
+    "anctmm": lambda: solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3),
+    "anctmm, statics": lambda: solve_static(SCENE, mesh=2),
+    "global-dae": lambda: global_dae.solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3),
+    "global-dae, statics": lambda: global_dae.solve_static(SCENE, mesh=2),
+}
+
+
+@pytest.mark.parametrize("run", RUNS)
+def test_the_parts_of_a_cost_add_up_to_the_call(run):
+    RUNS[run]()
+    began = process_time()
+    cost = RUNS[run]().cost
+    took = process_time() - began
+    assert cost.build_s > 0.0
+    assert cost.compile_s == 0.0
+    assert 0.0 < cost.cpu_s + cost.build_s <= took
+
+
+def busy(seconds):
+    until = process_time() + seconds
+    while process_time() < until:
+        pass
+
+
+def test_what_the_compiler_takes_is_no_part_of_building():
+    whole = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3)
+
+    def slow():
+        busy(0.02)
+        compiling.cpu_seconds += 0.015
+        return replace(whole, cost=Cost(cpu_s=0.002))
+
+    cost = accounted(slow)().cost
+    assert cost.compile_s == pytest.approx(0.015)
+    assert cost.build_s >= 0.02 - 0.015 - 0.002
+    assert accounted(accounted(slow))().cost.compile_s == pytest.approx(0.015)
+
+
+def test_unknown_steps_leave_the_rest_unknown_and_answers_of_another_kind_pass():
+    whole = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3)
+    assert isnan(accounted(lambda: replace(whole, cost=Cost()))().cost.build_s)
+    assert accounted(lambda: 3.0)() == 3.0
+    assert accounted(lambda: replace(whole, cost=None))().cost is None
+
+
+def test_peers_are_accounted_for_by_the_registry():
+    whole = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3)
+
+    def peer(scene):
+        busy(0.01)
+        return replace(whole, scene=scene, cost=Cost(cpu_s=0.001, build_s=nan))
+
+    assert registry.checked("peer", peer)(SCENE).cost.build_s >= 0.009
