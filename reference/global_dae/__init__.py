@@ -8,7 +8,7 @@ from typing import Any
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.errors import unknown_option
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
@@ -122,12 +122,6 @@ def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:
                 check_step(model)
             return Zhai(model, dense, stabilization == "projection")
         case "generalized-alpha":
-            for body in model.scene.bodies:
-                if body.material.damping > 0.0:
-                    raise DiscretisationError(
-                        f"integrator is {run.integrator!r} with damping {body.material.damping!r} s of body "
-                        f"{body.name!r}; 'zhai' is needed: the implicit global solver knows no damping"
-                    )
             return GeneralizedAlpha(model, dense)
         case _:
             raise unknown_option("integrator", run.integrator, INTEGRATORS)
