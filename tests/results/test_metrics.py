@@ -180,7 +180,7 @@ def test_whole_runs_need_two_common_times():
 
 
 def test_probes_are_those_of_the_scene():
-    with pytest.raises(SolverError, match="probes is empty; at least one probe is needed"):
+    with pytest.raises(SolverError, match="probes is empty; a list of at least one probe is needed"):
         compare(OURS, THEIRS, [])
     with pytest.raises(UnknownNameError, match="body 'rod'"):
         compare(OURS, THEIRS, ["rod.end"])
