@@ -17,21 +17,12 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, mass_product
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import Actuation, Hubs, Loads, hub_reactions, turn_hubs, work_done
-from anctmm.integrators.generalized_alpha import (
-    Coefficients,
-    GeneralizedAlpha,
-    Newton,
-    State,
-    begin_step,
-    copy,
-    correction_size,
-    finish,
-    new_newton,
-    new_state,
-    solve_step,
-    start,
-)
+from anctmm.integrators.generalized_alpha import start
+from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
+from anctmm.integrators.newton import Newton, new_newton, solve_step
+from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import STEP, Output, Record, gradient_size, keep, too_large, worst_element
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.jit.pacing import paced

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, block_tangents, elastic_forces
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.forces.actuation import Actuation, Hubs, Loads
 from anctmm.integrators import zhai as explicit
-from anctmm.integrators.generalized_alpha import GeneralizedAlpha
 from anctmm.jit.compiling import kernel
 from anctmm.model.scene import Scene
 from anctmm.recursion import accelerations, riccati

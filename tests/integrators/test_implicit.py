@@ -10,16 +10,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
 
+from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
-from anctmm.integrators.generalized_alpha import (
-    KAPPA,
-    GeneralizedAlpha,
-    correction_size,
-    new_newton,
-    new_state,
-    residual_history,
-)
+from anctmm.integrators.implicit_step import new_state
+from anctmm.integrators.newton import KAPPA, new_newton
+from anctmm.integrators.newton_failure import correction_size, residual_history
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Quintic

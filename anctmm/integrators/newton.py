@@ -1,0 +1,224 @@
+"""Newton's iteration of an implicit step, its linear solves by the Riccati recursion.
+
+The matrix is kept as long as the corrections fall (modified Newton); where that fails, it is renewed at each one.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import (
+    FIRST_BODY,
+    body_after,
+    window_forces,
+    window_inertia,
+)
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.forces.actuation import (
+    set_loads,
+)
+from anctmm.integrators.implicit_step import add_damping_forces, predict, stiffened_bodies, velocities_at_end
+from anctmm.integrators.stability import element_bound
+from anctmm.jit.compiling import embedded, inlined
+from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
+from anctmm.recursion.riccati import (
+    factorize,
+    find_unknowns,
+    meet_inboard,
+    part_outboard,
+    pass_outboard,
+    start_sweep,
+    turn_back,
+)
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Newton corrections in a step before it is given up.
+ITERATIONS = 25
+#: Newton stops when the error left is this part of the tolerance (κ of Hairer & Wanner, IV.8): errors of steps add up.
+KAPPA = 0.01
+#: Contraction above which the iteration matrix is renewed.
+SLOW = 0.5
+#: Size below which corrections that do not fall are rounding.
+ROUNDING = 1e-8
+#: What rounding the factors may leave of the error at each correction, at most; measured, 0.7 makes no difference yet.
+ROUNDED = 0.1
+#: Corrections in a step above which the matrix is renewed before the next one.
+MANY = 5
+
+
+class Newton(NamedTuple):
+    """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
+
+    counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
+    of the last step, (ITERATIONS,).
+    """
+
+    scale: float
+    tolerance: float
+    counts: Ints
+    history: Array
+
+
+def new_newton(chain: Chain) -> Newton:
+    """Newton's iteration for a scene; what may be left of its tolerance is no less than rounding allows."""
+    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
+    rounding = 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
+    left = max(KAPPA * chain.run.newton_tolerance, rounding)
+    return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS))
+
+
+def single_will_do(chain: Chain) -> bool:
+    """Whether the iteration matrix's factors may be kept in single precision, which moves half as much memory.
+
+    It pays where the factors do not stay in the cache. Residuals are in double precision and so is what Newton's
+    iteration tends to; a correction is wrong by ε (c_w + ω²)/c_w of itself or less, the condition of c_w M + K_T times
+    the rounding, with ω the highest frequency of a free element. (Kelley 2022, Newton's method in mixed precision.)
+    """
+    if chain.bodies.nodes <= LONG or chain.plan.kept:
+        return False
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
+    condition = 1.0 + element_bound(chain, stiffened_bodies(chain.bodies, c)) ** 2 / c.to_w
+    return float(np.finfo(np.float32).eps) * condition <= ROUNDED
+
+
+@inlined
+def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
+    """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton."""
+    q, w = state.q, state.w
+    flat_q, flat_v, flat_a, flat_w, was, had = state.flat
+    solved = False
+    for full in range(2):
+        if not solved:
+            if full == 1:
+                predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
+            _drag(q, w, hubs.nodes, hubs.motion, coefficients)
+            solved = _newton(
+                full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
+            )
+    return solved
+
+
+@inlined
+def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
+    """Give the hubs' nodes their known positions; w follows, and with it a and v."""
+    for h in range(len(nodes)):
+        i = nodes[h]
+        for k in range(q.shape[0]):
+            w[k, i] += c.to_w * (motion[0, h, k] - q[k, i])
+            q[k, i] = motion[0, h, k]
+
+
+@inlined
+def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
+    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
+    q, _, _, w, _, _, f, dead, arrived, flat = state
+    _, flat_v, flat_a, flat_w, _, had = flat
+    _, _, counts, history = newton
+    last, stalls = 0.0, 0
+    history[:] = 0.0
+    for iteration in range(ITERATIONS):
+        set_loads(q, f, dead, loads, load_values)
+        if full or counts[2] != 0:
+            if damping is None:
+                factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
+            else:
+                factorize(q, damping.stiff, links, coefficients.to_w, 1.0, loads, load_values, factors)
+            counts[1] += 1
+            counts[2] = 0
+        if damping is not None:
+            velocities_at_end(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
+            add_damping_forces(q, f, dead, tables, loads, load_values, damping)
+        _forward(q, w, f, tables, factors, factors.loops, arrived)
+        size = _backward(q, w, coefficients.to_w, newton.scale, factors, factors.loops, arrived)
+        history[iteration] = size
+        counts[0] += 1
+        if size == np.inf:
+            break
+        # the corrections fall by `rate` each: what is left is at most their geometric series
+        rate = size / last if iteration > 0 else 1.0
+        if size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance):
+            counts[2] = 1 if iteration >= MANY else 0
+            return True
+        if iteration > 0 and rate > SLOW:
+            counts[2] = 1
+            stalls += 1 if size < ROUNDING else 0
+            if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
+                return True
+        last = size
+    counts[2] = 1
+    return False
+
+
+@embedded
+def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyped-def]
+    """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
+    first, blend, kinds, constants, masses, buffer = tables
+    unit, L, _, wide, work, _, places, _ = factors
+    d, body, nodes, place = len(unit), FIRST_BODY, q.shape[1], 0
+    last = 12 * BLOCK
+    buffer[last:] = 0.0
+    start_sweep(unit, loops, work)
+    for start in range(0, nodes, BLOCK):
+        end = min(start + BLOCK, nodes)
+        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
+        window_inertia(w, 1.0, start, end, body, first, masses, buffer)
+        body = body_after(end, body, first)
+        begin = start
+        while begin < end:
+            stop = min(end, places.at[place])
+            for i in range(begin, stop):
+                if nodes > LONG:
+                    prefetch_row(L, min(i + AHEAD, nodes - 1))
+                    if i % LINE == 0:
+                        prefetch_columns(q, min(i + BLOCK, nodes - 1))
+                        prefetch_columns(w, min(i + BLOCK, nodes - 1))
+                        prefetch_columns(f, min(i + BLOCK, nodes - 1))
+                for k in range(d):
+                    at = k * BLOCK + i - start
+                    work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
+                    buffer[last + k] = buffer[at + 6 * BLOCK]
+                pass_outboard(unit, L, wide, loops, i, work)
+                for k in range(d):
+                    arrived[i, k] = work[4 * d * d + k]
+            begin = stop
+            if stop == places.at[place]:
+                part_outboard(unit, places, loops, place, work)
+                place += 1
+    turn_back(unit, loops, work)
+
+
+@embedded
+def _backward(q, w, to_w, scale, factors, loops, arrived):  # type: ignore[no-untyped-def]
+    """Backward sweep: the corrections, put in place of what arrived, are added to q, and what follows to w.
+
+    Returns the largest component, positions relative to `scale`; infinity if one is not finite.
+    """
+    unit, L, G, wide, work, _, places, _ = factors
+    d, largest, odd = len(unit), 0.0, 0.0
+    nodes = q.shape[1]
+    for place in range(len(places.at) - 1, -1, -1):
+        meet_inboard(unit, places, loops, place, arrived, work)
+        begin = places.at[place - 1] if place > 0 else 0
+        for i in range(places.at[place] - 1, begin - 1, -1):
+            if nodes > LONG:
+                prefetch_row(L, max(i - AHEAD, 0))
+                prefetch_row(G, max(i - AHEAD, 0))
+                if i % LINE == 0:
+                    prefetch_columns(q, max(i - 2 * AHEAD, 0))
+                    prefetch_columns(w, max(i - 2 * AHEAD, 0))
+            for k in range(d):
+                work[4 * d * d + k] = arrived[i, k]
+            find_unknowns(unit, L, G, wide, loops, i, work)
+            for k in range(d):
+                x = work[4 * d * d + 2 * d + k]
+                arrived[i, k] = x
+                q[k, i] += x
+                w[k, i] += to_w * x
+                largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+                odd += x - x  # 0 unless infinite or not a number
+    return largest if odd == 0.0 else np.inf

@@ -1,0 +1,117 @@
+"""What is known of a step whose Newton iteration failed."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import (
+    elastic_forces,
+    mass_product,
+    resist,
+)
+from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.forces.actuation import (
+    Actuation,
+    set_loads,
+    turn_hubs,
+)
+from anctmm.integrators.implicit_step import State, new_damping
+from anctmm.integrators.newton import ITERATIONS, Newton
+from anctmm.integrators.output import (
+    gradient_size,
+    worst_element,
+)
+from anctmm.recursion.riccati import (
+    block_factors,
+    factorize,
+    links,
+    solve,
+)
+from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.solution import Status, in_short
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
+    """What is known of the step that ended a run."""
+    residuals: tuple[float, ...] = ()
+    t = float(chain.run.times(np.array([step]))[0])
+    if not newton.history.any():  # the step was found, and is none that can be
+        body, element = worst_element(chain, gradient_size(state.q))
+        what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s (step {step})"
+    else:
+        body, element = worst_element(chain, correction_size(chain, state))
+        residuals = residual_history(chain, state, t)
+        what = (
+            f"Newton's iteration failed at t = {t:.6g} s (step {step}), with corrections {in_short(newton.history)} "
+            f"and residuals {in_short(residuals)} N"
+        )
+    return Status(
+        "diverged",
+        f"{what}, worst in element {element} of body {body!r}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
+        f"may do",
+        time=t,
+        step=step,
+        body=body,
+        element=element,
+        residuals=residuals,
+    )
+
+
+def correction_size(chain: Chain, state: State) -> Array:
+    """Largest component of the last correction at each node, positions relative to the chain's length, (nodes,)."""
+    x = np.abs(state.loads)
+    return np.maximum(x[:, :2].max(axis=1) / chain.length, x[:, 2:].max(axis=1))
+
+
+def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
+    """Norms of the residual, N, of Newton's iteration in the step to t that failed, gone through once more.
+
+    The kernel does not form them: a step that succeeds has no use for them.
+    """
+    bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.scene, chain.bodies)
+    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
+    now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
+    values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
+    force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))
+    factors, damping = block_factors(chain), new_damping(chain)
+    matrix = tables if damping is None else damping.stiff
+    turn_hubs(hubs, actuation.hub_table(now)[0])
+    a, w = state.a, state.w_before.copy()
+    new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
+    q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * a + c.beta * new)
+    for h, i in enumerate(hubs.nodes):
+        w[:, i] += c.to_w * (hubs.motion[0, h] - q[:, i])
+        q[:, i] = hubs.motion[0, h]
+    found: list[float] = []
+    with np.errstate(all="ignore"):
+        while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():
+            np.copyto(force, dead)
+            set_loads(q, force, dead, loads, values)
+            if damping is not None:
+                new = ((1.0 - c.alpha_f) * w + c.alpha_f * state.w_before - c.alpha_m * a) / (1.0 - c.alpha_m)
+                v = state.v + c.h * ((1.0 - c.gamma) * a + c.gamma * new)
+                resist(
+                    tables.blend,
+                    q,
+                    v,
+                    tables.first,
+                    tables.kinds,
+                    tables.constants,
+                    damping.of,
+                    tables.buffer,
+                    force,
+                )
+            elastic_forces(
+                tables.blend, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
+            )
+            mass_product(w, tables.first, tables.masses, tables.buffer, inertia)
+            residual = force - elastic - inertia
+            found.append(float(np.linalg.norm(joined.gather(residual))))
+            factorize(q, matrix, links(chain), c.to_w, 1.0, loads, values, factors)
+            x = solve(factors, residual)
+            q += x
+            w += c.to_w * x
+    return tuple(found)
