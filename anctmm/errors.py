@@ -43,7 +43,7 @@ class TopologyError(SceneError):
 
 
 class EndJoinedTwiceError(TopologyError):
-    """A joint names one end twice, or an end is in more joints than a solver can do."""
+    """A joint names one end twice."""
 
 
 class RepeatedJointError(TopologyError):
@@ -52,14 +52,6 @@ class RepeatedJointError(TopologyError):
 
 class ContradictingJointsError(TopologyError):
     """Joints hold a thing in different ways."""
-
-
-class BranchError(TopologyError):
-    """A joint connects more ends than a solver can do."""
-
-
-class ClosedLoopError(TopologyError):
-    """Bodies close a loop, which a solver cannot do."""
 
 
 class JointGapError(TopologyError):

@@ -12,11 +12,13 @@ from anctmm.model.scene import Scene, checked_scene
 from anctmm.recursion.border import refuse_rigid
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
+from anctmm.solvers.capabilities import Offer
 
 __all__ = ["solve", "solve_static"]
 
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured.
 EXPLICIT, IMPLICIT = 150.0, 240.0
+OFFER = Offer(lacks=frozenset({"rigid + generalized-alpha", "rigid + statics"}))
 
 
 @accounted

@@ -127,12 +127,16 @@ def _check_repeats(scene: Jointed) -> None:
     places = Sets[End]()
     edges: dict[End, list[tuple[End, Joint]]] = {}
     for joint in scene.joints:
-        first, *others = (end_of(scene, name) for name in joint.ends)
-        for other in [*others, GROUND] if joint.grounded else others:
-            if not places.unite(first, other):
-                raise _repeated(joint, first, other, _path(edges, first, other))
-            edges.setdefault(first, []).append((other, joint))
-            edges.setdefault(other, []).append((first, joint))
+        ends = [end_of(scene, name) for name in joint.ends] + [GROUND] * joint.grounded
+        there: dict[End, End] = {}
+        for end in ends:
+            before = there.setdefault(places.of(end), end)
+            if before != end:
+                raise _repeated(joint, before, end, _path(edges, before, end))
+        for end in ends[1:]:
+            places.unite(ends[0], end)
+            edges.setdefault(ends[0], []).append((end, joint))
+            edges.setdefault(end, []).append((ends[0], joint))
 
 
 def _path(edges: dict[End, list[tuple[End, Joint]]], start: End, goal: End) -> list[Joint]:

@@ -14,12 +14,18 @@ FEATURES = {
     "zhai": "explicit steps",
     "generalized-alpha": "implicit steps",
     "joints": "pins and welds between bodies",
+    "branches": "joints of more than two ends, and ends in several joints",
+    "loops": "bodies that close a loop which does not pass through the ground",
     "drives": "clamps that turn",
     "varying-loads": "loads that vary in time",
     "damping": "Kelvin-Voigt damping of materials",
     "rigid": "rigid bodies",
     "energy": "energies of the history; NaN where lacking",
 }
+#: Features that need others.
+NEEDED = {"branches": "joints", "loops": "joints"}
+#: Between the features of a combination.
+WITH = " + "
 
 
 @dataclass(frozen=True)
@@ -29,7 +35,8 @@ class Offer:
     Parameters
     ----------
     lacks : iterable of str
-        What is not offered, of `FEATURES`.
+        What is not offered: features, of `FEATURES`, and combinations of features that are offered one by one, such as
+        "rigid + generalized-alpha" of a solver that moves rigid bodies in explicit steps only.
     element : str
         The one element it uses whatever a discretisation asks for; empty where it uses what is asked.
     limits : mapping of str to str
@@ -49,7 +56,7 @@ class Offer:
     limits: Mapping[str, str] = field(default_factory=lambda: {"cable": "elastica", "shear": "director"})
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "lacks", _features(self.lacks))
+        object.__setattr__(self, "lacks", _lacks(self.lacks))
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, ("cable", "shear"))
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
@@ -61,14 +68,31 @@ class Offer:
         """Integrators it has, implicit steps first."""
         return tuple(i for i in ("generalized-alpha", "zhai") if i not in self.lacks)
 
+    def lacking(self, features: Iterable[str]) -> list[str]:
+        """What of `lacks` stands in the way of features that are needed together, sorted."""
+        needed = set(features)
+        needed |= {NEEDED[feature] for feature in needed if feature in NEEDED}
+        return sorted(lack for lack in self.lacks if needed.issuperset(features_of(lack)))
+
     def element_of(self, asked: str) -> str:
         """Name of the element it uses for one asked for."""
         return self.element or asked
 
 
-def _features(lacks: object) -> frozenset[str]:
-    """Names of features, each one of `FEATURES`."""
+def features_of(lack: str) -> tuple[str, ...]:
+    """Features of a combination, or the one feature."""
+    return tuple(lack.split(WITH))
+
+
+def _lacks(lacks: object) -> frozenset[str]:
+    """Features, each one of `FEATURES`, and combinations, written in one way whatever their order and spaces."""
     name = "a feature an Offer lacks"
     if isinstance(lacks, str | bytes) or not isinstance(lacks, Iterable):
         raise unknown_option(f"{name}, in a list,", lacks, sorted(FEATURES))
-    return frozenset(one_of(name, feature, FEATURES) for feature in lacks)
+    return frozenset(
+        WITH.join(sorted({one_of(name, part, FEATURES) for part in _parts(lack)})) for lack in lacks
+    )
+
+
+def _parts(lack: object) -> list[object]:
+    return [part.strip() for part in lack.split("+")] if isinstance(lack, str) else [lack]

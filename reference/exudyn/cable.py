@@ -23,7 +23,11 @@ from reference.exudyn.run import dynamics, statics
 
 Array = NDArray[np.float64]
 
-OFFER = Offer(lacks=frozenset({"rigid"}), element="cable", limits={"cable": "elastica"})
+OFFER = Offer(
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}),
+    element="cable",
+    limits={"cable": "elastica"},
+)
 #: Exudyn's numbers of the quadratures.
 QUADRATURE = {"full": 0, "reduced": 1, "lobatto": 2}
 #: Elements times output times whose energies are computed at once.

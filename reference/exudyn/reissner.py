@@ -22,7 +22,11 @@ from reference.exudyn.run import dynamics, statics
 
 Array = NDArray[np.float64]
 
-OFFER = Offer(lacks=frozenset({"rigid"}), element="reissner", limits={"shear": "reissner"})
+OFFER = Offer(
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}),
+    element="reissner",
+    limits={"shear": "reissner"},
+)
 #: By order, on [0, 1]: Gauss points and weights of the strains, ∫N dx and ∫N Nᵀ dx over a length of 1.
 GAUSS = {1: ([0.5], [1.0]), 2: ([0.5 - 0.75**0.5 / 3, 0.5 + 0.75**0.5 / 3], [0.5, 0.5])}
 WEIGHT = {1: np.array([1.0, 1.0]) / 2, 2: np.array([1.0, 4.0, 1.0]) / 6}

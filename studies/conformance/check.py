@@ -181,7 +181,7 @@ def conform(name: str) -> Iterator[Finding]:
 
 def judge(rule: Rule, subject: Subject) -> Finding:
     """One rule's finding; whatever is raised on the way breaks the rule."""
-    if lacking := [feature for feature in rule.needs if feature in subject.offer.lacks]:
+    if lacking := subject.offer.lacking(rule.needs):
         return Finding(rule.name, rule.asks, f"lacks {', '.join(lacking)}", "", NOT_OFFERED)
     try:
         found = rule.test(subject)

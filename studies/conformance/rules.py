@@ -1,11 +1,11 @@
 """What is asked of every solver, a function a rule. All scenes are made of one soft bar of 1 m."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
 from functools import cache
 from inspect import signature
-from math import cos, sin, sqrt
+from math import cos, pi, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,10 @@ from scipy.integrate import simpson
 
 from anctmm.errors import AnctmmError
 from anctmm.model.drives import Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Load, Material, Pin, Point, Scene, Torque
+from anctmm.model.scene import Beam, Clamp, Force, Load, Material, Pin, Point, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
 from anctmm.results.solution import Solution, Status
-from anctmm.solvers.capabilities import FEATURES
+from anctmm.solvers.capabilities import FEATURES, features_of
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
 from studies.conformance.check import BrokenRule, Measure, Rule, Subject, whole
@@ -70,24 +70,73 @@ def pulled() -> Scene:
     return free((Force("bar.end", lambda t: (PULL * t, 0.0 * t)),))
 
 
-def damped() -> Scene:
-    """The cantilever of a material that resists the rate of its strain."""
-    scene = cantilever()
+def branched(scene: Scene) -> Scene:
+    """With a fork at the far end of the first bar: one more welded to it, another hinged."""
+    fork = (bar("left", (LENGTH, 0.0), 0.8), bar("right", (LENGTH, 0.0), -0.8))
+    joints = (Weld("bar.end", "left.start"), Pin("left.start", "right.start"))
+    return replace(scene, bodies=(*scene.bodies, *fork), joints=(*scene.joints, *joints))
+
+
+def looped(scene: Scene) -> Scene:
+    """With a triangle beside it that hangs from a corner."""
+    corner = (0.0, -LENGTH)
+    sides = [bar(name, corner, angle) for name, angle in (("first", -pi / 3.0), ("last", -2.0 * pi / 3.0))]
+    base = Beam("base", sides[1].end, sides[0].end, SECTION, MATERIAL)
+    joints = (
+        Pin("first.start", "last.start", grounded=True),
+        Pin("first.end", "base.end"),
+        Weld("last.end", "base.start"),
+    )
+    return replace(scene, bodies=(*scene.bodies, *sides, base), joints=(*scene.joints, *joints))
+
+
+def lengthened(scene: Scene) -> Scene:
+    """With one more bar hinged to the end of the first."""
+    second = jointed().bodies[1]
+    return replace(
+        scene, bodies=(*scene.bodies, second), joints=(*scene.joints, Pin("bar.end", "second.start"))
+    )
+
+
+def turning(scene: Scene) -> Scene:
+    """With the clamp driven."""
+    return replace(scene, joints=(*driven().joints, *scene.joints[1:]))
+
+
+def damping(scene: Scene) -> Scene:
+    """Of a material that resists the rate of its strain."""
     return replace(
         scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.bodies)
     )
 
 
-#: What a solver that lacks a feature must refuse, by feature: a scene, and what is asked of its run.
-REFUSED: Mapping[str, tuple[Any, dict[str, Any]]] = {
-    "joints": (jointed, {}),
-    "drives": (driven, {}),
-    "varying-loads": (pulled, {}),
-    "damping": (damped, {}),
-    "rigid": (cantilever, {"mesh": 1, "element": "rigid"}),
-    "zhai": (cantilever, {"integrator": "zhai"}),
-    "generalized-alpha": (cantilever, {"integrator": "generalized-alpha"}),
+def as_it_is(scene: Scene) -> Scene:
+    """Nothing is changed."""
+    return scene
+
+
+#: How the cantilever, and what is asked of its run, come to need a feature. The order matters: clamps first.
+DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
+    "drives": (turning, {}),
+    "joints": (lengthened, {}),
+    "branches": (branched, {}),
+    "loops": (looped, {}),
+    "varying-loads": (lambda scene: replace(scene, loads=pulled().loads), {}),
+    "damping": (damping, {}),
+    "rigid": (as_it_is, {"mesh": 1, "element": "rigid"}),
+    "statics": (as_it_is, {}),
+    "zhai": (as_it_is, {"integrator": "zhai"}),
+    "generalized-alpha": (as_it_is, {"integrator": "generalized-alpha"}),
 }
+
+
+def demanding(features: Collection[str]) -> tuple[Scene, dict[str, Any]]:
+    """A scene that needs features, and what is asked of its run."""
+    scene, options = cantilever(), dict[str, Any]()
+    for feature, (change, asked) in DEMANDS.items():
+        if feature in features:
+            scene, options = change(scene), options | asked
+    return scene, options
 
 
 # --- rules -------------------------------------------------------------------------------------------------
@@ -245,16 +294,27 @@ def tells_divergence(s: Subject) -> str:
 def refuses_what_it_lacks(s: Subject) -> str:
     """Asked for what it lacks, it says so."""
     refused = []
-    for feature in sorted(s.offer.lacks & REFUSED.keys()):
-        make, changes = REFUSED[feature]
-        try:
-            status = s.solve(make(), s.run(**{"t_end": 0.02} | changes)).status
-        except AnctmmError as error:
-            status = Status("unsupported", str(error))
+    for lack in sorted(s.offer.lacks - {"statics"}):
+        features = features_of(lack)
+        if not DEMANDS.keys() >= set(features):
+            continue
+        status = _asked_for(s, features)
         if status.code != "unsupported" or not status.message:
-            raise BrokenRule(f"lacks {feature!r} ({FEATURES[feature]}), but answers with status {status}")
-        refused.append(feature)
+            meaning = ", ".join(FEATURES[feature] for feature in features)
+            raise BrokenRule(f"lacks {lack!r} ({meaning}), but answers with status {status}")
+        refused.append(lack)
     return f"{', '.join(refused)} refused" if refused else "lacks nothing"
+
+
+def _asked_for(s: Subject, features: Collection[str]) -> Status:
+    """How a solver answers what needs features."""
+    scene, options = demanding(features)
+    try:
+        if "statics" in features:
+            return s.static(scene, **{"mesh": 8, "element": s.element} | options).status
+        return s.solve(scene, s.run(**{"t_end": 0.02} | options)).status
+    except AnctmmError as error:
+        return Status("unsupported", str(error))
 
 
 def integrators_agree(s: Subject) -> Measure:
@@ -268,6 +328,30 @@ def joints_hold(s: Subject) -> Measure:
     found = s.motion(jointed())
     gap = np.abs(found.position("bar", 1.0) - found.position("second", 0.0)).max()
     return Measure(float(gap) / LENGTH, 1e-6, "of the length")
+
+
+def branches_hold(s: Subject) -> Measure:
+    """Three ends at one place stay together, and two of them, welded, at their angle."""
+    found = s.motion(branched(cantilever()))
+    return _kept_together(found, [("bar", 1.0), ("left", 0.0), ("right", 0.0)])
+
+
+def loops_hold(s: Subject) -> Measure:
+    """A triangle that swings about a corner stays closed."""
+    found = s.motion(looped(cantilever()))
+    corners = [
+        [("first", 1.0), ("base", 1.0)],
+        [("last", 1.0), ("base", 0.0)],
+        [("first", 0.0), ("last", 0.0)],
+    ]
+    return max((_kept_together(found, corner) for corner in corners), key=lambda m: m.value)
+
+
+def _kept_together(found: Solution, places: list[tuple[str, float]]) -> Measure:
+    """Largest distance of places that are one, at any time."""
+    one, *others = (found.position(*place) for place in places)
+    gap = max(float(np.abs(other - one).max()) for other in others)
+    return Measure(gap / LENGTH, 1e-6, "of the length")
 
 
 def drives_drive(s: Subject) -> Measure:
@@ -343,6 +427,8 @@ RULES = (
     Rule("limits", "what it lacks it refuses by name", refuses_what_it_lacks),
     Rule("integrators", "both make one motion", integrators_agree, ("zhai", "generalized-alpha")),
     Rule("joints", "pinned ends stay together", joints_hold, ("joints",)),
+    Rule("branches", "three ends at one place stay together", branches_hold, ("branches",)),
+    Rule("loops", "a swinging triangle stays closed", loops_hold, ("loops",)),
     Rule("drives", "a turning clamp takes the bar along", drives_drive, ("drives",)),
     Rule("varying loads", "a growing force moves the mass centre", loads_vary, ("varying-loads",)),
     Rule("statics", "32 elements against the exact rod", rests_exactly, ("statics",)),

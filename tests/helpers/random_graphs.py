@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from random_scenes import Push, Swirl
+from random_scenes import Push
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import Pulse, Quintic
@@ -23,6 +23,30 @@ SPACING, SHIFT = 0.3, 0.06
 NEIGHBOURS = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
 #: Ends that may meet at a junction; duration of pulses and drives, s.
 MOST, PULSE = 6, 0.05
+
+
+@dataclass(frozen=True)
+class Whirl:
+    """Initial velocity of a body: that of a rigid motion of the whole scene, and a bulge between its ends, m/s.
+
+    The bulge has neither value nor slope at the ends, so that welds can have it.
+    """
+
+    start: tuple[float, float]
+    end: tuple[float, float]
+    centre: tuple[float, float]
+    rate: float
+    drift: tuple[float, float]
+    bulge: tuple[float, float]
+
+    def __call__(self, fraction):
+        x, y = (
+            (1.0 - fraction) * a + fraction * b - c
+            for a, b, c in zip(self.start, self.end, self.centre, strict=True)
+        )
+        (u, v), (p, q) = self.drift, self.bulge
+        bump = 16.0 * (fraction * (1.0 - fraction)) ** 2
+        return u - self.rate * y + bump * p, v + self.rate * x + bump * q
 
 
 @dataclass(frozen=True)
@@ -231,10 +255,24 @@ class _Drawing:
         return Torque(end, moment if dead else Pulse(moment, PULSE))
 
     def _throw(self):
-        """An initial velocity in one linear field, where at most one place is held."""
+        """An initial velocity, where at most one place is held, and no direction."""
         places = set(self.held)
-        if self.kinds.structure or len(places) > 1 or self.rng.random() < 0.25:
+        clamped = any(isinstance(joint, Clamp) for joint in self.joints)
+        if clamped or len(places) > 1 or self.rng.random() < 0.25:
             return
         centre = next(iter(places)) if places else tuple(map(float, self.rng.uniform(-1, 1, 2)))
-        gradient = tuple(map(float, self.rng.uniform(-2, 2, 4)))
-        self.bodies = [replace(b, velocity=Swirl(b.start, b.end, centre, gradient)) for b in self.bodies]
+        rate, drift = float(self.rng.uniform(-4, 4)), tuple(map(float, self.rng.uniform(-2, 2, 2)))
+        self.bodies = [
+            replace(
+                b,
+                velocity=Whirl(
+                    b.start,
+                    b.end,
+                    centre,
+                    rate,
+                    (0.0, 0.0) if places else drift,
+                    tuple(map(float, self.rng.uniform(-0.3, 0.3, 2))),
+                ),
+            )
+            for b in self.bodies
+        ]

@@ -32,11 +32,12 @@ def fork(*joints, gravity=DOWN, first=Clamp("a.start")):  # noqa: B008 (frozen)
 
 
 def field(start, end):
-    """Velocities of a drift, a turn and a stretch, m/s."""
+    """Velocities of a drift and a turn, m/s, and a bulge across the body that leaves its ends alone."""
 
     def velocity(s):
         x, y = ((1.0 - s) * p + s * q for p, q in zip(start, end, strict=True))
-        return 1.0 - 2.0 * y + 0.5 * x, 0.5 + 3.0 * x
+        bump = 16.0 * (s * (1.0 - s)) ** 2
+        return 1.0 - 2.5 * y + 0.6 * bump, 0.5 + 2.5 * x - 0.4 * bump
 
     return velocity
 
@@ -87,7 +88,8 @@ def gap(one, two, rows=slice(None)):
 
 def way(solution):
     """Largest displacement, m."""
-    return max(np.ptp(solution.position(b.name, 1.0), axis=0).max() for b in solution.scene.bodies)
+    places = [(b.name, s) for b in solution.scene.bodies for s in (0.0, 0.5, 1.0)]
+    return max(np.ptp(solution.position(*place), axis=0).max() for place in places)
 
 
 SCENES = {
@@ -131,7 +133,7 @@ def test_random_graphs_equal_exudyn(seed):
     )
     own, peer = global_dae.solve(scene, run), exudyn_cable.solve(scene, run, tolerances=(1e-10, 1e-10))
     assert (own.status.ok, peer.status.ok) == (True, True)
-    assert way(own) > 1e-6
+    assert way(own) > 1e-6 or null_space(Model.of(scene, run)).shape[1] == 0
     assert gap(own, peer) < 1e-9
 
 
@@ -224,8 +226,8 @@ def test_explicit_steps_keep_a_driven_junction_closed():
     run = Discretisation(mesh=2, integrator="zhai", dt=1e-5, t_end=0.02, output_dt=1e-3)
     s = global_dae.solve(scene, run)
     assert s.status.ok
-    for end in ("a.end", "b.start", "c.end"):
-        assert np.abs(s.position(end)).max() < 1e-14
+    for body, fraction in (("a", 1.0), ("b", 0.0), ("c", 1.0)):
+        assert np.abs(s.position(body, fraction)).max() < 1e-14
     angle, _, _ = first.angle(s.t)
     turn = np.exp(1j * angle)
     for body, node in (("a", -1), ("b", 0)):

@@ -14,6 +14,7 @@ import anctmm as at
 from anctmm.errors import AnctmmError, PluginError, UnknownOptionError
 from anctmm.model.scene import Clamp
 from anctmm.results.solution import nothing
+from anctmm.solve import OFFER as OWN
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, Offer
 from studies.conformance.check import (
@@ -22,13 +23,15 @@ from studies.conformance.check import (
     NOT_INSTALLED,
     NOT_OFFERED,
     NOT_RUN,
+    BrokenRule,
     Finding,
+    Subject,
     conform,
     exit_code,
     passed,
     show,
 )
-from studies.conformance.rules import REFUSED, RULES
+from studies.conformance.rules import DEMANDS, RULES, refuses_what_it_lacks
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
 
@@ -70,7 +73,9 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     found = {f.rule: f for f in conform("pyelastica")}
     assert passed(found.values())
     lacking = {rule for rule, f in found.items() if f.verdict == NOT_OFFERED}
-    assert lacking == {"integrators", "joints", "drives", "varying loads", "stability"}
+    assert lacking == {
+        "integrators", "joints", "branches", "loops", "drives", "varying loads", "stability",
+    }  # fmt: skip
     assert found["joints"].measured == "lacks joints"
     assert (
         found["limits"].measured == "damping, drives, generalized-alpha, joints, rigid, varying-loads refused"
@@ -193,6 +198,14 @@ def opens_joints(scene, run):
     return positions(at.solve(scene, run), lambda p: p + 1e-3, only="second")
 
 
+def opens_branches(scene, run):
+    return positions(at.solve(scene, run), lambda p: p + 1e-3, only="right")
+
+
+def opens_loops(scene, run):
+    return positions(at.solve(scene, run), lambda p: p + 1e-3, only="last")
+
+
 def ignores_drives(scene, run):
     fixed = [replace(j, angle=None) if isinstance(j, Clamp) else j for j in scene.joints]
     return replace(at.solve(replace(scene, joints=fixed), run), scene=scene)
@@ -230,29 +243,31 @@ def begins_half_loaded(scene, **options):
 
 
 BREAKERS = [
-    (needs_more, rest, Offer(), "signature"),
-    (costs_nothing, rest, Offer(), "answer"),
-    (drops_the_end, rest, Offer(), "sampling"),
-    (begins_elsewhere, rest, Offer(), "beginning"),
-    (counts_in_feet, rest, Offer(), "units: m, s"),
-    (is_too_stiff, rest, Offer(), "units: Pa, kg"),
-    (makes_energy, rest, Offer(), "energy"),
-    (prefers_a_direction, rest, Offer(), "rigid motion"),
-    (is_never_the_same, rest, Offer(), "determinism"),
-    (changes_its_input, rest, Offer(), "input"),
-    (takes_any_mesh, rest, Offer(), "bad options"),
-    (hides_divergence, rest, Offer(), "failure"),
-    (throws_divergence, rest, Offer(), "failure"),
-    (forgets_its_history, rest, Offer(), "failure"),
+    (needs_more, rest, OWN, "signature"),
+    (costs_nothing, rest, OWN, "answer"),
+    (drops_the_end, rest, OWN, "sampling"),
+    (begins_elsewhere, rest, OWN, "beginning"),
+    (counts_in_feet, rest, OWN, "units: m, s"),
+    (is_too_stiff, rest, OWN, "units: Pa, kg"),
+    (makes_energy, rest, OWN, "energy"),
+    (prefers_a_direction, rest, OWN, "rigid motion"),
+    (is_never_the_same, rest, OWN, "determinism"),
+    (changes_its_input, rest, OWN, "input"),
+    (takes_any_mesh, rest, OWN, "bad options"),
+    (hides_divergence, rest, OWN, "failure"),
+    (throws_divergence, rest, OWN, "failure"),
+    (forgets_its_history, rest, OWN, "failure"),
     (sound, rest, Offer(lacks={"joints"}), "limits"),
-    (steps_differently, rest, Offer(), "integrators"),
-    (opens_joints, rest, Offer(), "joints"),
-    (ignores_drives, rest, Offer(), "drives"),
-    (freezes_loads, rest, Offer(), "varying loads"),
-    (sound, rests_under_more, Offer(), "statics"),
-    (sound, never_gains, Offer(), "convergence"),
-    (sound, begins_half_loaded, Offer(), "load factors"),
-    (sound, calls_all_stable, Offer(), "stability"),
+    (steps_differently, rest, OWN, "integrators"),
+    (opens_joints, rest, OWN, "joints"),
+    (opens_branches, rest, OWN, "branches"),
+    (opens_loops, rest, OWN, "loops"),
+    (ignores_drives, rest, OWN, "drives"),
+    (freezes_loads, rest, OWN, "varying loads"),
+    (sound, rests_under_more, OWN, "statics"),
+    (sound, never_gains, OWN, "convergence"),
+    (sound, begins_half_loaded, OWN, "load factors"),
+    (sound, calls_all_stable, OWN, "stability"),
 ]  # fmt: skip
 
 
@@ -288,11 +303,11 @@ def test_every_rule_has_a_solver_that_breaks_it():
 
 
 def test_a_missing_solve_static_is_broken_until_it_is_declared(plugged):
-    plugged(sound, None, Offer())
+    plugged(sound, None, OWN)
     found = {f.rule: f for f in conform("broken")}
     assert found["signature"].verdict == BROKEN
     assert "no solve_static beside it" in found["signature"].measured
-    plugged(sound, None, Offer(lacks={"statics"}))
+    plugged(sound, None, Offer(lacks=OWN.lacks | {"statics"}))
     found = {f.rule: f for f in conform("broken")}
     assert {r for r, f in found.items() if f.verdict == NOT_OFFERED} == {
         "statics",
@@ -321,7 +336,7 @@ def test_a_solver_that_cannot_be_loaded_has_one_row(monkeypatch):
 
 
 def test_the_table_has_a_row_a_rule(plugged):
-    plugged(ignores_drives, rest, Offer())
+    plugged(ignores_drives, rest, OWN)
     console = Console(record=True, width=200)
     findings = list(conform("broken"))
     show("broken", [*findings, Finding("peer", "asks", "install anctmm[peers]", "", HOLDS)], console)
@@ -340,5 +355,33 @@ def test_offers_are_checked():
         Offer(limits={"cable": "string"})
     with pytest.raises(AnctmmError, match="lacks 'zhai' and 'generalized-alpha'; one of them is needed"):
         Offer(lacks={"zhai", "generalized-alpha"})
-    assert FEATURES.keys() >= REFUSED.keys()
+    assert FEATURES.keys() - DEMANDS.keys() == {"energy", "stability"}
     assert import_module("reference.exudyn.reissner").OFFER.element_of("shear") == "reissner"
+
+
+def test_offers_lack_combinations():
+    offer = Offer(lacks={"rigid+statics", "rigid +  generalized-alpha", "drives"})
+    assert offer.lacks == {"rigid + statics", "generalized-alpha + rigid", "drives"}
+    assert offer.integrators == ("generalized-alpha", "zhai")
+    assert offer.lacking(["rigid"]) == offer.lacking(["generalized-alpha", "joints"]) == []
+    assert offer.lacking(["generalized-alpha", "drives", "rigid"]) == ["drives", "generalized-alpha + rigid"]
+    assert Offer(lacks={"joints"}).lacking(["loops"]) == ["joints"]
+    for wrong in ("rigid + speed", "", "rigid +", 3):
+        with pytest.raises(UnknownOptionError, match="a feature an Offer lacks is"):
+            Offer(lacks={wrong})
+
+
+@pytest.mark.parametrize("name", [*OURS, "pyelastica"])
+def test_solvers_refuse_what_they_lack(name):
+    subject = Subject(name, registry.load(name))
+    refused = refuses_what_it_lacks(subject)
+    assert [lack for lack in subject.offer.lacks if lack in DEMANDS and lack not in refused] == []
+    assert [lack for lack in subject.offer.lacks if " + " in lack and lack not in refused] == []
+
+
+def test_a_combination_that_is_answered_breaks_the_rule(plugged):
+    plugged(sound, rest, Offer(lacks=OWN.lacks | {"drives + varying-loads"}))
+    with pytest.raises(
+        BrokenRule, match=r"lacks 'drives \+ varying-loads' \(clamps that turn, loads that vary"
+    ):
+        refuses_what_it_lacks(Subject("broken", registry.load("broken")))
