@@ -86,7 +86,8 @@ def study(
     from rich.console import Console
 
     from studies.engine.files import check_writable
-    from studies.engine.study import find, write
+    from studies.engine.study import find
+    from studies.report.folder import write
     from studies.report.terminal import glance
 
     run = find(name)
@@ -108,7 +109,8 @@ def report(
 ) -> None:
     """Run every study and write one page."""
     from studies.engine.files import check_writable
-    from studies.engine.study import STUDIES, Options, find, write
+    from studies.engine.study import STUDIES, Options, find
+    from studies.report.folder import write
     from studies.report.page import write_page
 
     check_writable(out)
@@ -166,7 +168,8 @@ def recommend(
 def _measured_trade(table: Path | None) -> "Measured":
     """A kept trade, from a directory, or one measured now and kept."""
     from studies.engine.files import check_writable
-    from studies.engine.study import Options, find, write
+    from studies.engine.study import Options, find
+    from studies.report.folder import write
     from studies.trade import recommend as advice
 
     if table is not None:
@@ -194,7 +197,7 @@ def bench(
 
     from studies.benchmark import study as benchmark
     from studies.engine.files import check_writable
-    from studies.engine.study import write
+    from studies.report.folder import write
 
     check_writable(out)
     with Console(stderr=True).status("starting") as shown:

@@ -6,9 +6,10 @@ velocity; a difference is told by a warning, since the energy of the start then 
 """
 
 from cmath import phase
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import TYPE_CHECKING
+from typing import Protocol
 from warnings import warn
 
 import numpy as np
@@ -20,16 +21,35 @@ from anctmm.model.joints import SIDES, Clamp, Joint
 from anctmm.model.topology import End, junctions_of
 from anctmm.model.velocities import Point
 
-if TYPE_CHECKING:
-    from anctmm.model.scene import Scene
-
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
 #: differences.
 EQUAL, EQUAL_SLOPES = 1e-9, 1e-6
 EPS = float(np.finfo(float).eps)
 
 
-def check_start(scene: "Scene") -> None:
+class Starting(Protocol):
+    """What is asked of a scene here; `anctmm.model.scene.Scene` has it."""
+
+    @property
+    def bodies(self) -> Sequence[Beam]:
+        """All bodies."""
+        ...
+
+    @property
+    def joints(self) -> Sequence[Joint]:
+        """All joints."""
+        ...
+
+    def body(self, name: str) -> Beam:
+        """The body of a name."""
+        ...
+
+    def body_end(self, end: str) -> tuple[Beam, int]:
+        """Body and side of an end's name."""
+        ...
+
+
+def check_start(scene: Starting) -> None:
     """Refuse initial velocities that joints cannot have, and warn of those that clamps replace.
 
     Raises
@@ -59,7 +79,7 @@ def turning_rate(joint: Joint) -> float:
     return float(value_at(f"clamp {shown(joint.end)} angle", joint.angle, 0.0, 3)[1])
 
 
-def _largest_speed(scene: "Scene") -> float:
+def _largest_speed(scene: Starting) -> float:
     """Largest speed of bodies and driven clamps at t = 0, m/s."""
     speeds = [b.speed for b in scene.bodies if b.velocity is not None]
     for joint in scene.joints:
@@ -67,7 +87,7 @@ def _largest_speed(scene: "Scene") -> float:
     return max(speeds, default=0.0)
 
 
-def _wave_speed(scene: "Scene") -> float:
+def _wave_speed(scene: Starting) -> float:
     """Largest speed of axial waves, m/s: a velocity of ε times it strains a body by ε, which rounding hides."""
     return max(sqrt(b.material.E / b.material.density) for b in scene.bodies)
 
@@ -80,7 +100,7 @@ class Moving:
     side: int
 
     @classmethod
-    def of(cls, scene: "Scene", end: End) -> "Moving":
+    def of(cls, scene: Starting, end: End) -> "Moving":
         """That of an end's name."""
         return cls(scene.body(end[0]), end[1])
 

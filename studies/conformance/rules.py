@@ -20,7 +20,7 @@ from anctmm.results.solution import Solution, Status
 from anctmm.solvers.capabilities import FEATURES, features_of
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
-from studies.conformance.check import BrokenRule, Measure, Rule, Subject, whole
+from studies.conformance.subject import BrokenRule, Measure, Rule, Subject, whole
 
 Array = NDArray[np.float64]
 

@@ -1,19 +1,16 @@
 """What every study is asked and answers, and the list of studies."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
-from studies.engine.files import write_checksums
-from studies.engine.tables import Table, write_machine, write_table
+from studies.engine.pictures import Film, Picture
+from studies.engine.tables import Table
 
 if TYPE_CHECKING:
     from studies.engine.runner import Mesh, Runner
-    from studies.report.animation import Film
-    from studies.report.plots import Picture
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
@@ -87,8 +84,8 @@ class Result:
     findings: tuple[str, ...]
     assumptions: tuple[str, ...]
     tables: tuple[Table, ...]
-    pictures: "tuple[Picture, ...]" = field(default=())
-    films: "tuple[Film, ...]" = ()
+    pictures: tuple[Picture, ...] = ()
+    films: tuple[Film, ...] = ()
     answers: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:
@@ -128,18 +125,3 @@ def find(name: str) -> "Callable[[Options, Runner], Result]":
     if name not in STUDIES:
         raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
     return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]
-
-
-def write(result: Result, out: Path) -> Path:
-    """Write a result's tables and pictures to `<out>/<study>/` and return that directory."""
-    from studies.report.plots import write_picture
-
-    folder = out / result.name
-    folder.mkdir(parents=True, exist_ok=True)
-    for table in result.tables:
-        write_table(table, folder)
-    for picture in result.pictures:
-        write_picture(picture, folder)
-    write_machine(folder)
-    write_checksums(folder, [f"{table.name}.csv" for table in result.tables])
-    return folder

@@ -5,7 +5,6 @@ A piece is a Hermite cubic, which an SVG path draws exactly as a Bézier curve: 
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from anctmm.errors import unknown_kind
 from anctmm.model.joints import JOINTS
 from anctmm.model.scene import Clamp, Pin, Scene, Weld
 from anctmm.results.solution import Solution
+from studies.engine.pictures import Film
 
 Array = NDArray[np.float64]
 
@@ -25,37 +25,6 @@ SMOOTH = 1e-3
 FRAMES = 61
 #: Whole numbers across the picture.
 GRAIN = 2000
-
-
-@dataclass(frozen=True)
-class Film:
-    """A motion to be played.
-
-    Parameters
-    ----------
-    name : str
-        Of the scene.
-    title, caption : str
-    labels : tuple of str
-        Of the layers: the motion itself, and others drawn behind it.
-    t_end : float
-        s.
-    box : (int, int, int, int)
-        Left, top, width and height in whole numbers, y downwards.
-    supports : tuple of (str, int, int)
-        "pin" or "clamp", and where.
-    data : str
-        JSON: for each layer and body the numbers of all frames, see `encoded`.
-    """
-
-    name: str
-    title: str
-    caption: str
-    labels: tuple[str, ...]
-    t_end: float
-    box: tuple[int, int, int, int]
-    supports: tuple[tuple[str, int, int], ...]
-    data: str
 
 
 def film(title: str, caption: str, layers: Mapping[str, Solution]) -> Film | None:

@@ -4,7 +4,6 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from types import MappingProxyType
@@ -25,6 +24,7 @@ from numpy.typing import NDArray
 
 from anctmm.results.solution import Solution
 from studies.engine.files import atomic_write
+from studies.engine.pictures import Picture
 
 Array = NDArray[np.float64]
 Curve = tuple[Array, Array]
@@ -79,15 +79,6 @@ STYLE: Any = {
     "lines.linewidth": 1.6,
     "lines.markersize": 5,
 }
-
-
-@dataclass(frozen=True)
-class Picture:
-    """A drawing with its name (of the file) and its caption."""
-
-    name: str
-    caption: str
-    svg: str
 
 
 def picture(

@@ -11,13 +11,14 @@ from anctmm.errors import SolverError
 from anctmm.integrators.stability import zhai_limit
 from studies.engine.runner import Runner
 from studies.engine.setting import CABLES, SHEAR
-from studies.engine.study import Options, Result, find, write
+from studies.engine.study import Options, Result, find
 from studies.extremes.double_double import minus_products, plus, two_product, two_sum
 from studies.extremes.length import CONDENSED, PAPER, PLAIN, SPARSE, SPLIT, Problem, growth
 from studies.extremes.parameters import CHOLESKY, GLOBAL, INVERTED, NEWTON, RECURSION
 from studies.extremes.places import FAR, TENS, TWOS
 from studies.extremes.plane import limit, spectral_radius
 from studies.extremes.time import FREE, OURS, PROJECTED
+from studies.report.folder import write
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,9 @@ from math import inf, sqrt
 import pytest
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, find, write
+from studies.engine.study import Options, find
 from studies.fidelity.study import WISHES, lowest_frequency, run, stable_step, step_under
+from studies.report.folder import write
 from studies.scenes import cantilever_fall, four_bar
 
 

@@ -12,9 +12,10 @@ from browser import CHROMIUM, NAMES, Browser, Tab
 
 from studies.agreement.study import findings, matrix
 from studies.engine.runner import Case, Runner
-from studies.engine.study import Options, Result, find, write
+from studies.engine.study import Options, Result, find
 from studies.engine.tables import MOST_ROWS, Table
 from studies.report import animation as film
+from studies.report.folder import write
 from studies.report.page import inline, label, prose, write_page
 from studies.report.plots import picture, tell
 from studies.scenes import cantilever_fall, four_bar

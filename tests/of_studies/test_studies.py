@@ -19,10 +19,11 @@ from studies.cli import BadOption, read_options
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, cases_of, sweep
 from studies.engine.runner import Case, Reference, Runner, product, refined_reference, reproducible, row
-from studies.engine.study import Options, Result, StudyError, find, write
+from studies.engine.study import Options, Result, StudyError, find
 from studies.engine.tables import Table
 from studies.engine.timing import alternate, summarise, undisturbed
 from studies.report import error_pictures
+from studies.report.folder import write
 from studies.report.plots import Picture, picture, write_picture
 from studies.scenes import BASE_SCENES, BaseScene, cantilever_fall, four_bar
 

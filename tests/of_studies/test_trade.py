@@ -16,7 +16,8 @@ from anctmm.discretise.discretisation import Discretisation
 from studies.cli import app
 from studies.engine.pareto_front import excess
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, StudyError, find, write
+from studies.engine.study import Options, Result, StudyError, find
+from studies.report.folder import write
 from studies.report.plots import picture, tell
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
 from studies.trade import recommend
