@@ -17,6 +17,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import body_meshes, constant_forces
 from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
+from anctmm.discretise.rigid_loops import check_rigid_loops
 from anctmm.errors import DiscretisationError
 from anctmm.model.joints import Weld
 from anctmm.model.scene import Scene
@@ -43,7 +44,7 @@ class Chain:
     MeshError
         If the discretisation does not fit the scene's bodies.
     DiscretisationError
-        If a weld joins a shear element to another kind.
+        If a weld joins a shear element to another kind, or rigid bodies stand in a singular position.
     """
 
     scene: Scene
@@ -59,6 +60,7 @@ class Chain:
                         f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
                         f"a weld needs one kind on both sides, or 'cable' and 'rigid' (a pin does not)"
                     )
+        check_rigid_loops(self.scene, {name: kind for name, (_, kind) in kinds.items()})
 
     @cached_property
     def junctions(self) -> tuple[Junction, ...]:

@@ -1,0 +1,140 @@
+"""Loops of rigid bodies in a position that they cannot leave: taut between supports, or folded onto themselves.
+
+Equations of joints between rigid bodies, J u = 0 for motions u, may depend on each other: λᵀJ = 0 with a state of
+self-stress λ. Where joints repeat each other for good (a third crank of a parallelogram, a welded frame) that does no
+harm. Where a motion that J allows parts the joints in second order, λ · J'(u, u) ≠ 0, it cannot be made: the position
+is singular, and accelerations found there are not those of the bodies (second-order test of Connelly and Whiteley 1996,
+DOI 10.1137/S0895480192229236).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import DiscretisationError, listed
+from anctmm.model.scene import Scene
+from anctmm.model.topology import End, Junction, Sets, junctions_of
+
+Array = NDArray[np.float64]
+
+#: Of the largest singular value: what counts as none; of a self-stress and a motion of size 1: what counts as parting.
+NONE, PARTING = 1e-9, 1e-6
+#: The ground, among bodies (name, 0) and junctions ("", number).
+GROUND = ("", -1)
+
+
+class Row(NamedTuple):
+    """Equations of a joint: one or two ends at a place, given by their arms (m), or bodies that turn alike (None).
+
+    One is held, two are equal.
+    """
+
+    bodies: tuple[str, ...]
+    arms: tuple[Array | None, ...]
+
+
+def check_rigid_loops(scene: Scene, kinds: Mapping[str, str]) -> None:
+    """Refuse rigid bodies in a singular position.
+
+    Parameters
+    ----------
+    scene : Scene
+    kinds : mapping of str to str
+        Element kind of every body.
+
+    Raises
+    ------
+    DiscretisationError
+        Naming the bodies.
+    """
+    rigid = {name for name, kind in kinds.items() if kind == "rigid"}
+    if not rigid:
+        return
+    junctions = junctions_of(scene)
+    loops = _loops(junctions, rigid)
+    rows = [row for junction in junctions if loops for row in _rows(scene, junction, rigid)]
+    for bodies in loops:
+        _check(scene, bodies, [row for row in rows if row.bodies[0] in bodies])
+
+
+def _rows(scene: Scene, junction: Junction, rigid: set[str]) -> Iterator[Row]:
+    """Equations of the rigid ends of a junction; bodies that bend follow them."""
+    ends = [end for end in junction.ends if end[0] in rigid]
+    yield from _together(ends, [_arm(scene, end) for end in ends], junction.grounded)
+    for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+        welded = [end for end in group if end[0] in rigid]
+        yield from _together(welded, [None] * len(welded), clamp is not None)
+
+
+def _together(ends: list[End], arms: list[Array | None], held: bool) -> Iterator[Row]:
+    names = [name for name, _ in ends]
+    if held:
+        yield from (Row((name,), (arm,)) for name, arm in zip(names, arms, strict=True))
+    else:
+        for k in range(len(ends) - 1):
+            yield Row(tuple(names[k : k + 2]), tuple(arms[k : k + 2]))
+
+
+def _arm(scene: Scene, end: End) -> Array:
+    """From the start of a body to one of its ends, m."""
+    body = scene.body(end[0])
+    return end[1] * (np.array(body.end) - np.array(body.start))
+
+
+def _loops(junctions: Sequence[Junction], rigid: set[str]) -> list[set[str]]:
+    """Rigid bodies that hang together where they, maybe with the ground, close a loop."""
+    with_ground, alone = Sets[tuple[str, int]](), Sets[tuple[str, int]]()
+    closing = []
+    for j, junction in enumerate(junctions):
+        names = [name for name, _ in junction.ends if name in rigid]
+        for name in names:
+            alone.unite(("", j), (name, 0))
+            if not with_ground.unite(("", j), (name, 0)):
+                closing.append(name)
+        if names and junction.grounded and not with_ground.unite(("", j), GROUND):
+            closing.append(names[0])
+    marked = {alone.of((name, 0)) for name in closing}
+    groups = alone.among((name, 0) for name in sorted(rigid))
+    return [{name for name, _ in group} for group in groups if alone.of(group[0]) in marked]
+
+
+def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
+    """The second-order test of one loop, or of loops that are connected."""
+    first = {body.name: 3 * k for k, body in enumerate(b for b in scene.bodies if b.name in bodies)}
+    scale = max(scene.body(name).length for name in bodies)
+    equations = [
+        _equation(row, axis, first, scale)
+        for row in rows
+        for axis in (range(2) if row.arms[0] is not None else [2])
+    ]
+    J, curvature = (np.array(part) for part in zip(*equations, strict=True))
+    left, sizes, right = np.linalg.svd(J)
+    rank = int((sizes > NONE * sizes[0]).sum())
+    stresses, motions = left[:, rank:], right[rank:]
+    spins = motions[:, 2::3]
+    for stress in stresses.T:
+        parting = (spins * (stress @ curvature)) @ spins.T
+        if parting.size and np.abs(parting).max() > PARTING:
+            strained = (np.abs(stress) @ np.abs(J)).reshape(-1, 3).max(axis=1) > PARTING
+            names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
+            raise DiscretisationError(
+                f"element is 'rigid' for bodies {listed(names)}, whose joints hold them taut or folded: they cannot "
+                f"make a motion that is open to them at first; start from another position, or let one of them bend "
+                f"('cable' or 'shear')"
+            )
+
+
+def _equation(row: Row, axis: int, first: Mapping[str, int], scale: float) -> tuple[Array, Array]:
+    """Row of J for (x/scale, y/scale, φ) of every body, and its second derivatives by each φ."""
+    linear, curved = np.zeros(3 * len(first)), np.zeros(len(first))
+    for name, arm, sign in zip(row.bodies, row.arms, (1.0, -1.0), strict=False):
+        at = first[name]
+        if arm is None:
+            linear[at + 2] = sign
+        else:
+            linear[at + axis] = sign
+            linear[at + 2] += sign * (-arm[1], arm[0])[axis] / scale
+            curved[at // 3] -= sign * arm[axis] / scale
+    return linear, curved
