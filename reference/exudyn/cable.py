@@ -46,7 +46,7 @@ def solve(
     Parameters
     ----------
     scene : Scene
-        Chains of beams, not necessarily one.
+        Beams joined in any way: chains, trees, loops, several components.
     run : Discretisation, optional
         "generalized-alpha" is Exudyn's, with fixed steps and modified Newton; "zhai" with ψ = φ = ½ is its
         VelocityVerlet, which has the same positions, for beams without joints between them or drives.

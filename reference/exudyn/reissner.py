@@ -50,7 +50,7 @@ def solve(
     Parameters
     ----------
     scene : Scene
-        Chains of beams, not necessarily one.
+        Beams joined in any way: chains, trees, loops, several components.
     run : Discretisation, optional
         As for `exudyn_cable.solve`; its `element` and `quadrature` are not used.
     order : int

@@ -11,7 +11,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
-from reference import exudyn_cable, global_dae
+from reference import exudyn_cable, exudyn_reissner, global_dae
 from reference.global_dae.model import Model
 from reference.global_dae.stability import highest_frequency, null_space
 
@@ -124,6 +124,15 @@ def test_equilibrium_equals_exudyn(name):
     assert peer.status.ok
     assert way(own) > 1e-3
     assert gap(own, peer, -1) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["Y welded", "Y of both", "Y turned", "square welded"])
+def test_reissner_beams_join_as_cables_do(name):
+    """Another model of thin beams, so near but not equal."""
+    run = Discretisation(mesh=4, **TIGHT)
+    cables, beams = exudyn_cable.solve(SCENES[name], run), exudyn_reissner.solve(SCENES[name], run)
+    assert (cables.status.ok, beams.status.ok) == (True, True)
+    assert gap(cables, beams) < 0.1 * way(cables)
 
 
 @pytest.mark.parametrize("seed", range(12))
