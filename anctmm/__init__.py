@@ -1,6 +1,7 @@
 """ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.methods import GeneralizedAlpha, Zhai
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.rigid_start import consistent_velocities
@@ -20,6 +21,7 @@ __all__ = [
     "Discretisation",
     "Energy",
     "Force",
+    "GeneralizedAlpha",
     "Interrupted",
     "Material",
     "Pin",
@@ -33,6 +35,7 @@ __all__ = [
     "Status",
     "Torque",
     "Weld",
+    "Zhai",
     "compare",
     "consistent_velocities",
     "distance",

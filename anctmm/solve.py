@@ -1,11 +1,12 @@
 """The ANC-TMM solver: (scene, discretisation) → solution."""
 
-from typing import Any
+from typing import Any, assert_never
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise
+from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import StepError, unknown_option
+from anctmm.discretise.methods import GeneralizedAlpha, Zhai
+from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
 from anctmm.model.scene import Scene, checked_scene
@@ -46,19 +47,19 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
     run = discretise(run, options, fixed_step=False)
-    check_memory(checked_scene(scene), run, EXPLICIT if run.integrator == "zhai" else IMPLICIT)
+    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT)
     chain = Chain(scene, run)
     if chain.run.tolerance is not None and chain.bodies.damping is not None:
         raise StepError(
             f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "
             f"the error does not know damping"
         )
-    match chain.run.integrator:
-        case "zhai":
+    method = chain.run.method
+    match method:
+        case Zhai():
             return zhai.integrate(chain)
-        case "generalized-alpha":
+        case GeneralizedAlpha():
             refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
             implicit = generalized_alpha if chain.run.tolerance is None else step_control
             return implicit.integrate(chain)
-        case _:
-            raise unknown_option("integrator", chain.run.integrator, INTEGRATORS)
+    assert_never(method)

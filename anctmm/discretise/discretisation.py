@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown
+from anctmm.discretise.methods import METHODS, GeneralizedAlpha, Method, Zhai
+from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown, unknown_option
 from anctmm.model.scene import Beam, Scene, checked_scene
-from anctmm.validation import flag, number, one_of, positive, whole, within
+from anctmm.validation import flag, one_of, positive, whole, within
 
 ELEMENTS = ("cable", "shear", "rigid")
 QUADRATURES = ("full", "reduced", "lobatto")
-INTEGRATORS = ("zhai", "generalized-alpha")
+INTEGRATORS = tuple(METHODS)
 #: Elements of a body at most: sparse matrices number their rows by 32 bits.
 MOST = 2**31 - 1
 #: Equal parts of a load at most: an equilibrium is kept of each.
@@ -41,8 +42,9 @@ class Discretisation:
         "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
-    integrator : str
-        "zhai" (explicit) or "generalized-alpha" (implicit).
+    integrator : Zhai, GeneralizedAlpha or str
+        A method with its parameters, or its name, "zhai" (explicit) or "generalized-alpha" (implicit), beside them;
+        kept as the name.
     dt, t_end : float
         Step (1e-3 without it) and run length, s; `t_end` a whole number of steps.
     output_dt : float, optional
@@ -69,7 +71,7 @@ class Discretisation:
     mesh: Any
     element: Any = "cable"
     quadrature: str = "full"
-    integrator: str = "generalized-alpha"
+    integrator: Any = "generalized-alpha"
     dt: float = NOT_GIVEN
     t_end: float = 1.0
     output_dt: float | None = None
@@ -87,15 +89,14 @@ class Discretisation:
         for name, check in (("mesh", _elements), ("element", _element)):
             set_(self, name, _by_body(name, getattr(self, name), check))
         set_(self, "quadrature", one_of("quadrature", self.quadrature, QUADRATURES))
+        if isinstance(self.integrator, Zhai | GeneralizedAlpha):
+            self._take(self.integrator)
         set_(self, "integrator", one_of("integrator", self.integrator, INTEGRATORS))
-        for name in ("psi", "phi"):
-            set_(self, name, number(name, getattr(self, name), DiscretisationError))
-        for name, low, high, bounds in (
-            ("spectral_radius", 0.0, 1.0, "[]"),
-            ("newton_tolerance", 0.0, 1e-2, "(]"),
-        ):
-            value = getattr(self, name)
-            set_(self, name, within(name, value, low, high, bounds, DiscretisationError))
+        for method in METHODS.values():
+            for name, value in vars(self._made(method)).items():
+                set_(self, name, value)
+        left = within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
+        set_(self, "newton_tolerance", left)
         set_(self, "check_stability", flag("check_stability", self.check_stability, DiscretisationError))
         for name in ("dt", "t_end"):
             if not isinstance(getattr(self, name), _NotGiven):
@@ -107,13 +108,37 @@ class Discretisation:
         stride = _multiple("output_dt (s)", dt if self.output_dt is None else self.output_dt, dt)
         set_(self, "stride", min(stride, self.steps))
 
+    def _take(self, method: Method) -> None:
+        """Name and parameters of a method given whole."""
+        defaults = {f.name: f.default for f in fields(self)}
+        for name, value in vars(method).items():
+            if getattr(self, name) not in (defaults[name], value):
+                raise DiscretisationError(
+                    f"{name} is {shown(getattr(self, name))} beside integrator {method!r}; one of them is allowed"
+                )
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "integrator", method.name)
+
+    def _made(self, method: type[Method]) -> Method:
+        return method(**{f.name: getattr(self, f.name) for f in fields(method)})
+
+    @property
+    def method(self) -> Method:
+        """The integrator with its parameters."""
+        return self._made(_method(self.integrator))
+
+    @property
+    def explicit(self) -> bool:
+        """Whether steps are explicit: bound by stability, and without iteration."""
+        return _method(self.integrator).explicit
+
     def _interval(self) -> float:
         """With a tolerance, the interval of the output, s: `steps` then counts intervals."""
         tolerance = within("tolerance", self.tolerance, 0.0, 0.5, "()", StepError)
         object.__setattr__(self, "tolerance", tolerance)
         if not isinstance(self.dt, _NotGiven):
             raise StepError(f"dt is {self.dt!r} s beside tolerance {tolerance!r}; one of them is allowed")
-        if self.integrator != "generalized-alpha":
+        if self.explicit:
             raise StepError(
                 f"tolerance is {tolerance!r} with integrator {self.integrator!r}; "
                 f"'generalized-alpha' is needed: stability bounds an explicit step, not accuracy"
@@ -252,6 +277,13 @@ def _elements(what: str, value: Any, count: Any) -> int:
 
 def _element(what: str, value: Any, kind: Any) -> str:
     return one_of(what, kind, ELEMENTS)
+
+
+def _method(name: str) -> type[Method]:
+    """The method of a name, also of one that was put in past the checks."""
+    if name not in METHODS:
+        raise unknown_option("integrator", name, INTEGRATORS)
+    return METHODS[name]
 
 
 def _pick(value: Any, name: str) -> Any:

@@ -4,20 +4,61 @@ A method is data: the steps themselves stand in `anctmm.integrators`.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+from anctmm.errors import DiscretisationError
+from anctmm.validation import number, within
+
+
+@dataclass(frozen=True)
+class Zhai:
+    """Zhai's explicit two-step method (Rong 2014, eq. 38).
+
+    Parameters
+    ----------
+    psi, phi : float
+        ψ and φ; with ½ and ½ positions are those of Störmer and Verlet.
+
+    Raises
+    ------
+    DiscretisationError
+        If one is no finite number.
+    """
+
+    psi: float = 0.5
+    phi: float = 0.5
+    name: ClassVar[str] = "zhai"
+    explicit: ClassVar[bool] = True
+
+    def __post_init__(self) -> None:
+        for parameter in ("psi", "phi"):
+            object.__setattr__(
+                self, parameter, number(parameter, getattr(self, parameter), DiscretisationError)
+            )
 
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    """Coefficients of the method.
+    """Generalized-α (Chung & Hulbert 1993), implicit, in the form of Arnold & Brüls (2007).
 
     Parameters
     ----------
     spectral_radius : float
         ρ∞ in [0, 1]: 1 keeps the energy of high frequencies, 0 annihilates them in one step.
+
+    Raises
+    ------
+    DiscretisationError
+        If it lies outside.
     """
 
-    spectral_radius: float
+    spectral_radius: float = 0.9
+    name: ClassVar[str] = "generalized-alpha"
+    explicit: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        radius = within("spectral_radius", self.spectral_radius, 0.0, 1.0, "[]", DiscretisationError)
+        object.__setattr__(self, "spectral_radius", radius)
 
     @property
     def alpha_m(self) -> float:
@@ -54,3 +95,8 @@ class Coefficients(NamedTuple):
     beta: float
     gamma: float
     to_w: float
+
+
+Method = Zhai | GeneralizedAlpha
+#: Methods by name, as a discretisation names them. A new one is a class here, and a case in `anctmm.solve`.
+METHODS: dict[str, type[Zhai] | type[GeneralizedAlpha]] = {m.name: m for m in (Zhai, GeneralizedAlpha)}

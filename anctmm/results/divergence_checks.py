@@ -80,7 +80,7 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
         "diverged" or "failed"; or a whole one with the status "inaccurate" or "imprecise".
     """
-    explicit = not static and solution.run is not None and solution.run.integrator == "zhai"
+    explicit = not static and solution.run is not None and solution.run.explicit
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula

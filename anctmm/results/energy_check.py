@@ -82,7 +82,7 @@ def noise(solution: Solution) -> float:
     """
     run, total = solution.run, 0.0
     length = length_of(solution.scene)
-    implicit = run is not None and run.integrator != "zhai"
+    implicit = run is not None and not run.explicit
     left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
     for name, field in solution.fields.items():
         if isinstance(field, HermiteField) and field.coordinates.size:
@@ -98,7 +98,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     run, energy = solution.run, solution.energy
     if run is None or solution.t.size < 2:
         return
-    explicit = run.integrator == "zhai"
+    explicit = run.explicit
     vibrates = any(kind != "rigid" for _, kind in run.of(solution.scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
     damped = any(body.material.damping > 0.0 for body in solution.scene.bodies)
@@ -132,7 +132,7 @@ def _finding(solution: Solution, k: int, code: str) -> Finding:
 
 def _advice(run: Discretisation) -> str:
     """Why energy may come from nowhere, and what to try."""
-    if run.integrator == "zhai":
+    if run.explicit:
         return (
             f"an explicit step is above the stability limit, which deformation lowers, or too long for the motion; "
             f"a smaller dt than {run.dt:g} s may do"

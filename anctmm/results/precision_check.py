@@ -38,7 +38,7 @@ def precision_findings(solution: Solution) -> Iterator[Finding]:
     reach = max(float(np.abs([body.start, body.end]).max()) for body in scene.bodies)
     moved = _largest_displacement(solution)
     if reach > FAR * length:
-        roundings = (EXPLICIT if run.integrator == "zhai" else IMPLICIT) * solution.cost.steps
+        roundings = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps
         part = _ratio(roundings * float(np.spacing(reach)), moved)
         if part > DISPLACED:
             yield Finding(

@@ -71,7 +71,7 @@ def dynamics(
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     with silence(exu):
         model = Model(exu, scene, beams, run)
-        if run.integrator == "zhai":
+        if run.explicit:
             model.hold()
         model.assemble()
         settings = _settings(exu, model, run, (relative, absolute))
@@ -79,7 +79,7 @@ def dynamics(
         history = _read(model, times)
     status = _verdict(model, run, history, message)
     it = model.mbs.sys["dynamicSolver"].it
-    counts = (0, 1) if run.integrator == "zhai" else (it.newtonStepsCount, it.newtonJacobiCount)
+    counts = (0, 1) if run.explicit else (it.newtonStepsCount, it.newtonJacobiCount)
     cost = Cost(cpu, wall, it.currentStepIndex - 1, *counts)
     return _solution(model, run, history, loads, cost, status)
 
@@ -194,7 +194,7 @@ def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[flo
     settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
     time, kinds = settings.timeIntegration, exu.DynamicSolverType
     time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
-    time.solverType = kinds.VelocityVerlet if run.integrator == "zhai" else kinds.GeneralizedAlpha
+    time.solverType = kinds.VelocityVerlet if run.explicit else kinds.GeneralizedAlpha
     time.newton.relativeTolerance, time.newton.absoluteTolerance = tolerances
     time.newton.useModifiedNewton = True
     time.generalizedAlpha.spectralRadius = run.spectral_radius

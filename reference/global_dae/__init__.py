@@ -72,9 +72,7 @@ def solve(
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    check_memory(
-        checked_scene(scene), run, EXPLICIT if run.integrator == "zhai" else IMPLICIT, DENSE if dense else 0.0
-    )
+    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
     marcher = _marcher(Model.of(scene, run), linear_algebra, stabilization)
     return marcher.run(NAMES[linear_algebra])
 

@@ -104,7 +104,7 @@ def _race(
     found = in_turn(part, samplers, effort.rounds, samples)
     mine, theirs = runs[OURS][0], runs[EXUDYN][0]
     ours, peer = figures(found[OURS]), figures(found[EXUDYN])
-    implicit = run.integrator != "zhai"
+    implicit = not run.explicit
     return {
         "scene": base.scene.name,
         "integrator": run.integrator,

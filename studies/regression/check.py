@@ -231,7 +231,7 @@ def _own(done: Done, baselines: Path) -> Finding:
 def _like(done: Done, baselines: Path) -> Iterator[Finding]:
     """A peer's run against what ANC-TMM has stored, if both solve the same equations and both are stored."""
     task = done.task
-    explicit = not isinstance(task.run, Static) and task.run.integrator == "zhai"
+    explicit = not isinstance(task.run, Static) and task.run.explicit
     if task.solver not in SAME_EQUATIONS or (task.solver == "exudyn-cable" and explicit):
         return
     if done.history is None:

@@ -179,7 +179,7 @@ def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
 
 
 def _iterates(run: Run) -> bool:
-    return isinstance(run, Static) or run.integrator == "generalized-alpha"
+    return isinstance(run, Static) or not run.explicit
 
 
 def _turned_back(history: History, angle: float) -> History:

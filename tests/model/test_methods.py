@@ -1,0 +1,52 @@
+"""Integrators as objects: the same as their names with parameters beside them."""
+
+import pytest
+
+import anctmm as at
+from anctmm.errors import DiscretisationError
+
+
+@pytest.mark.parametrize(
+    ("method", "options"),
+    [
+        (at.Zhai(), {"integrator": "zhai"}),
+        (at.Zhai(psi=0.6, phi=0.6), {"integrator": "zhai", "psi": 0.6, "phi": 0.6}),
+        (at.GeneralizedAlpha(), {}),
+        (at.GeneralizedAlpha(0.5), {"spectral_radius": 0.5}),
+    ],
+)
+def test_a_method_is_its_name_and_parameters(method, options):
+    whole = at.Discretisation(mesh=2, integrator=method)
+    assert whole == at.Discretisation(mesh=2, **options)
+    assert repr(whole) == repr(at.Discretisation(mesh=2, **options))
+    assert whole.method == method
+    assert whole.explicit == (type(method) is at.Zhai)
+
+
+def test_a_parameter_beside_another_method_stays():
+    run = at.Discretisation(mesh=2, integrator=at.GeneralizedAlpha(0.5), psi=0.6)
+    assert (run.spectral_radius, run.psi) == (0.5, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: at.Zhai(psi="half"), ["psi", "'half'", "number"]),
+        (lambda: at.Zhai(phi=float("nan")), ["phi", "nan"]),
+        (lambda: at.GeneralizedAlpha(1.5), ["spectral_radius", "1.5", "[0"]),
+        (
+            lambda: at.Discretisation(mesh=1, integrator=at.Zhai(psi=0.6), psi=0.7),
+            ["psi", "0.7", "Zhai(psi=0.6"],
+        ),
+        (lambda: at.Discretisation(mesh=1, integrator=at.Zhai), ["integrator", "Zhai", "'zhai'"]),
+        (lambda: at.Discretisation(mesh=1, integrator="newmark"), ["integrator", "'newmark'", "'zhai'"]),
+        (
+            lambda: at.Discretisation(mesh=1, integrator=at.Zhai(), tolerance=1e-3),
+            ["tolerance", "'zhai'", "'generalized-alpha'"],
+        ),
+    ],
+)
+def test_wrong_methods_are_refused_by_name(make, words):
+    with pytest.raises(DiscretisationError) as caught:
+        make()
+    assert [word for word in words if word not in str(caught.value)] == []
