@@ -196,20 +196,25 @@ def test_a_driven_bar_starts_as_a_rigid_one():
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_driven_bar_that_starts_as_it_must_keeps_its_energy_in_every_road(integrator):
-    """From rest the same drive makes waves that carry four times the energy of the rigid motion at the worst."""
+    """To 0.3 %, which bends it a little; from rest the same drive brings up to 3.95 times the energy."""
     rest = scene_of(Clamp("a.start", turning), bodies=[beam()])
     exact = 0.5 * SOFT.density * SQUARE.area / 3.0 * RATE**2
     run = at.Discretisation(
-        mesh=4, integrator=integrator, dt=1e-4, t_end=0.5, output_dt=5e-3, newton_tolerance=1e-11
+        mesh=4,
+        integrator=integrator,
+        dt=1e-4 if integrator == "zhai" else 1e-3,
+        t_end=3.0,
+        output_dt=2e-2,
+        newton_tolerance=1e-11,
     )
     roads = [at.solve, global_dae.solve, *([exudyn_cable.solve] if integrator != "zhai" else [])]
     for solve in roads:
         found = solve(fitted(rest), run)
         assert found.status.ok
         total = found.energy.kinetic + found.energy.strain
-        assert total == pytest.approx(np.full(len(total), exact), rel=0.06)
+        assert total == pytest.approx(np.full(len(total), exact), rel=5e-3)
     total = at.solve(rest, run).energy
-    assert (total.kinetic + total.strain).max() > 2.0 * exact
+    assert (total.kinetic + total.strain).max() == pytest.approx(3.95 * exact, rel=1e-2)
 
 
 def test_a_mechanism_starts_as_the_rigid_one():
