@@ -1,4 +1,4 @@
-"""Other people's solvers: the README's template installed as a package, and packages that are broken."""
+"""Other people's solvers: the page's template installed as a package, and packages that are broken."""
 
 import os
 import re
@@ -23,7 +23,7 @@ from studies.engine.runner import Case, Runner
 from studies.engine.study import Options
 from studies.scenes import cantilever_fall, cantilever_tip_force
 
-README = (Path(__file__).parents[2] / "README.md").read_text()
+README = (Path(__file__).parents[2] / "anctmm/solvers/README.md").read_text(encoding="utf-8")
 FALL = cantilever_fall()
 RUN = Discretisation(mesh=4, dt=1e-2, t_end=0.1)
 
@@ -92,7 +92,7 @@ def site(tmp_path, monkeypatch):
 
 @pytest.fixture
 def ballistic(site):
-    """The README's template as an installed package."""
+    """The page's template as an installed package."""
     (module,) = re.findall(r"```python\n(import numpy.*?)```", README, re.DOTALL)
     (toml,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     package(site, "ballistic", module, tomllib.loads(toml)["project"]["entry-points"][registry.GROUP])
