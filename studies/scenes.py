@@ -90,7 +90,7 @@ def _four_bar(name: str, hub: Joint, loads: tuple[Load, ...] = ()) -> Scene:
 
 
 def four_bar() -> BaseScene:
-    """Four-bar whose crank is clamped to a hub that turns once in 2 s."""
+    """Four-bar whose crank is held by a driven clamp that turns once in 2 s."""
     return BaseScene(
         _four_bar("four-bar", Clamp("crank.start", angle=CRANK_TURN)),
         FOUR_BAR_PROBES,
@@ -98,7 +98,7 @@ def four_bar() -> BaseScene:
         output_dt=0.01,
         assumptions=(
             *FOUR_BAR_ASSUMPTIONS,
-            "The crank's hub turns once, θ(t) = 2π s(t/T), s(x) = 10x³ − 15x⁴ + 6x⁵, T = 2 s; run to 2.4 s.",
+            "The crank's clamp turns once, θ(t) = 2π s(t/T), s(x) = 10x³ − 15x⁴ + 6x⁵, T = 2 s; run to 2.4 s.",
         ),
         source=f"{PAPER}, Table 1",
     )

@@ -1,1 +1,1 @@
-"""How a scene is cut: mesh, assembly of elements, order of the chain."""
+"""How a scene is cut: mesh, assembly of elements, order of elimination."""

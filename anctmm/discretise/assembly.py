@@ -1,6 +1,6 @@
 """All bodies' coordinates in one array by component, and compiled sums over their elements.
 
-It knows bodies and elements, not how they are joined: the transfer-matrix solver and the global one both stand on it,
+It knows bodies and elements, not how they are joined: the transfer-matrix solver and the global one both use it,
 so that comparing their times compares methods.
 """
 

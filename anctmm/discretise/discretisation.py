@@ -51,7 +51,7 @@ class Discretisation:
         Interval of the output, s, a whole number of steps; without it every step, or with a tolerance the 200th part
         of the run.
     tolerance : float, optional
-        Error in time that is wanted, instead of `dt`, relative to the largest displacement: an estimate of the local
+        Target error in time, instead of `dt`, relative to the largest displacement: an estimate of the local
         error then drives the step of generalized-α.
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).

@@ -1,6 +1,6 @@
 """A scene cut into elements: nodes, reference coordinates, initial velocities and constant loads of every body.
 
-It knows nothing of chains or constraints: each body has its own nodes, in its own direction, as a global solver
+It knows nothing of joints: each body has its own nodes, in its own direction, as a global solver
 wants it.
 """
 
@@ -43,7 +43,7 @@ class BodyMesh:
     gravity : (float, float)
         m/s².
     flipped : bool
-        Whether the nodes run from the body's end to its start, as a chain may need it.
+        Whether the nodes run from the body's end to its start, as the order of elimination may need it.
     """
 
     body: Beam

@@ -1,7 +1,8 @@
 """The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` is its fast twin.
 
-Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (method.md, section 1; to rounding those of Exudyn's
-ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|². No rotary inertia.
+Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/recursion/method.md, section 1; to
+rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|².
+No rotary inertia.
 """
 
 from dataclasses import dataclass, replace
@@ -112,7 +113,7 @@ class CableElement:
         return 0.5 * self.damping * (self.EA * (w @ axial**2) + self.EI * (u @ bending**2))  # type: ignore[return-value]
 
     def damping_force(self, q: Array, v: Array) -> Array:
-        """Force that resists the velocities v, the gradient of the dissipation by them, (4, 2)."""
+        """Damping force at the velocities v, the gradient of the dissipation by them, (4, 2)."""
         axial, bending = self._strain_rates(q, v)
         B, w = self.axial_rule
         b = B @ q

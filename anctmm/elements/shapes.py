@@ -1,4 +1,4 @@
-"""Shape functions and their exact integrals, shared by both elements (method, section 1).
+"""Shape functions and their exact integrals, shared by both elements (anctmm/recursion/method.md, section 1).
 
 An element of length l has nodes I and O; ξ = x/l. Its coordinates are the rows of q, each a vector in the plane.
 """
@@ -25,7 +25,7 @@ def hermite(xi: ArrayLike, l: float, order: int = 0) -> Array:  # noqa: E741
     Returns
     -------
     ndarray, shape (m, 4)
-        S1, l S2, S4, l S5 of Rong 2014, eq. 3 (S5 mended: −ξ² + ξ³), or their derivatives.
+        S1, l S2, S4, l S5 of Rong 2014, eq. 3 (S5 corrected: −ξ² + ξ³), or their derivatives.
     """
     x = np.atleast_1d(np.asarray(xi, dtype=float))
     if order == 0:

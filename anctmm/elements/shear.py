@@ -2,7 +2,7 @@
 
 Coordinates q, shape (6, 2): rows r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O. With the centre line c (Hermite) and the
 director d (linear), r(x, y) = c + y d. All Green strains are the dot products of the three vectors
-X = [c', d', d], and the energy per length is a quadratic form of them: method.md, section 1.
+X = [c', d', d], and the energy per length is a quadratic form of them: anctmm/recursion/method.md, section 1.
 """
 
 from dataclasses import dataclass, replace
@@ -108,7 +108,7 @@ class ShearElement:
         return 0.5 * self.damping * np.einsum("p,pk,kl,pl->", w, rates, self.stiffness, rates)  # type: ignore[no-any-return]
 
     def damping_force(self, q: Array, v: Array) -> Array:
-        """Force that resists the velocities v, the gradient of the dissipation by them, (6, 2)."""
+        """Damping force at the velocities v, the gradient of the dissipation by them, (6, 2)."""
         X, rates, w = self._rates(q, v)
         N = np.einsum("pk,kab->pab", self.damping * rates @ self.stiffness, STRAIN_FORMS)
         return np.einsum("p,pai,pab,pbc->ic", w, self.operators[0], N, X)

@@ -2,7 +2,8 @@
 
 Coordinates are stored by component, q[k, node]: k = 0, 1 position, 2, 3 r_x, 4, 5 r_y. Blocks have at most
 BLOCK elements; their forces lie in one flat buffer at constant distances, so that the compiler can prove that stores
-do not overlap and handles several elements in one instruction. Nothing is allocated. Notation: method.md, section 1.
+do not overlap and handles several elements in one instruction. Nothing is allocated. Notation:
+anctmm/recursion/method.md, section 1.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What acts on a scene in time, tabulated for the kernels: turning hubs, forces of time, torques."""
+"""What acts on a scene in time, tabulated for the kernels: driven clamps, forces that vary in time, torques."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -30,7 +30,7 @@ class Hubs(NamedTuple):
     ----------
     nodes : ndarray of int, shape (hubs,)
     of : ndarray of int, shape (2, bodies)
-        Hub at the first and at the last node of each body, or −1.
+        Driven clamp at the first and at the last node of each body, or −1.
     reference : ndarray, shape (hubs, rows)
         Coordinates of the nodes before they turn.
     motion : ndarray, shape (3, hubs, rows)
@@ -68,7 +68,7 @@ class Loads(NamedTuple):
 
 @dataclass(frozen=True)
 class Actuation:
-    """Hubs and varying loads of a scene.
+    """Driven clamps (hubs, in names) and varying loads of a scene.
 
     Parameters
     ----------
@@ -92,11 +92,11 @@ class Actuation:
 
     @property
     def width(self) -> int:
-        """Numbers that the tables of hubs and loads hold for each time."""
+        """Numbers that the tables of driven clamps and loads hold for each time."""
         return 3 * len(self.driven) + 2 * len(varying_loads(self.scene))
 
     def hubs(self) -> Hubs:
-        """Hubs for kernels, with a memory of their own."""
+        """Driven clamps for kernels, with a memory of their own."""
         first, rows, n = self.bodies.first, self.bodies.rows, len(self.driven)
         nodes = np.array([self.bodies.node(*end) for end, _ in self.driven], dtype=np.int64)
         ends = np.stack([first[:-1], first[1:] - 1])
@@ -114,7 +114,7 @@ class Actuation:
         return Loads(nodes, np.array(rows, dtype=np.int64), np.zeros((2, len(loads), 2)))
 
     def hub_table(self, t: Array) -> Array:
-        """Angle, rate and acceleration of each hub at times `t`, (n, hubs, 3)."""
+        """Angle, rate and acceleration of each driven clamp at times `t`, (n, hubs, 3)."""
         tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for _, c in self.driven]  # type: ignore[arg-type]
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
@@ -173,7 +173,7 @@ def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> N
 
 @kernel
 def turn_hubs(hubs: Hubs, drives: Array) -> None:
-    """Motion of the hubs' nodes from angle, rate and acceleration, (hubs, 3)."""
+    """Motion of the driven clamps' nodes from angle, rate and acceleration, (hubs, 3)."""
     for h in range(len(hubs.nodes)):
         c, s = np.cos(drives[h, 0]), np.sin(drives[h, 0])
         w, a = drives[h, 1], drives[h, 2]
@@ -189,7 +189,7 @@ def turn_hubs(hubs: Hubs, drives: Array) -> None:
 
 @kernel
 def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
-    """Give the hubs' nodes the positions and velocities of their motion."""
+    """Give the driven clamps' nodes the positions and velocities of their motion."""
     for h in range(len(hubs.nodes)):
         for k in range(q.shape[0]):
             q[k, hubs.nodes[h]] = hubs.motion[0, h, k]
@@ -198,7 +198,7 @@ def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
 
 @kernel
 def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> None:
-    """Generalized forces that turn the hubs, M a + F_elastic − f of their nodes."""
+    """Generalized forces that turn the driven clamps, M a + F_elastic − f of their nodes."""
     one = len(tables.first) - len(
         tables.kinds
     )  # not a literal, for which the element kernels would be compiled again
@@ -222,7 +222,7 @@ def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> N
 
 @kernel
 def work_done(moving: bool, q: Array, hubs: Hubs, loads: Loads, values: Array) -> float:
-    """Work of hubs and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
+    """Work of driven clamps and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
     work = 0.0
     for h in range(len(hubs.nodes)):
         for k in range(q.shape[0]):

@@ -124,10 +124,10 @@ def start(
     actuation: Actuation,
     damping: Damping | None = None,
 ) -> None:
-    """True accelerations at t = 0, M w = F, from which a starts too; the hubs' are those of their drives."""
+    """True accelerations at t = 0, M w = F, from which a starts too; at driven clamps those of the drives."""
     now = np.zeros(1)
     drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
-    if factors.L.dtype != np.float64:  # here nothing would mend what is rounded
+    if factors.L.dtype != np.float64:  # here nothing would correct what is rounded
         factors = widened(factors)
     _balance(state, tables, links, factors, hubs, loads, drives, values, damping)
     newton.counts[:] = 0, 1, 1
@@ -181,7 +181,8 @@ def advance(
 ) -> int:
     """From step `begin` to step `end`; the step whose Newton iteration failed, or −1.
 
-    The two tables hold the values of hubs, (steps + 1, hubs, 3), and loads, (steps + 1, loads, 2), from `begin` on.
+    The two tables hold the values of driven clamps, (steps + 1, hubs, 3), and of loads, (steps + 1, loads, 2), from
+    `begin` on.
     """
     q, v, _, w, _, _, f, _, _, flat = state
     _, flat_v, flat_a, flat_w, _, flat_before = flat

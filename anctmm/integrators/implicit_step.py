@@ -143,7 +143,7 @@ def velocities_at_end(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def
 
 @inlined
 def add_damping_forces(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no-untyped-def]
-    """External forces at the velocities of `damping`, which resist them."""
+    """External forces and damping forces at the velocities of `damping`."""
     first, blend, kinds, constants, _, buffer = tables
     force = damping.force[0]
     for k in range(f.shape[0]):

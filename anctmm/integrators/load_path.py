@@ -23,14 +23,14 @@ REACH = 0.7
 SMALLEST = 1e-6
 #: Corrections that no longer fall count as rounding below this size.
 ROUNDING = 1e-6
-#: Digits of the displacements below which a rest position is imprecise.
+#: Digits of the displacements below which an equilibrium is imprecise.
 DIGITS = 4.0
 #: Nodes from which on the error of a solve is looked at: it grows with the fourth power of their number.
 MANY = 1_000
 #: Errors of this size are the rounding of coordinates: no digit is lost to them.
 COORDINATES = 1e-13
 COARSER = "rounding grows with the fourth power of the number of elements; a coarser mesh is needed"
-#: Relative error of a solve from which on Newton's iteration may not mend it, and from which on it does not.
+#: Relative error of a solve from which on Newton's iteration may not correct it, and from which on it does not.
 DOUBTFUL, HOPELESS = 0.1, 0.9
 
 

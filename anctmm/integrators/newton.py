@@ -105,7 +105,7 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
 
 @inlined
 def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
-    """Give the hubs' nodes their known positions; w follows, and with it a and v."""
+    """Give the driven clamps' nodes their known positions; w follows, and with it a and v."""
     for h in range(len(nodes)):
         i = nodes[h]
         for k in range(q.shape[0]):

@@ -61,7 +61,7 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
 
 
 def correction_size(chain: Chain, state: State) -> Array:
-    """Largest component of the last correction at each node, positions relative to the chain's length, (nodes,)."""
+    """Largest component of the last correction at each node, positions relative to the scene's length, (nodes,)."""
     x = np.abs(state.loads)
     return np.maximum(x[:, :2].max(axis=1) / chain.length, x[:, 2:].max(axis=1))
 

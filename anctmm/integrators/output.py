@@ -72,7 +72,7 @@ class Record:
         factorizations: int = 1,
         t: Array | None = None,
     ) -> Solution:
-        """The solution with the first `kept` outputs that are sound, at the times of the discretisation or,
+        """The solution with the first `kept` outputs that are valid, at the times of the discretisation or,
         for statics, at the load factors `t`.
         """
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]

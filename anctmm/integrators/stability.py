@@ -25,7 +25,10 @@ DENSE = 400
 
 
 def zhai_limit(psi: float, phi: float) -> float:
-    """Largest stable Δt·ω_max of undamped motion (method.md, section 3): √(2/ψ) for ψ = φ ≥ ½, else none, 0."""
+    """Largest stable Δt·ω_max of undamped motion: √(2/ψ) for ψ = φ ≥ ½, else none, 0.
+
+    See anctmm/recursion/method.md, section 3.
+    """
     return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
 
 

@@ -49,8 +49,8 @@ class Control(NamedTuple):
     """Step control: tolerance, error coefficient, run length (s), outputs, grid spacing (s), least scale (m).
 
     method: αm, αf, β, γ. counts: accepted and rejected steps. load and x: scratch, (rows, nodes). values and angles: of
-    loads and hubs now, a row of their tables. reference: coordinates of the undeformed scene. progress: where the run
-    stands, see `Progress`.
+    loads and driven clamps now, a row of their tables. reference: coordinates of the undeformed scene. progress: where
+    the run stands, see `Progress`.
     """
 
     tolerance: float
@@ -70,7 +70,7 @@ class Control(NamedTuple):
 
 
 class Progress(NamedTuple):
-    """Time reached, scale of displacements (m), step that is wanted, that of the matrix, the last one (0: none), s."""
+    """Time reached, scale of displacements (m), step aimed at, that of the matrix, the last one (0: none), s."""
 
     t: float
     scale: float
@@ -288,7 +288,7 @@ def _size(q, reference):  # type: ignore[no-untyped-def]
 
 @inlined
 def _interpolate(t, spacing, hub_table, load_table, angles, values):  # type: ignore[no-untyped-def]
-    """Angles of the hubs and values of the loads at t: quintic Hermite of θ, θ', θ''; cubic of four neighbours."""
+    """Driven clamps' angles and loads' values at t: quintic Hermite of θ, θ', θ''; cubic of four neighbours."""
     last = len(hub_table) - 1
     i = min(int(t / spacing), max(last - 1, 0))
     x = t / spacing - i

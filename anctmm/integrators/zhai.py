@@ -210,7 +210,8 @@ def advance(
     `block` is None unless there is an angled weld, `damping` unless a material has some, `rigid` unless a body is: only
     the branches that a scene needs are compiled.
 
-    The two tables hold the values of hubs, (steps, hubs, 3), and loads, (steps, loads, 2), from step `begin` on.
+    The two tables hold the values of driven clamps, (steps, hubs, 3), and of loads, (steps, loads, 2), from step
+    `begin` on.
     """
     q, v, f = state.q, state.v, state.f
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step

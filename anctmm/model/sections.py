@@ -1,4 +1,7 @@
-"""Cross-sections: area and even moments about the neutral axis, odd moments zero (method, section 1)."""
+"""Cross-sections: area and even moments about the neutral axis, odd moments zero.
+
+See anctmm/recursion/method.md, section 1.
+"""
 
 from dataclasses import dataclass
 from math import pi

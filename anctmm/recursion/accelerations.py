@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 def by_scalars(
     blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, a
 ):  # type: ignore[no-untyped-def]
-    """Accelerations of a tree without angled welds, and the reactions of its hubs.
+    """Accelerations of a tree without angled welds, and the reactions of its driven clamps.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def _taken(director, c, rx, ry, gx, gy, dx, dy):  # type: ignore[no-untyped-def]
 
 @inlined
 def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
-    """Add to the first element's force on its node O the inertia that the hub's motion of node I brings."""
+    """Add to the first element's force on its node O the inertia that the driven clamp's motion of node I brings."""
     for k in range(motion.shape[2]):
         for n in range(k % 2, motion.shape[2], 2):
             buffer[(6 + k) * BLOCK] += masses[b, 3 + k // 2, n // 2] * motion[2, hub, n]
@@ -201,7 +201,7 @@ def _hold_last(i, motion, reaction, hub, D, a):  # type: ignore[no-untyped-def]
 def by_blocks(
     q: Array, f: Array, tables: Tables, hubs: Hubs, factors: BlockFactors, load: Array, a: Array
 ) -> None:
-    """Accelerations of any scene by full blocks, and the reactions of its hubs; `load`, (rows, nodes), is scratch."""
+    """Accelerations of any scene by full blocks, and reactions of driven clamps; `load`, (rows, nodes), is scratch."""
     first, masses, rows = tables.first, tables.masses, q.shape[0]
     elastic_forces(tables.blend, q, first, tables.kinds, tables.constants, tables.buffer, load)
     for k in range(rows):
@@ -210,7 +210,7 @@ def by_blocks(
     for b in range(len(tables.kinds)):
         for side in range(2):
             hub = hubs.of[side, b]
-            if hub >= 0:  # inertia that the hub's motion puts on the element's other node
+            if hub >= 0:  # inertia that the driven clamp's motion puts on the element's other node
                 other = first[b] + 1 if side == 0 else first[b + 1] - 2
                 for k in range(rows):
                     for n in range(k % 2, rows, 2):

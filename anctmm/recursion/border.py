@@ -1,11 +1,11 @@
-"""Rigid bodies in a chain: elements without stiffness, held in shape by multipliers found with the chain's sweeps.
+"""Rigid bodies: elements without stiffness, held in shape by multipliers found with the recursion's sweeps.
 
 A rigid body has the coordinates r_I, t_I, r_O, t_O of a cable element and five constraints, which leave it three of
 freedom:
 
     (r_O − r_I)/l − t_I = 0,    t_O − t_I = 0,    |t_I|² = 1.
 
-To the recursion it is an element like any other, so that joints, hubs and welds stay as they are, and the mass is
+To the recursion it is an element like any other, so that joints of every kind stay as they are, and the mass is
 factored once; with three coordinates of its own, a bar's position and angle, the mass would turn with it and all
 factors would have to be found anew at each step. With vectors of the plane as complex numbers, x + iy, the first two
 constraints are a constant real matrix J, and a sweep under loads Jᵀz answers Y z, Y = M⁻¹Jᵀ found once. A load λ t_c on

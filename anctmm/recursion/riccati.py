@@ -1,4 +1,4 @@
-"""The Riccati recursion along a chain, compiled (Rong 2014, eqs. 28-35, in the partition P = S δ̈ + e).
+"""The Riccati recursion, compiled (Rong 2014, eqs. 28-35, in the partition P = S δ̈ + e).
 
 At node i the forces transmitted from the inboard side are P = D δ̈ + e, D the condensed mass (or, in a Newton iteration,
 the condensed stiffness) of all that lies inboard: symmetric, never singular, whatever stands at the start. A link

@@ -5,7 +5,7 @@ from inboard to outboard. Vectors of the plane are complex numbers here, x + iy:
 matrix m and a turn by φ is the factor exp(iφ). A node of the shear element has k = 3 components (r, r_x, r_y), one of
 the cable 2.
 
-This is the form to read and to test against. Whoever wants speed uses `riccati`.
+This is the form to read and to test against. For speed there is `riccati`.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ FREE, PINNED, CLAMPED = "free", "pinned", "clamped"
 
 
 def element_transfer(mass: Real, load_I: Complex, load_O: Complex) -> tuple[Complex, Complex]:
-    """U and T of an element, z_O = U z_I + T (Rong 2014, eqs. 17-18, T₂ mended).
+    """U and T of an element, z_O = U z_I + T (Rong 2014, eqs. 17-18, T₂ corrected).
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
     q, f : ndarray, shape (rows, nodes)
         Coordinates and external forces.
     hub : ndarray, shape (rows, nodes), optional
-        Known accelerations of turning hubs; 0 without it.
+        Known accelerations of driven clamps; 0 without it.
 
     Raises
     ------

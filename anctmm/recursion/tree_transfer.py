@@ -4,7 +4,7 @@ The partition at a junction is za = P, zb = δ̈: then S = Σ S_child, e = Σ e_
 2020, 10.1007/s11044-019-09711-2). Along a body it is the one that its inboard end suits, as for a chain (Rong 2014,
 eqs. 28-35). Vectors of the plane are complex numbers, as in `transfer`.
 
-This is the form to read and to test against. Whoever wants speed, or has loops, uses `riccati`.
+This is the form to read and to test against. For speed, and for loops, there is `riccati`.
 """
 
 from dataclasses import dataclass, field

@@ -9,8 +9,8 @@ from anctmm.validation import one_of
 #: What a solver may lack, and what that means. Whoever lacks something says so; asked for it all the same, it answers
 #: with the status "unsupported" or raises an error of `anctmm.errors`.
 FEATURES = {
-    "statics": "rest positions, by `solve_static` beside `solve`",
-    "stability": "the status of a rest position that is not stable says so",
+    "statics": "static equilibria, by `solve_static` beside `solve`",
+    "stability": "the status of an equilibrium that is not stable says so",
     "zhai": "explicit steps",
     "generalized-alpha": "implicit steps",
     "joints": "pins and welds between bodies",
@@ -40,7 +40,7 @@ class Offer:
     element : str
         The one element it uses whatever a discretisation asks for; empty where it uses what is asked.
     limits : mapping of str to str
-        By the element asked for, the continuum its rest positions tend to: "elastica", "reissner" or "director" (see
+        By the element asked for, the continuum its equilibria tend to: "elastica", "reissner" or "director" (see
         `reference.exact`). Elements that are not in it are not asked for in statics.
 
     Raises

@@ -198,7 +198,7 @@ def solution(
     *,
     static: bool = False,
 ) -> Solution:
-    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is sound."""
+    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is valid."""
     fields = {
         name: HermiteField(q, model.scene.body(name).length) for name, q in model.bodies.by_body(kept).items()
     }

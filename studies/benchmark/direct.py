@@ -51,7 +51,7 @@ class Direct:
         return (self.matrix @ x).reshape(load.shape)
 
     def _band(self, elements: Array) -> Array:
-        """Upper band of the joined matrix, as `solveh_banded` wants it."""
+        """Upper band of the joined matrix, as `solveh_banded` takes it."""
         size = self.join.shape[0] * self.join.shape[1]
         at = _places(self.chain.bodies)
         there = elements != 0.0

@@ -47,7 +47,7 @@ ACCELERATIONS, EXPLICIT, IMPLICIT = "accelerations", "explicit step", "implicit 
 
 
 class Parts(NamedTuple):
-    """A chain in a bent state, as kernels want it: coordinates, external forces, accelerations, and the rest."""
+    """A chain in a bent state, as kernels take it: coordinates, external forces, accelerations, and the rest."""
 
     q: Array
     f: Array

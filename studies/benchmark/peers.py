@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 QUADRATURE = "reduced"
 CANTILEVER_SIZES = (8, 32, 128)
 IMPLICIT_DT = 1e-3
-#: Newton's tolerance of ANC-TMM in the like race: of positions relative to the length, of gradients absolute.
+#: Newton's tolerance of ANC-TMM at like settings: of positions relative to the length, of gradients absolute.
 NEWTON_TOLERANCE = 1e-7
 FOUR_BARS: tuple[Mesh, ...] = ((2, 8, 2), (8, 32, 8))
 SUMMED, ELEMENTS = "elastic forces, summed", "element forces"
@@ -49,7 +49,7 @@ OURS, EXUDYN, DENSE, SPARSE = "anctmm", "exudyn-cable", "dense-refactor", "spars
 
 
 def mesh_of(base: BaseScene, mesh: Mesh) -> Any:
-    """A mesh as discretisations want it."""
+    """A mesh as discretisations take it."""
     names = [body.name for body in base.scene.bodies]
     return mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
 

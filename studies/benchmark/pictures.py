@@ -42,7 +42,7 @@ def pictures(tables: Mapping[str, Table], required: Table) -> tuple[Picture, ...
 
 
 def ratios(frame: pd.DataFrame) -> Picture:
-    """Times less than peers, with what is required and strived for."""
+    """Times less than peers, beside what is required and the goal."""
     shown = frame[frame["sense"] == "at least"].reset_index(drop=True)
     colours = {"Exudyn / ANC-TMM, explicit": PALETTE[0], "Exudyn / ANC-TMM, implicit": PALETTE[1]}
 

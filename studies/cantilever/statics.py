@@ -104,7 +104,7 @@ def static_sweep(
 
 
 def limit_of(solver: str, element: str) -> str:
-    """The continuum a solver's rest positions tend to; the element's own, if the solver is not there to say."""
+    """The continuum a solver's equilibria tend to; the element's own, if the solver is not there to say."""
     try:
         limits = registry.offer_of(registry.load(solver)).limits
     except AnctmmError:

@@ -48,7 +48,7 @@ def conform(name: str) -> Iterator[Finding]:
         yield Finding(LOADS, "it can be imported", str(error), "", BROKEN)
         return
     if absent := missing(subject):
-        yield Finding(INSTALLED, "what it stands on is installed", absent, "", NOT_INSTALLED)
+        yield Finding(INSTALLED, "what it needs is installed", absent, "", NOT_INSTALLED)
         yield from (Finding(rule.name, rule.asks, "", "", NOT_RUN) for rule in RULES)
         return
     called = True

@@ -61,7 +61,7 @@ def jointed() -> Scene:
 
 
 def driven() -> Scene:
-    """Turned by a hub, so slowly that it hardly bends."""
+    """Turned by a driven clamp, so slowly that it hardly bends."""
     return Scene("driven bar", (bar(),), (Clamp("bar.start", angle=Quintic(turn=TURN, duration=2.0)),))
 
 
@@ -104,7 +104,7 @@ def turning(scene: Scene) -> Scene:
 
 
 def damping(scene: Scene) -> Scene:
-    """Of a material that resists the rate of its strain."""
+    """Of a damped material: stresses grow with the rate of strain."""
     return replace(
         scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.bodies)
     )
@@ -355,7 +355,7 @@ def _kept_together(found: Solution, places: list[tuple[str, float]]) -> Measure:
 
 
 def drives_drive(s: Subject) -> Measure:
-    """A hub takes the bar along."""
+    """A driven clamp takes the bar along."""
     found = s.motion(driven(), t_end=2.0, output_dt=0.1)
     tip = found.displacement("bar.end")[-1]
     wanted = LENGTH * np.array([cos(TURN) - 1.0, sin(TURN)])

@@ -61,7 +61,7 @@ class Samples:
 def in_turn(
     part: str, samplers: Mapping[str, Sampler], rounds: int, samples: Samples
 ) -> dict[str, list[float]]:
-    """Sample contestants in turn, after one unmeasured round, so that they share the machine's moods.
+    """Sample contestants in turn, after one unmeasured round, so that disturbances meet all alike.
 
     Parameters
     ----------

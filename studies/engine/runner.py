@@ -47,7 +47,7 @@ class Case:
     mesh : tuple of int
         Elements of each body in the scene's order, or one number for all.
     element, quadrature, integrator : str
-        As in Discretisation; `integrator` "static" asks for the rest position.
+        As in Discretisation; `integrator` "static" asks for the static equilibrium.
     dt, t_end, output_dt : float
         s; of no meaning for statics.
     options : tuple of (str, value)
@@ -68,7 +68,7 @@ class Case:
 
     @property
     def by_body(self) -> int | dict[str, int]:
-        """The mesh as the discretisation wants it."""
+        """The mesh as the discretisation takes it."""
         if len(self.mesh) == 1:
             return self.mesh[0]
         names = [body.name for body in self.scene.bodies]
@@ -319,7 +319,7 @@ class Runner:
         except AnctmmError as error:
             return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
         self.computed += 1
-        # Only the first sample's history is wanted; of the others the cost.
+        # Only the first sample's history is needed; of the others the cost.
         return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
 
 

@@ -85,7 +85,7 @@ def failed(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def text(value: Any) -> str:
-    """A cell as a reader wants it: five digits of a float, nothing for a NaN."""
+    """A cell to be read: five digits of a float, nothing for a NaN."""
     if isinstance(value, float):
         return "" if isnan(value) else f"{value:.5g}"
     return str(value)

@@ -54,7 +54,7 @@ def summarise(costs: Sequence[Cost]) -> Timing:
 
 
 def alternate(calls: Mapping[str, Callable[[], Solution]], repeats: int) -> dict[str, list[Solution]]:
-    """Run several contestants in turn, after one unmeasured round, so that they share the machine's moods.
+    """Run several contestants in turn, after one unmeasured round, so that disturbances meet all alike.
 
     Parameters
     ----------

@@ -286,7 +286,7 @@ def _learned(frame: pd.DataFrame, rates: list[tuple[str, float, float]]) -> str:
     )
     return (
         f"Length: the error of the plain product of transfer matrices grows by {said} from element to element and has "
-        f"eaten all digits at {plain['elements'].min()} elements, while Riccati in every partition stays below "
+        f"lost all digits at {plain['elements'].min()} elements, while Riccati in every partition stays below "
         f"{ours['measured'].max():.1e} from 1 to {ours['elements'].max():,} elements, as global sparse LU does "
         f"({sparse['measured'].max():.1e}): it loses nothing with length."
     )

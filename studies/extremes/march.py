@@ -48,7 +48,7 @@ class ChainAt(Chain):
 
 
 def equilibrium(scene: Scene, run: Discretisation, load_steps: int = 1) -> Array:
-    """Coordinates of the rest position under the scene's loads, (rows, nodes)."""
+    """Coordinates of the static equilibrium under the scene's loads, (rows, nodes)."""
     bodies = Chain(scene, run).bodies
     if not scene.loads and scene.gravity == (0.0, 0.0):
         return bodies.reference()
@@ -57,7 +57,7 @@ def equilibrium(scene: Scene, run: Discretisation, load_steps: int = 1) -> Array
         newton_tolerance=1e-12,
     )  # fmt: skip
     if not rest.status.ok:
-        raise np.linalg.LinAlgError(f"no rest position: {rest.status}")
+        raise np.linalg.LinAlgError(f"no static equilibrium: {rest.status}")
     return bodies.flat([rest.fields[m.body.name].coordinates[-1] for m in bodies.meshes])  # type: ignore[attr-defined]
 
 

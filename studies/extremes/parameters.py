@@ -1,4 +1,4 @@
-"""Stiff beside soft, slender, nearly incompressible: rest positions against closed forms, by several roads."""
+"""Stiff beside soft, slender, nearly incompressible: static equilibria against closed forms, by several roads."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -198,7 +198,7 @@ def bars(quick: bool) -> list[Bar]:
 
 
 def parameters(quick: bool, runner: Runner) -> Part:
-    """Rest positions over ratios of stiffness, slendernesses and Poisson's ratios."""
+    """Static equilibria over ratios of stiffness, slendernesses and Poisson's ratios."""
     jobs = [
         Job(f"{b.what} {b.value:g}, {b.element}", {"what": b.what, "value": b.value}, partial(Bar.rows, b))
         for b in bars(quick)

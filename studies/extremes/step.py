@@ -260,7 +260,7 @@ def step(quick: bool, runner: Runner) -> Part:
         "A clamped beam of 1 m at rest under a dead load is disturbed by 1e-10 at random; measured (s): the largest "
         "step with which that does not grow ten-thousandfold in "
         f"{STEPS} steps ({MANY_STEPS} where ψ > ½), by bisection; uncertainty: its relative width.",
-        "omega_max (rad/s): dense eigenvalues of the summed tangents about that rest position, that of the torque "
+        "omega_max (rad/s): dense eigenvalues of the summed tangents about that equilibrium, that of the torque "
         "included; solver_omega_off: how far the solver's own estimate (Lanczos on differences of elastic forces, "
         "without torques) is off.",
         "solver: where other solvers are named, their runs start from the straight beam, pulled at a little askew; "

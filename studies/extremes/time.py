@@ -231,7 +231,7 @@ def time(quick: bool, runner: Runner) -> Part:
         )),
         Table("extremes_joints", "Joints and drive over many steps and turns", _frame(joints), (
             "The four-bar, 2/8/2 elements. gap (m): of the pins' two ends; measured: distance of the crank's "
-            "direction at its hub from the one prescribed; balance: energy error, of the largest kinetic energy.",
+            "direction at its clamp from the one prescribed; balance: energy error, of the largest kinetic energy.",
             "predicted: 0 where positions are prescribed; where only accelerations are, the integrator's own recursion "
             "applied to the drive's acceleration.",
         )),
@@ -291,7 +291,7 @@ def _energy_picture(rows: list[Row]) -> Picture:
     steps = max((row["steps"] for row in whole), default=0)
     caption = (
         f"Energy error over {steps:,} steps (largest so far). Explicit steps of a small swing keep their energy; a "
-        "wild one gathers errors, the fewer the shorter the steps; ρ∞ < 1 takes energy by design."
+        "wild one accumulates errors, the fewer the shorter the steps; ρ∞ < 1 takes energy by design."
     )
     return picture("extremes_energy", caption, draw, (7.6, 4.4))
 

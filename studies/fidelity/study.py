@@ -26,7 +26,7 @@ from studies.scenes import BaseScene, cantilever_fall, four_bar
 
 #: Kinds from the richest to the poorest.
 KINDS = ("shear", "cable", "rigid")
-#: Modelling errors that somebody may wish.
+#: Target errors of a model.
 WISHES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 #: Part of the stability limit that a run takes.
 MARGIN = 0.9
@@ -110,7 +110,7 @@ def run(options: Options, runner: Runner) -> Result:
         Table("accuracy", "Every choice of kinds by body: distance to the richest model", frame, _notes()),
         cpu_time([r for s in studied for r in s.rows], PHYSICS),
         Table(
-            "cheapest", "The cheapest model under a wished modelling error", cheapest,
+            "cheapest", "The cheapest model under a target modelling error", cheapest,
             _cheapest_notes(),
         ),
         Table("rule", "A rule of thumb beside what was measured", rules, _rule_notes()),
@@ -187,7 +187,7 @@ def step_under(base: BaseScene, limit: float) -> float:
 
 
 def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:
-    """For each scene and wish the cheapest combination that fulfils it."""
+    """For each scene and target error the cheapest combination that meets it."""
     lines = []
     for scene, runs in frame.groupby("scene", sort=False):
         richest = runs.iloc[0]
@@ -339,7 +339,7 @@ def _findings(cheapest: pd.DataFrame, rules: pd.DataFrame, absent: pd.DataFrame)
             f"down to {r['wish']:g} {r['element']} ({_gain(r['gain'])}, off by {r['error']:.2g})"
             for r in found.to_dict("records")
         )
-        yield f"{scene}, cheapest kinds under a wished modelling error: {said or 'none on these meshes'}."
+        yield f"{scene}, cheapest kinds under a target modelling error: {said or 'none on these meshes'}."
     known = rules[rules["verdict"] != UNKNOWN]
     good = known[known["verdict"].str.startswith("agrees")]
     yield (

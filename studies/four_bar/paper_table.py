@@ -153,7 +153,7 @@ def _notes(stretch: float) -> tuple[str, ...]:
         "ratio_per_step and ratio_full: the dense solver's time over this row's. The paper publishes "
         "838.51 s against 107.25 s, a ratio of 7.8, for a run whose length, step and drive are not printed.",
         "Exudyn has no planar shear-deformable ANCF element: its row is of cable elements, against the "
-        "cable's own reference, and so is no like-for-like race.",
+        "cable's own reference, and so is no like-for-like comparison.",
         "error: of the whole run against the reference of the same element; the dense solver's is its sparse "
         "twin's, from which it differs by rounding only.",
     )

@@ -150,7 +150,7 @@ def run(options: Options, runner: Runner) -> Result:
 def films(swept: Sweep) -> tuple[Film, ...]:
     """The motion, and behind it that of the paper's element on its mesh."""
     caption = (
-        "Crank, soft coupler and follower; the hub turns once in 2 s. Behind: the paper's second-order elements on its "
+        "Soft coupler, follower and a crank that turns once in 2 s; behind, the paper's second-order elements on its "
         "mesh, by the error that the tables give them."
     )
     reference = swept.references.get("cable") or next(iter(swept.references.values()), None)

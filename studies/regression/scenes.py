@@ -35,7 +35,7 @@ class CheckError(AnctmmError, ValueError):
 
 @dataclass(frozen=True)
 class Static:
-    """A rest position as a history over the load factor.
+    """A static equilibrium as a history over the load factor.
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class Static:
 
     @property
     def discretisation(self) -> Discretisation:
-        """What a static solver wants to know; raises what Discretisation raises."""
+        """What a static solver needs to know; raises what Discretisation raises."""
         return Discretisation(
             mesh=self.mesh,
             element=self.element,
@@ -164,7 +164,7 @@ class Task:
 
     @property
     def times(self) -> NDArray[np.float64]:
-        """When samples are wanted: s, or load factors."""
+        """When samples are taken: s, or load factors."""
         run = self.run
         if isinstance(run, Static):
             return np.arange(run.load_steps + 1) / run.load_steps

@@ -51,7 +51,7 @@ LOAD_STEPS = "iteration (twice the load steps)"
 #: statics 1e-10, which is taken as the least one iteration leaves.
 EXUDYN = {"tolerances": (1e-6, 1e-7)}
 EXUDYN_STATIC = 1e-10
-#: Least margin of a count: where an iteration stops may hang on a rounding here and there.
+#: Least margin of a count: where an iteration stops may depend on a rounding here and there.
 LEAST_MARGIN = 2
 OPTIONS = {"exudyn-cable": EXUDYN, "exudyn-reissner": EXUDYN}
 
@@ -91,7 +91,7 @@ def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
 def measured(task: Task, history: History) -> Baseline:
     """A history with the tolerance of every quantity, and how far counts of the work may lie from it.
 
-    What the end of a run names that hangs on rounding, such as one of two elements alike, is left out.
+    What the end of a run names that depends on rounding, such as one of two elements alike, is left out.
 
     Raises
     ------

@@ -21,14 +21,14 @@ Array = NDArray[np.float64]
 #: Numbers of pieces tried for a body, and the part of the picture's size that its axis may be wrong by.
 PIECES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
 SMOOTH = 1e-3
-#: Most pictures of a film: what lies between is interpolated.
+#: Most pictures of an animation: what lies between is interpolated.
 FRAMES = 61
 #: Whole numbers across the picture.
 GRAIN = 2000
 
 
 def film(title: str, caption: str, layers: Mapping[str, Solution]) -> Film | None:
-    """A film of solutions of one scene; None if none of them is whole.
+    """An animation of solutions of one scene; None if none of them is whole.
 
     Parameters
     ----------

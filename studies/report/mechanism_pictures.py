@@ -44,23 +44,23 @@ def axis_at(solution: Solution, body: str, index: int) -> tuple[Array, Array]:
 
 
 def crank_angle(solution: Solution) -> Picture:
-    """Fig. 5: the crank's angle and what its bending adds to the hub's."""
+    """Fig. 5: the crank's angle and what its bending adds to the clamp's."""
     angle, (driven, _, _) = chord_angle(solution, "crank"), CRANK_TURN(solution.t)
 
     def draw(figure: Figure) -> None:
         left, right = figure.subplots(1, 2)
         left.plot(solution.t, np.degrees(angle), color=PALETTE[0], linewidth=2.2, label="crank's chord")
         left.plot(
-            solution.t, np.degrees(driven), color=INK, linestyle=(0, (4, 2)), linewidth=1, label="hub θ(t)"
+            solution.t, np.degrees(driven), color=INK, linestyle=(0, (4, 2)), linewidth=1, label="clamp θ(t)"
         )
         left.set(xlabel="time (s)", ylabel="angle (°)", title="Crank angle", yticks=range(0, 361, 90))
         left.legend(loc="upper left")
         right.plot(solution.t, 1e3 * (angle - driven), color=PALETTE[0])
-        right.set(xlabel="time (s)", ylabel="chord − hub (mrad)", title="What the crank's bending adds")
+        right.set(xlabel="time (s)", ylabel="chord − clamp (mrad)", title="What the crank's bending adds")
 
     caption = (
-        "Crank angle over time (Fig. 5 of the paper, which does not print its drive: the hub's history here "
-        "is an assumption). Right: the angle of the crank's chord less that of its hub."
+        "Crank angle over time (Fig. 5 of the paper, which does not print its drive: the clamp's history here "
+        "is an assumption). Right: the angle of the crank's chord less that of its clamp."
     )
     return picture("crank_angle", caption, draw, (7.2, 3.2))
 

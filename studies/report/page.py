@@ -22,7 +22,7 @@ FIRST = ("trade", "agreement")
 ADVICE = ("trade", "advice")
 #: What `anctmm bench` may have left beside the page.
 BENCH = "bench/requirements.md"
-#: Columns whose name wants a unit or a symbol.
+#: Columns whose name needs a unit or a symbol.
 LABELS = {
     "cpu_s": "CPU time (s)",
     "cpu_ms": "CPU time (ms)",
@@ -32,6 +32,8 @@ LABELS = {
     "dt": "Δt (s)",
     "t": "t (s)",
     "t_end": "t end (s)",
+    "wished_error": "target error",
+    "wish": "target error",
 }
 #: Tables with no more rows and columns are open.
 SHORT, NARROW = 12, 10
@@ -86,7 +88,7 @@ def columns(table: Table) -> list[tuple[str, bool]]:
 
 
 def bodies(film: Film) -> int:
-    """Number of all bodies of all layers of a film."""
+    """Number of all bodies of all layers of an animation."""
     return sum(map(len, json.loads(film.data)["layers"]))
 
 

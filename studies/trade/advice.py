@@ -1,4 +1,4 @@
-"""What the page begins with: for each scene and wished error the setting to take, and why."""
+"""What the page begins with: for each scene and target error the setting to take, and why."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -23,7 +23,7 @@ PARTS = {
 
 
 def advice(best: pd.DataFrame, rivals: pd.DataFrame) -> Table:
-    """The recommended settings as a reader wants them, with the reason.
+    """The recommended settings to be read, with the reason.
 
     Parameters
     ----------
@@ -32,14 +32,14 @@ def advice(best: pd.DataFrame, rivals: pd.DataFrame) -> Table:
     """
     notes = (
         "The cheapest measured setting that surely meets the error: its own and its reference's uncertainty together "
-        "are below the wish. Elements as 2/6/2 are those of crank, coupler and follower; a step may be driven by an "
+        "are below the target. Elements as 2/6/2 are those of crank, coupler and follower; a step may be driven by an "
         "error's tolerance instead.",
         "Why: where its error comes from, which says what to refine next, and how many times more the cheapest of "
         "other kinds cost for that error: other steps or elements of the same solver, other solvers.",
         "`anctmm recommend SCENE --error E` prints the script that runs it, and its runners-up.",
     )
     return Table(
-        "advice", "What to take for a wished error, and why", pd.DataFrame(_rows(best, rivals)), notes
+        "advice", "What to take for a target error, and why", pd.DataFrame(_rows(best, rivals)), notes
     )
 
 

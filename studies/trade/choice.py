@@ -21,7 +21,7 @@ def kinds_of(points: pd.DataFrame) -> pd.Series:
 
 
 def reaching(points: pd.DataFrame, wish: float) -> pd.DataFrame:
-    """Rows that surely have no larger error than wished: with their reference's uncertainty added; cheapest first."""
+    """Rows that surely meet a target error: with their reference's uncertainty added; cheapest first."""
     sure = points["error"] + points["reference_error"] <= wish
     return points[sure & (points["cpu_s"] > 0.0)].sort_values("cpu_s", kind="stable")
 

@@ -1,4 +1,4 @@
-"""The cheapest measured setting for a wished error, or the best within a budget: chosen from the trade's table."""
+"""The cheapest measured setting for a target error, or the best within a budget: chosen from the trade's table."""
 
 from collections.abc import Mapping
 from contextlib import redirect_stdout
@@ -22,7 +22,7 @@ from studies.trade.snippet import snippet
 
 #: Runs of a rerun; its time is their median.
 REPEATS = 3
-#: A rerun without a wish that was met must give the measured error to this factor: it is the same computation.
+#: A rerun without a target error that was met must give the measured error to this factor: it is the same computation.
 SAME = 1.01
 NEEDED = {
     "points": ("scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance",
@@ -33,7 +33,7 @@ NEEDED = {
 
 
 class RecommendError(AnctmmError, ValueError):
-    """A wish, a scene or a table cannot be used."""
+    """A target error, a scene or a table cannot be used."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,9 @@ class Choice:
     runners_up : DataFrame
         The cheapest of other kinds, with their cost over the chosen one's, "ratio".
     reached : bool
-        Whether the wish is met.
+        Whether the target error is met.
     remarks : tuple of str
-        What to know of it: why the wish is not met, or that it is met with luck.
+        What to know of it: why the target error is not met, or that it is met by chance.
     """
 
     line: Mapping[Any, Any]
@@ -114,7 +114,7 @@ def of_result(result: Result) -> Measured:
 
 
 def models_apart(measured: Measured, scene: str, error: float | None) -> str:
-    """A warning where the wish is finer than the distance of the two models; empty where it is not."""
+    """A warning where the target error is smaller than the distance of the two models; empty where it is not."""
     known = measured.references[measured.references["scene"] == scene]["from_cable"].max()
     if error is None or not known > error:
         return ""
@@ -135,7 +135,7 @@ def choose(
         Of the trade.
     scene : str
     error : float, optional
-        Wished; met by a setting whose error and whose reference's uncertainty together are no larger.
+        Target; met by a setting whose error and whose reference's uncertainty together are no larger.
     budget_s : float, optional
         CPU time, s.
     element : str, optional
@@ -234,7 +234,7 @@ def case_of(line: Mapping[Any, Any]) -> Case:
     base = base_of(str(line["scene"]))
     options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
     dt = float(line["dt"])
-    # a table keeps nine digits; a run of a million steps wants them all
+    # a table keeps nine digits; a run of a million steps needs them all
     step = base.output_dt / round(base.output_dt / dt) if dt > 0 else dt
     return Case(
         base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
@@ -258,9 +258,9 @@ def rerun(line: Mapping[Any, Any], histories: pd.DataFrame, error: float | None,
     histories : DataFrame
         Of the references.
     error : float or None
-        Wished.
+        Target.
     met : bool
-        Whether the table says that the wish is met; else the measured error has to come again.
+        Whether the table says that the target error is met; else the measured error has to come again.
     """
     text, found = compile(script(line), "<recommended>", "exec"), []
     with undisturbed():

@@ -57,7 +57,7 @@ def show_script(script: str, console: Console) -> None:
 def show_rerun(again: Rerun, choice: Choice, wish: float | None, console: Console) -> None:
     """Print what running the script again gave."""
     goal = (
-        f"the wish {wish:g}"
+        f"the target error {wish:g}"
         if wish is not None and choice.reached
         else f"the table's {choice.line['error']:.2g}"
     )

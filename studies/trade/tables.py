@@ -1,4 +1,4 @@
-"""Tables and sentences of the trade: what to take for a wished error, and why."""
+"""Tables and sentences of the trade: what to take for a target error, and why."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from studies.scenes import BaseScene
 from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
 from studies.trade.plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
 
-#: Errors that a reader may wish, and the one that sentences speak of.
+#: Target errors, and the one that sentences speak of.
 WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
 WISH = 1e-3
 #: What was found with a recommended setting.
@@ -59,7 +59,7 @@ def notes() -> tuple[str, ...]:
 
 
 def recommended(points: pd.DataFrame) -> Table:
-    """The cheapest measured setting for each scene and wished error, or the nearest if none reaches it."""
+    """The cheapest measured setting for each scene and target error, or the nearest if none reaches it."""
     rows = []
     for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
         for wish in WISHES:
@@ -76,14 +76,14 @@ def recommended(points: pd.DataFrame) -> Table:
                 about | {k: line[k] for k in FOUND} | {"status": status} | {k: line[k] for k in SETTING}
             )
     said = (
-        "The cheapest measured setting whose error and its reference's uncertainty together are below the wish. "
+        "The cheapest measured setting whose error and its reference's uncertainty together are below the target. "
         "`anctmm recommend` prints the script that runs it.",
     )
-    return Table("recommended", "What to take for a wished error", pd.DataFrame(rows), said)
+    return Table("recommended", "What to take for a target error", pd.DataFrame(rows), said)
 
 
 def by_rival(points: pd.DataFrame) -> Table:
-    """The cheapest setting of each kind (solver, element, how it steps) for each scene and wished error."""
+    """The cheapest setting of each kind (solver, element, how it steps) for each scene and target error."""
     points = points.assign(stepping=stepping(points))
     rows = []
     for scene, mine in points.groupby("scene", sort=False):
@@ -175,7 +175,7 @@ def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
 
 def _against(rivals: pd.DataFrame, wish: float) -> str:
     """How much more the other kinds cost, as a range over the scenes."""
-    # the cheapest itself, of ratio 1, is no rival
+    # the cheapest itself, of ratio 1, is none of the others
     sound = rivals[(rivals["wished_error"] == wish) & (rivals["status"] == "ok") & (rivals["ratio"] > 1.0)]
     own = sound["solver"] == "anctmm"
     kinds = {

@@ -551,7 +551,7 @@ def test_a_users_own_project(project):
     code, said = command(*run, "--update")
     assert (code, "1 renewed" in said) == (0, True)
     assert command(*run)[0] == 0
-    assert not (folder / "bar--rest--anctmm.svg").exists()  # an old picture of a mended difference
+    assert not (folder / "bar--rest--anctmm.svg").exists()  # an old picture of a difference that is gone
 
 
 @pytest.mark.parametrize(

@@ -330,7 +330,7 @@ ARGUMENTS = {
     "recommend nothing": (["recommend"], 2, ["Missing argument"]),
     "recommend for nobody": (["recommend", "five-bar", "--error", "1e-3"], 2, ["'five-bar'"]),
     "recommend for an empty name": (["recommend", "", "--error", "1e-3"], 2, ["''"]),
-    "recommend without a wish": (["recommend", "four-bar"], 2, ["--error and --budget"]),
+    "recommend without a target": (["recommend", "four-bar"], 2, ["--error and --budget"]),
     "recommend for a word": (["recommend", "four-bar", "--error", "small"], 2, ["'small'"]),
     "recommend for 0": (["recommend", "four-bar", "--error", "0"], 2, ["'0'"]),
     "recommend for less": (["recommend", "four-bar", "--error=-1"], 2, ["'-1'"]),

@@ -190,7 +190,7 @@ def test_advice_gives_setting_cost_and_reason():
 
 def test_what_a_reader_needs_stands_in_order(results, folder):
     text = (folder / "index.html").read_text()
-    wanted = ['id="answers"', "What to take for a wished error, and why", 'id="scenes"', 'id="trade"', 'id="agreement"',
+    wanted = ['id="answers"', "What to take for a target error, and why", 'id="scenes"', 'id="trade"', 'id="agreement"',
               'id="four-bar"', 'id="cantilever"', 'id="another"', 'id="provenance"', 'id="machine"']  # fmt: skip
     places = [text.index(w) for w in wanted]
     assert places == sorted(places)
@@ -217,7 +217,7 @@ def test_nothing_is_loaded_from_elsewhere(folder):
 
 
 def test_names_are_for_people():
-    assert [label(n) for n in ("cpu_s", "wished_error", "dt")] == ["CPU time (s)", "wished error", "Δt (s)"]
+    assert [label(n) for n in ("cpu_s", "wished_error", "dt")] == ["CPU time (s)", "target error", "Δt (s)"]
     assert str(prose("`a<b` & c")) == "<code>a&lt;b</code> &amp; c"
 
 

@@ -184,7 +184,7 @@ def test_the_command_prints_setting_cost_runners_up_and_a_script_that_runs(resul
         f"Recommended: {setting_of(chosen.line)}",
         f"expected {milliseconds(chosen.line['cpu_s'])} of CPU time; error {chosen.line['error']:.2g}",
         "Runners-up, the cheapest of each kind",
-        "meets the wish 0.001",
+        "meets the target error 0.001",
     ):
         assert part in said
     script = said[said.index("import anctmm") : said.index("Rerun of this script")]
