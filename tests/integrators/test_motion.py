@@ -375,7 +375,7 @@ def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integr
 @every_integrator
 @every_kind
 def test_work_of_the_first_steps_is_that_of_the_global_equations(kind, integrator):
-    """A bar that flies into a moment which is there at once, on a hub that moves at once."""
+    """A bar that flies into a moment which is there at once, on a driven clamp that moves at once."""
     scene = bar(
         [Clamp("bar.start", lambda t: (sin(t), cos(t), -sin(t)))],
         [Torque("bar.end", lambda t: 1.0 + 1e3 * t)],

@@ -222,7 +222,7 @@ def test_every_road_to_the_accelerations_is_the_direct_solve(kind, start, end, l
 @every_kind
 @pytest.mark.parametrize(("start", "end"), [("clamp", "free"), ("free", "clamp"), ("clamp", "clamp")])
 def test_ends_with_known_accelerations(kind, start, end):
-    """A hub that turns at either end or both: what it brings to the others is −M times its acceleration."""
+    """A driven clamp at either end or both: what it brings to the others is −M times its acceleration."""
     chain = chain_of(row_scene(start, [("pin", 0.5)], end), mesh=2, element=kind)
     q, f, _ = problem(chain)
     known = np.random.default_rng(3).standard_normal(q.shape) / scales(chain) * 100.0
