@@ -131,16 +131,15 @@ def loops(chain: Chain, branches: Branches) -> Loops | None:
             ports.append((step.to, (1.0, 0.0)))  # the weld there has turned all to its frame
             current = -1
     table, size = _unknowns(chain, [kept for kept, _ in ports])
-    ends = [(int(p), int(q)) for p, q in zip(end, start, strict=True) if p >= 0 and q >= 0]
+    ends = np.stack([end, start])[:, (end >= 0) & (start >= 0)]
     used = _pairs(table, ends)
     table = np.where(table >= 0, _order(size, used)[table], -1)
     matrix = _sparse(size, _pairs(table, ends))
-    own = np.stack([matrix_places(matrix, row, row) for row in table])
+    own = matrix_places(matrix, table, table)
     own[table[:, :, None] > table[:, None, :]] = -1  # each entry once
     cross = np.full_like(own, -1)
-    for p, q in ends:
-        cross[p] = matrix_places(matrix, table[p], table[q])
-    W = np.stack([_turned(row, turn) for row, (_, turn) in zip(table, ports, strict=True)])
+    cross[ends[0]] = matrix_places(matrix, *table[ends])
+    W = _turns(table, np.array([turn for _, turn in ports]).reshape(-1, 2))
     return Loops(
         np.zeros((nodes, d * d)), begin, end, start, table, W, own, cross, matrix,
         np.zeros(size), np.zeros(d), *np.zeros((3, d, d)),
@@ -168,19 +167,20 @@ def _unknowns(chain: Chain, ports: list[Kept]) -> tuple[Ints, int]:
     return table, size
 
 
-def _turned(unknowns: Ints, turn: tuple[float, float]) -> Array:
-    """W of a port."""
-    c, s = turn
-    W = np.kron(np.eye(len(unknowns) // 2), [[c, -s], [s, c]])
-    W[:2, :2] = np.eye(2)
-    shared = unknowns >= 0
-    return np.where(np.outer(shared, shared), W, 0.0)
+def _turns(table: Ints, turns: Array) -> Array:
+    """W of each port, (ports, d, d), from cosine and sine of the turns, (ports, 2)."""
+    W = np.zeros((*table.shape, table.shape[1]))
+    W[:, 0, 0] = W[:, 1, 1] = 1.0
+    for k in range(2, table.shape[1], 2):
+        W[:, k, k] = W[:, k + 1, k + 1] = turns[:, 0]
+        W[:, k, k + 1], W[:, k + 1, k] = -turns[:, 1], turns[:, 1]
+    return np.where((table[:, :, None] >= 0) & (table[:, None, :] >= 0), W, 0.0)
 
 
-def _pairs(table: Ints, ends: list[tuple[int, int]]) -> Ints:
+def _pairs(table: Ints, ends: Ints) -> Ints:
     """Pairs of kept unknowns that a stretch or an end couples, (2, pairs)."""
-    coupled = [(row, row) for row in table] + [(table[p], table[q]) for p, q in ends]
-    pairs = np.concatenate([np.stack(np.meshgrid(a, b)).reshape(2, -1) for a, b in coupled], axis=1)
+    one, two = np.concatenate([table, table[ends[0]]]), np.concatenate([table, table[ends[1]]])
+    pairs = np.stack(np.broadcast_arrays(one[:, :, None], two[:, None, :])).reshape(2, -1)
     return pairs[:, (pairs >= 0).all(axis=0)]
 
 
@@ -224,10 +224,10 @@ def _sparse(size: int, pairs: Ints) -> Sparse:
 
 
 def matrix_places(matrix: Sparse, rows: Ints, columns: Ints) -> Ints:
-    """Where the entries of M between unknowns stand in its values, (rows, columns); −1 where one is none."""
+    """Where the entries of M between each `rows` and `columns`, (n, d), stand in its values, (n, d, d); −1 for none."""
     size = len(matrix.D)
     entries = np.repeat(np.arange(size), np.diff(matrix.above)) * size + matrix.above_row
-    one, two = np.meshgrid(rows, columns, indexing="ij")
+    one, two = rows[:, :, None], columns[:, None, :]
     places = np.searchsorted(entries, np.maximum(one, two) * size + np.minimum(one, two))
     return np.where((one >= 0) & (two >= 0), places, -1)
 

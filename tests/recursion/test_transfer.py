@@ -1,17 +1,26 @@
 """Transfer matrices and the Riccati recursion against the equation of motion and a direct sparse solve."""
 
 import itertools
-from math import pi, sqrt
+from math import pi
 
 import numpy as np
 import pytest
+from direct import (
+    HEIGHT,
+    by_split,
+    direct,
+    elastic,
+    elements_of,
+    error,
+    mass_of,
+    scales,
+    stiffness_of,
+    torque_stiffness,
+)
 from numpy.testing import assert_array_equal
 from samples import INTEGRATORS, KINDS, SOFT, SQUARE, SUPPORTS, chain_of, deformed, row_scene
 from scipy.linalg import eigvals
-from scipy.sparse import csc_array, diags_array
-from scipy.sparse.linalg import spsolve
 
-from anctmm.discretise.assembly import elastic_forces
 from anctmm.discretise.chain import Joined
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
@@ -20,8 +29,7 @@ from anctmm.forces.actuation import Actuation, Loads
 from anctmm.jit.compiling import kernel
 from anctmm.jit.mixed_precision import in_double
 from anctmm.model.scene import Beam, Scene, Torque, Weld
-from anctmm.recursion.accelerations import by_scalars
-from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve, split_factors
+from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
 from anctmm.recursion.transfer import (
     accelerations_plain,
     accelerations_riccati,
@@ -31,7 +39,6 @@ from anctmm.recursion.transfer import (
     weld_transfer,
 )
 
-HEIGHT = sqrt(12.0 * SQUARE.second_moment / SQUARE.area)
 LAYOUTS = {
     "one body": [],
     "pin": [("pin", 1.0)],
@@ -45,81 +52,11 @@ every_support = pytest.mark.parametrize(("start", "end"), list(itertools.product
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
 
-def scales(chain):
-    """Size of what moves a point by one unit, per component: gradients count times their lever arm."""
-    s = np.ones((chain.bodies.rows, chain.bodies.nodes))
-    s[2:4] = np.concatenate([np.full(m.nodes, m.element.l) for m in chain.bodies.meshes])
-    s[4:] = HEIGHT / 2
-    return s
-
-
-def elastic(chain, q):
-    b, f = chain.bodies, np.empty_like(q)
-    elastic_forces(b.blend, q, b.first, b.kinds, b.constants, b.buffer(), f)
-    return f
-
-
-def assembled(chain, blocks):
-    """Sparse matrix of all nodes, joints apart, from a matrix (2k, 2, 2k, 2) of each element."""
-    index = np.arange(chain.bodies.rows * chain.bodies.nodes).reshape(chain.bodies.rows, -1)
-    rows, columns, values = [], [], []
-    for i, block in blocks:
-        k = block.shape[0] // 2
-        at = np.concatenate([index[: 2 * k, i], index[: 2 * k, i + 1]])
-        rows.append(np.repeat(at, 4 * k))
-        columns.append(np.tile(at, 4 * k))
-        values.append(block.ravel())
-    places = (np.concatenate(rows), np.concatenate(columns))
-    return csc_array((np.concatenate(values), places), shape=(index.size, index.size))
-
-
-def elements_of(chain):
-    """Mesh and first node of each element."""
-    for b, mesh in enumerate(chain.bodies.meshes):
-        for i in range(chain.bodies.first[b], chain.bodies.first[b + 1] - 1):
-            yield mesh, i
-
-
-def mass_of(chain):
-    return assembled(
-        chain, [(i, np.einsum("ij,cd->icjd", m.element.mass, np.eye(2))) for m, i in elements_of(chain)]
-    )
-
-
-def stiffness_of(chain, q):
-    def tangent(mesh, i):
-        return mesh.element.tangent(q[: 2 * mesh.vectors, i : i + 2].T.reshape(-1, 2))
-
-    return assembled(chain, [(i, tangent(m, i)) for m, i in elements_of(chain)])
-
-
-def direct(chain, matrix, load):
-    """Unknowns of all nodes by a sparse solve of the joined system, equilibrated."""
-    T = Joined(chain).matrix
-    A = (T.T @ matrix @ T).tocsc()
-    s = 1.0 / np.sqrt(np.abs(A.diagonal()))
-    x = s * spsolve((diags_array(s) @ A @ diags_array(s)).tocsc(), s * (T.T @ load.ravel()))
-    return (T @ np.atleast_1d(x)).reshape(load.shape)
-
-
 def real(a):
     """Components from a readable method's complex vectors."""
     out = np.empty((2 * len(a), a.shape[1]))
     out[::2], out[1::2] = a.real, a.imag
     return out
-
-
-def by_split(chain, q, f):
-    a = np.empty_like(q)
-    t, hubs = chain.bodies.tables(), Actuation(chain.scene, chain.bodies).hubs()
-    bodies = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-    by_scalars(t.blend, q, f, *bodies, hubs.of, hubs.motion, hubs.reaction, *split_factors(chain), a)
-    return a
-
-
-def error(chain, a, exact):
-    s = scales(chain)
-    return np.abs((a - exact) * s).max() / np.abs(exact * s).max()
 
 
 def problem(chain, amount=0.05):
@@ -340,19 +277,6 @@ def test_rows_are_read_in_double_precision(kind, reader):
     if kind is np.float32:
         copied[1, :12] = out
     assert_array_equal(wide, copied)
-
-
-def torque_stiffness(chain, q):
-    """Derivative of −M (−g_y, g_x)/|g|² by g for each torque, by a complex step."""
-    matrix = np.zeros((q.size, q.size))
-    for torque in chain.scene.loads:
-        body, side = chain.scene.body_end(torque.end)
-        row, node = chain.bodies.turning_row(body.name), chain.bodies.node(body.name, side)
-        at = np.array([row, row + 1]) * chain.bodies.nodes + node
-        for i, step in enumerate(1e-30j * np.eye(2)):
-            x, y = q[row : row + 2, node] + step
-            matrix[at, at[i]] -= (torque.value * np.array([-y, x]) / (x * x + y * y)).imag / 1e-30
-    return csc_array(matrix)
 
 
 @pytest.mark.parametrize("kinds", list(itertools.product(KINDS, KINDS)), ids="-".join)

@@ -1,0 +1,235 @@
+"""Random trees and loops: order, direction, root and cuts of bodies do not matter; what floats keeps its momentum."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from direct import mass_of, stiffness_of
+from graphs import binary_tree, grid, ladder, polygon
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from odd_graphs import ODD
+from random_graphs import Kinds, random_graph
+from scipy.linalg import eigh
+
+import anctmm as at
+from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.integrators.stability import highest_frequency
+from reference import global_dae
+
+#: How far rounding, or what Newton's iteration leaves, may lead two equal runs of 40 or 10 steps apart, relative.
+ROUNDING = {"zhai": 1e-11, "generalized-alpha": 1e-9}
+LIMITED = (
+    "two bodies side by side, pin, free",
+    "K4, weld, free",
+    "K4, pin, clamped",
+    "three welded pairs and a hinged rim",
+    "square with a tail, weld, driven",
+)
+every_integrator = pytest.mark.parametrize("integrator", ROUNDING)
+
+
+def stepped(scene, run, integrator):
+    """A short run with a quarter of the stable step, or with Newton's iterations."""
+    if integrator == "zhai":
+        dt = min(0.5 / max(highest_frequency(Chain(scene, run)), 1.0), 1e-3)
+        return Discretisation(run.mesh, run.element, integrator=integrator, dt=dt, t_end=40 * dt)
+    return Discretisation(run.mesh, run.element, dt=1e-3, t_end=1e-2, newton_tolerance=1e-12)
+
+
+def places(solution, names, turned=()):
+    return np.stack([
+        solution.displacement((n, 1.0 - s if n in turned else s)) for n in names for s in (0.0, 0.3, 1.0)
+    ])  # fmt: skip
+
+
+def same(one, two, integrator, turned=(), names=None):
+    names = names or [b.name for b in one.scene.bodies]
+    assert (one.status.ok, two.status.ok) == (True, True)
+    first, second = places(one, names), places(two, names, turned)
+    assert np.abs(first - second).max() < ROUNDING[integrator] * max(1e-3, np.abs(first).max())
+
+
+def renamed(scene, name):
+    """Joints and loads of a scene at ends of other names."""
+
+    def joint(j):
+        if isinstance(j, at.Clamp):
+            return at.Clamp(name(j.end), j.angle)
+        return type(j)(*map(name, j.ends), grounded=j.grounded)
+
+    return [joint(j) for j in scene.joints], [replace(f, end=name(f.end)) for f in scene.loads]
+
+
+def backwards(body):
+    velocity = body.velocity and (lambda s: body.velocity(1.0 - s))
+    return replace(body, start=body.end, end=body.start, velocity=velocity)
+
+
+@every_integrator
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10**6))
+def test_order_direction_and_root_do_not_matter(integrator, seed):
+    """Another order of bodies is another root, and other junctions that are kept."""
+    scene, run = random_graph(seed, Kinds(bodies=(2, 12)))
+    run, rng = stepped(scene, run, integrator), np.random.default_rng(seed)
+    turned = {b.name for b in scene.bodies if rng.random() < 0.5}
+
+    def name(end):
+        body, side = end.split(".")
+        return f"{body}.{'end' if (side == 'start') == (body in turned) else 'start'}"
+
+    joints, loads = renamed(scene, name)
+    bodies = [backwards(b) if b.name in turned else b for b in scene.bodies]
+    bodies, joints, loads = (
+        [things[i] for i in rng.permutation(len(things))] for things in (bodies, joints, loads)
+    )
+    other = replace(scene, bodies=bodies, joints=joints, loads=loads)
+    same(at.solve(scene, run), at.solve(other, run), integrator, turned)
+
+
+@every_integrator
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10**6))
+def test_a_body_cut_in_two_by_a_weld_moves_as_before(integrator, seed):
+    scene, run = random_graph(seed, Kinds(bodies=(2, 12)))
+    body = scene.bodies[seed % len(scene.bodies)]
+    run = replace(run, mesh={**run.mesh, body.name: 2})
+    run = stepped(scene, run, integrator)
+    middle = tuple(0.5 * (p + q) for p, q in zip(body.start, body.end, strict=True))
+
+    def half(name, start, end, first):
+        velocity = body.velocity and (lambda s: body.velocity(first + 0.5 * s))
+        return replace(body, name=name, start=start, end=end, velocity=velocity)
+
+    ends = {f"{body.name}.start": "one.start", f"{body.name}.end": "two.end"}
+    joints, loads = renamed(scene, lambda end: ends.get(end, end))
+    bodies = [b for b in scene.bodies if b is not body]
+    bodies += [half("two", middle, body.end, 0.5), half("one", body.start, middle, 0.0)]
+    others = [b.name for b in bodies[:-2]]
+    cut = replace(scene, bodies=bodies, joints=[*joints, at.Weld("one.end", "two.start")], loads=loads)
+    parted = replace(
+        run,
+        mesh={**{n: run.mesh[n] for n in others}, "one": 1, "two": 1},
+        element={
+            **{n: run.element[n] for n in others},
+            **dict.fromkeys(("one", "two"), run.element[body.name]),
+        },
+    )
+    whole, halves = at.solve(scene, run), at.solve(cut, parted)
+    same(whole, halves, integrator, names=others)
+    assert np.abs(whole.displacement((body.name, 0.25)) - halves.displacement(("one", 0.5))).max() < 1e-11
+
+
+@pytest.mark.parametrize("name", [n for n in ODD if n.endswith(("free", "driven", "between them", "rim"))])
+def test_odd_graphs_move_as_by_the_global_dae(name):
+    run = stepped(ODD[name], Discretisation(mesh=1), "zhai")
+    same(at.solve(ODD[name], run), global_dae.solve(ODD[name], run), "zhai")
+
+
+def spinning(scene, rate=2.0):
+    """A scene that drifts and turns, under no loads."""
+
+    def moving(b):
+        def velocity(s):
+            x, y = ((1.0 - s) * p + s * q for p, q in zip(b.start, b.end, strict=True))
+            return 1.0 - rate * y, 0.5 + rate * x
+
+        return replace(b, velocity=velocity)
+
+    joints = [j for j in scene.joints if not isinstance(j, at.Clamp)]
+    return at.Scene(scene.name, [moving(b) for b in scene.bodies], joints)
+
+
+FLOATING = {
+    f"{scene.__name__}, {joint.__name__.lower()}": spinning(scene(joint))
+    for scene in (polygon, grid, ladder, binary_tree)
+    for joint in (at.Pin, at.Weld)
+}
+
+
+def momenta(solution):
+    """Linear, (n, 2), and angular, (n,), momentum between outputs of every step: q_n × M (q_{n+1} − q_n)/Δt."""
+    chain = Chain(solution.scene, solution.run)
+    bodies, M = chain.bodies, mass_of(chain)
+    fields = solution.fields
+    q = np.stack([
+        bodies.flat([m.unflipped(fields[m.body.name].coordinates[n]) for m in bodies.meshes])
+        for n in range(len(solution.t))
+    ])  # fmt: skip
+    p = np.stack([(M @ step.ravel()).reshape(step.shape) for step in np.diff(q, axis=0)]) / solution.t[1]
+    angular = (q[:-1, ::2] * p[:, 1::2] - q[:-1, 1::2] * p[:, ::2]).sum(axis=(1, 2))
+    return p[:, :2].sum(axis=2), angular
+
+
+@pytest.mark.parametrize("name", FLOATING)
+def test_floating_trees_and_loops_keep_momentum(name):
+    run = stepped(FLOATING[name], Discretisation(mesh=2), "zhai")
+    linear, angular = momenta(at.solve(FLOATING[name], run))
+    assert np.hypot(*linear.T).min() > 0.1
+    assert np.ptp(linear, axis=0).max() < 1e-10 * np.abs(linear).max()
+    assert np.ptp(angular) < 1e-10 * np.abs(angular).max()
+
+
+@pytest.mark.parametrize("joint", [at.Pin, at.Weld])
+def test_the_energy_of_a_loop_balances_with_the_square_of_the_step(joint):
+    scene = polygon(joint)
+    run = stepped(scene, Discretisation(mesh=2), "zhai")
+    errors = []
+    for parts in (1, 2, 4):
+        fine = replace(run, dt=run.dt / parts, t_end=8 * run.t_end, output_dt=run.t_end)
+        errors.append(np.abs(at.solve(scene, fine).energy.balance).max())
+    assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2)
+    assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [at.Pin, at.Weld])
+def test_a_million_steps_leave_a_loop_closed(joint):
+    scene = spinning(polygon(joint, sides=3))
+    dt = stepped(scene, Discretisation(mesh=1), "zhai").dt
+    run = {"mesh": 1, "integrator": "zhai", "dt": dt, "t_end": 1e6 * dt, "output_dt": 1e5 * dt}
+    s = at.solve(scene, **run)
+    assert s.status.ok
+    reach = max(np.abs(s.position(f"b{i}", 1.0)).max() for i in range(3))
+    for i in range(3):
+        far = f"b{(i + 1) % 3}"
+        assert np.abs(s.position(f"b{i}", 1.0) - s.position(far, 0.0)).max() < 1e-14 * reach
+
+
+@pytest.mark.parametrize("element", ["cable", "shear"])
+@pytest.mark.parametrize("name", LIMITED)
+def test_the_stability_limit_is_that_of_dense_eigenvalues(name, element):
+    chain = Chain(ODD[name], Discretisation(mesh=2, element=element))
+    q, T = chain.bodies.reference(), Joined(chain).matrix
+    dense = [(T.T @ A @ T).toarray() for A in (mass_of(chain), stiffness_of(chain, q))]
+    assert highest_frequency(chain) == pytest.approx(
+        eigh(*dense[::-1], eigvals_only=True)[-1] ** 0.5, rel=1e-6
+    )
+
+
+@pytest.mark.parametrize("layout", ["tree", "loop"])
+def test_welded_rigid_bodies_of_trees_and_loops_turn_as_one(layout):
+    """Free of loads their centre moves straight on, and all turn at one rate."""
+    base = binary_tree(at.Weld, levels=2) if layout == "tree" else polygon(at.Weld)
+    scene = spinning(base, rate=3.0)
+    s = at.solve(scene, mesh=1, element="rigid", integrator="zhai", dt=1e-4, t_end=0.2, output_dt=0.02)
+    assert s.status.ok
+    mass = np.array([b.length for b in scene.bodies])
+    centre = np.einsum("b,bnc->nc", mass, [s.position(b.name, 0.5) for b in scene.bodies]) / mass.sum()
+    drift = np.diff(centre, axis=0)
+    assert np.ptp(drift, axis=0).max() < 1e-10
+    for b in scene.bodies:
+        span = (s.position(b.name, 1.0) - s.position(b.name, 0.0)) @ [1.0, 1.0j]
+        assert np.abs(span / span[0] - np.exp(3.0j * s.t)).max() < 1e-6
+
+
+def test_a_hinged_loop_of_rigid_bars_spins_on():
+    """A square in a steady turn about its centre stays a square."""
+    scene = spinning(polygon(at.Pin), rate=3.0)
+    s = at.solve(scene, mesh=1, element="rigid", integrator="zhai", dt=1e-4, t_end=0.2, output_dt=0.02)
+    assert s.status.ok
+    for i in range(4):
+        corner = s.position(f"b{i}", 0.0) - s.t[:, None] * [1.0, 0.5]
+        assert np.abs(corner @ [1.0, 1.0j] - 1.0j**i * np.exp(3.0j * s.t)).max() < 1e-6
