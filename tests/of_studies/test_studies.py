@@ -397,6 +397,7 @@ def result(**changes) -> Result:
 def test_a_result_is_written_with_its_machine(tmp_path):
     folder = write(result(), tmp_path)
     assert sorted(p.name for p in folder.iterdir()) == [
+        "SHA256SUMS",
         "accuracy.csv",
         "accuracy.md",
         "drawn.svg",
