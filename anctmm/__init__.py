@@ -3,7 +3,7 @@
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
 from anctmm.integrators.statics import solve_static
-from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.rigid_start import consistent_velocities
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
 from anctmm.model.sections import Circle, Rectangle, Section
@@ -22,6 +22,7 @@ __all__ = [
     "Energy",
     "Force",
     "GeneralizedAlpha",
+    "History",
     "Interrupted",
     "Material",
     "Pin",

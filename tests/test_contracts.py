@@ -13,7 +13,7 @@ from reference import exudyn_cable, exudyn_reissner, global_dae
 
 ROOT = Path(__file__).parents[1]
 FACE = {
-    "Beam", "Circle", "Clamp", "Comparison", "Cost", "Discretisation", "Energy", "Force", "Material", "Pin",
+    "Beam", "Circle", "Clamp", "Comparison", "Cost", "Discretisation", "Energy", "Force", "History", "Material", "Pin",
     "Pulse", "Quintic", "Rectangle", "Scene", "Section", "Solution", "Status", "Torque", "Weld", "compare",
     "distance", "solve", "solve_static",
 }  # fmt: skip

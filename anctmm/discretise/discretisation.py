@@ -52,7 +52,8 @@ class Discretisation:
         of the run.
     tolerance : float, optional
         Target error in time, instead of `dt`, relative to the largest displacement: an estimate of the local
-        error then drives the step of generalized-α.
+        error then drives the step of generalized-α. Steps end where loads and drives break (`History`); of histories
+        that do not say where, a change is seen that lasts 1e-4 of the run.
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).
     spectral_radius : float

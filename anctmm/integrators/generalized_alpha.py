@@ -129,12 +129,12 @@ def start(
     drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
     if factors.L.dtype != np.float64:  # here nothing would correct what is rounded
         factors = widened(factors)
-    _balance(state, tables, links, factors, hubs, loads, drives, values, damping)
+    balance(state, tables, links, factors, hubs, loads, drives, values, damping)
     newton.counts[:] = 0, 1, 1
 
 
 @kernel
-def _balance(
+def balance(
     state: State,
     tables: Tables,
     links: Links,

@@ -5,11 +5,19 @@ less that of the method, whose a lags w by (αf − αm) h (after Zienkiewicz & 
 difference of w over the step serves for h w'. High frequencies that the method damps anyway would dominate it, so it
 is filtered by (c_w M + K)⁻¹ c_w M, which leaves slow motion as it is (Hairer & Wanner, IV.8).
 
-Errors add up over a run: each step may make the share h/t_end of what the user allows. Drives and loads are tabulated
-once on a fine grid; angles between its points by their quintic Hermite interpolant, loads by a cubic.
+What happens between the ends of a step is no part of this. So what a load does beside its straight line over the step
+is added: its impulse ∫|f − f_line| dt, times h as if it came at the start; and what a drive does beside the cubic of
+its angles and rates, times the length of the scene. Both vanish faster than the rest as steps fall.
+
+Steps end where loads or drives break; where a load or the acceleration of a drive jumps, accelerations start anew.
+The lag of a at such a start is found by a first try of the step.
+
+Errors add up over a run: each step may make the share h/t_end of what the user allows. They are relative to the
+largest displacement of each node, or a part of the largest of all where that is more: those until now, and where a
+tight tolerance makes it pay, those of a pilot run of a loose one, which stops at no outputs. Where they turn out to be
+less than was assumed, the first run is made again.
 """
 
-from math import ceil
 from typing import NamedTuple
 
 import numpy as np
@@ -17,9 +25,11 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, mass_product
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
-from anctmm.forces.actuation import Actuation, Hubs, Loads, hub_reactions, turn_hubs, work_done
-from anctmm.integrators.generalized_alpha import start
+from anctmm.forces.actuation import Actuation, Hubs, Loads, hub_reactions, load_at, turn_hubs, work_done
+from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
+from anctmm.integrators.generalized_alpha import balance
 from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
 from anctmm.integrators.newton import Newton, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
@@ -32,51 +42,70 @@ from anctmm.results.solution import Interrupted, Solution, Status, in_short, int
 
 Array = NDArray[np.float64]
 
-#: Share of the tolerance that the sum of local errors may take: errors cancel in part. Measured on the base scenes,
-#: whose errors in time are then at most 1.4 times what is asked.
-SHARE = 2.0
+#: Share of the tolerance that the sum of local errors may take: errors cancel in part.
+SHARE = 1.0
 #: First step and smallest step, of the interval of output and of the run.
 FIRST, SMALLEST = 1.0 / 16.0, 1e-9
 #: Relative change of the step beyond which the iteration matrix is renewed.
 STALE = 0.15
-#: Points of the tables of drives and loads in an interval of output, and in all at least.
-DENSITY, POINTS = 8, 4096
 #: More steps than a run can have.
 UNLIMITED = 1 << 60
+#: Displacement that the pilot run starts from, of the scene's length, and below which nothing moves.
+FLOOR, STILL = 1e-3, 1e-11
+#: Part of the largest displacement to which errors of nodes that move less are relative.
+SMALL = 0.25
+#: Largest value of the shape function of a gradient, of the element's length.
+BULGE = 4.0 / 27.0
+#: Tolerance of the pilot run, that below which it pays, and how often a first run is made where little moves, at most.
+PILOT, PILOTED, ROUNDS = 0.05, 5e-3, 4
 
 
 class Control(NamedTuple):
-    """Step control: tolerance, error coefficient, run length (s), outputs, grid spacing (s), least scale (m).
+    """Step control: sum of local errors that is allowed, error coefficient, run length (s).
 
-    method: αm, αf, β, γ. counts: accepted and rejected steps. load and x: scratch, (rows, nodes). values and angles: of
-    loads and driven clamps now, a row of their tables. reference: coordinates of the undeformed scene. progress: where
-    the run stands, see `Progress`.
+    reach: length that drives turn, m. small: part of the largest displacement to which errors of nodes that move less
+    are relative. method: αm, αf, β, γ. times: of the outputs, s. counts: accepted and rejected steps. scale: largest
+    displacement, of a pilot run or until now, m, (1,). load and x: scratch, (rows, nodes). angles, values: of
+    drives and loads at the start and at the end of the step, (2, drives, 3) and (2, loads, 2). missed: scratch, (2,).
+    reference: undeformed coordinates. bulge: largest displacement beside each node that a unit of its gradient makes,
+    m, (nodes,). moved: that displacement of each node, m, (nodes,). progress: where the run stands, see `Progress`.
     """
 
-    tolerance: float
+    allowed: float
     coefficient: float
     t_end: float
-    outputs: int
-    spacing: float
-    floor: float
+    reach: float
+    small: float
     method: tuple[float, float, float, float]
+    times: Array
     counts: Array
+    scale: Array
     load: Array
     x: Array
-    values: Array
     angles: Array
+    values: Array
+    missed: Array
     reference: Array
+    bulge: Array
+    moved: Array
     progress: Array
 
 
 class Progress(NamedTuple):
-    """Time reached, scale of displacements (m), step aimed at, that of the matrix, the last one (0: none), s."""
+    """Time reached, step aimed at, that of the matrix, the last one (0: none), s; what comes next.
+
+    event: number of the next stop. start: whether the motion starts there. first: whether its first step comes next.
+    kept: outputs.
+    """
 
     t: float
-    scale: float
     wanted: float
     factored: float
     last: float
+    event: float
+    start: float
+    first: float
+    kept: float
 
 
 #: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
@@ -90,56 +119,128 @@ def integrate(chain: Chain) -> Solution:
     -------
     Solution
         With a status that names time and element if no step was small enough.
+
+    Raises
+    ------
+    PropertyError
+        If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
-    run, bodies = chain.run, chain.bodies
-    actuation, record = Actuation(chain.scene, bodies), Record(chain)
-    state, newton = new_state(chain), new_newton(chain)
-    points = ceil(max(POINTS, DENSITY * run.steps) / run.steps) * run.steps
-    grid = np.asarray(np.arange(points + 1) * (run.t_end / points), dtype=np.float64)
-    method = GeneralizedAlpha(run.spectral_radius)
-    control = Control(
-        float(run.tolerance or 0.0),
-        abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
-        run.t_end,
-        run.steps,
-        run.t_end / points,
-        1e-3 * chain.length,
-        (method.alpha_m, method.alpha_f, method.beta, method.gamma),
-        np.zeros(2),
-        np.zeros_like(state.q),
-        np.zeros_like(state.q),
-        actuation.load_table(grid[:1])[0],
-        actuation.hub_table(grid[:1])[0],
-        bodies.reference(),
-        np.zeros(len(Progress._fields) + 1),
-    )
-    system = (bodies.tables(), links(chain), block_factors(chain))
-    acting = (actuation.hubs(), actuation.loads())
-    fixed = (control, state, *system, *acting, newton, record.arrays())
-    advance(0, 0, *fixed, actuation.hub_table(grid[:1]), actuation.load_table(grid[:1]))
-    start(state, *system, *acting, newton, actuation)
-    record.start()
-    start(state, *system, *acting, newton, actuation)
-    control.progress[:] = *Progress(0.0, control.floor, FIRST * run.t_end / run.steps, 0.0, 0.0), 0.0
-    tables = actuation.hub_table(grid), actuation.load_table(grid)
+    run = chain.run
+    actuation, record = Actuation(chain.scene, chain.bodies), Record(chain)
+    actions = timeline([c for _, c in actuation.driven], varying_loads(chain.scene), run.t_end, run.steps)
+    whole, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
+    scratch, still = record.arrays(), np.zeros(chain.bodies.nodes)
+
+    marched: list[Marched] = []
 
     def so_far(status: Status) -> Solution:
-        kept, steps = int(control.progress[-1]), int(control.counts[0])
-        return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
+        steps, iterations, factorizations = np.sum([m.counts for m in marched], axis=0)
+        return record.solution(marched[-1].kept, status, int(steps), int(iterations), int(factorizations))
 
-    code = UNFINISHED
+    def march(out: Output, times: Array, tolerance: float, floor: float, moved: Array) -> Marched:
+        found = _march(chain, actuation, actions, out, times, tolerance, floor, moved)
+        if found.stopped:
+            marched.append(found._replace(kept=min(found.kept, 1)) if times is ends else found)
+            raise Interrupted(so_far(interruption(found.t)))
+        return found
+
+    march(scratch, np.zeros(1), 1.0, 1.0, still)  # compiles
+    record.start()
+    floor = FLOOR * chain.length
+    tolerance = float(run.tolerance or 0.0)
+    for _ in range(ROUNDS):
+        if tolerance < PILOTED:
+            marched.append(march(scratch, ends, PILOT, floor, still))
+        else:
+            marched.append(march(record.arrays(), whole, tolerance, floor, still))
+        moved = marched[-1].moved
+        if not marched[-1].whole or not STILL * chain.length < moved.max() < 0.5 * floor:
+            break
+        floor = float(moved.max())
+    if tolerance < PILOTED:
+        known = moved if marched[-1].whole else still
+        marched.append(march(record.arrays(), whole, tolerance, floor, known))
+    return so_far(Status() if marched[-1].whole else _stuck(chain, marched[-1]))
+
+
+class Marched(NamedTuple):
+    """One run: outputs kept, time reached (s), whether that is the end, or the user stopped it, what was at work.
+
+    moved: largest displacement of each node, m, (nodes,). counts: steps, Newton corrections, factorizations.
+    """
+
+    kept: int
+    t: float
+    whole: bool
+    stopped: bool
+    moved: Array
+    counts: tuple[int, int, int]
+    state: State
+    newton: Newton
+
+
+def _march(
+    chain: Chain,
+    actuation: Actuation,
+    actions: Timeline,
+    out: Output,
+    times: Array,
+    tolerance: float,
+    floor: float,
+    moved: Array,
+) -> Marched:
+    """Run over `times` with a tolerance, relative to `floor` or `moved` at least."""
+    bodies, state, newton = chain.bodies, new_state(chain), new_newton(chain)
+    method = GeneralizedAlpha(chain.run.spectral_radius)
+    drives, histories = len(actuation.driven), len(actions.pieces.steady)
+    control = Control(
+        SHARE * tolerance,
+        abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
+        chain.run.t_end,
+        chain.length,
+        SMALL,
+        (method.alpha_m, method.alpha_f, method.beta, method.gamma),
+        times,
+        np.zeros(2),
+        np.array([max(floor, moved.max())]),
+        np.zeros_like(state.q),
+        np.zeros_like(state.q),
+        np.zeros((2, drives, 3)),
+        np.zeros((2, histories - drives, 2)),
+        np.zeros(2),
+        bodies.reference(),
+        np.concatenate([np.full(m.nodes, BULGE * m.element.l) for m in bodies.meshes]),
+        moved.copy(),
+        np.array(Progress(0.0, FIRST * chain.run.exact_dt, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),
+    )
+    fixed = (
+        control,
+        state,
+        bodies.tables(),
+        links(chain),
+        block_factors(chain),
+        actuation.hubs(),
+        actuation.loads(),
+        newton,
+        out,
+        actions,
+    )
+    code, stopped = UNFINISHED, False
     for begin, end in paced(UNLIMITED, STEP * bodies.nodes):
         try:
-            code = int(advance(end - begin, run.steps, *fixed, *tables))
+            code = int(advance(end - begin, len(times) - 1, *fixed))
         except KeyboardInterrupt:
-            raise Interrupted(so_far(interruption(float(control.progress[0])))) from None
-        if code != UNFINISHED:
+            stopped = True
+        if code != UNFINISHED or stopped:
             break
-    return so_far(Status() if code == DONE else _stuck(chain, float(control.progress[0]), state, newton))
+    counts = int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1])
+    reached = Progress(*control.progress)
+    return Marched(int(reached.kept), reached.t, code == DONE, stopped, control.moved, counts, state, newton)
 
 
-def _stuck(chain: Chain, t: float, state: State, newton: Newton) -> Status:
+def _stuck(chain: Chain, marched: Marched) -> Status:
     """What is known of a run that ended early."""
+    t, state, newton = marched.t, marched.state, marched.newton
     if newton.history.any():
         body, element = worst_element(chain, correction_size(chain, state))
         what = (
@@ -171,37 +272,44 @@ def advance(
     loads: Loads,
     newton: Newton,
     out: Output,
-    hub_table: Array,
-    load_table: Array,
+    actions: Timeline,
 ) -> int:
     """Run over the intervals of output with at most `budget` steps, from where `control.progress` stands."""
     q, v, w = state.q, state.v, state.w
     flat_q, flat_v, flat_a, flat_w, flat_q_before, flat_w_before = state.flat
-    values, angles, progress = control.values, control.angles, control.progress
-    interval, kept = control.t_end / control.outputs, int(progress[5])
-    t, scale, wanted, factored, last = progress[0], progress[1], progress[2], progress[3], progress[4]
-    if kept == 0:
-        hub_reactions(q, w, state.f, tables, hubs)
-        work_done(False, q, hubs, loads, values)
+    pieces, stops, anew = actions
+    angles, values = control.angles, control.values
+    progress = control.progress
+    t, wanted, factored, last = progress[0], progress[1], progress[2], progress[3]
+    event, start, first, kept = int(progress[4]), progress[5] != 0.0, progress[6] != 0.0, int(progress[7])
     code = DONE
     for number in range(max(kept - 1, 0), outputs + 1):
-        if number == kept:
-            if too_large(q, STRETCH_LIMIT):
-                newton.history[:] = 0.0  # no step was refused
-                code = STUCK
+        end = control.times[min(number + 1, len(control.times) - 1)]
+        while True:
+            if start:  # the motion starts, or starts anew after a jump
+                set_actions(pieces, t, True, angles[1], values[1])
+                balance(state, tables, links, factors, hubs, loads, angles[1], values[1], None)
+                hub_reactions(q, w, state.f, tables, hubs)
+                work_done(False, q, hubs, loads, values[1])
+                newton.counts[1] += 1
+                newton.counts[2] = 1
+                start, first, last = False, True, 0.0
+            if number == kept:
+                if too_large(q, STRETCH_LIMIT):
+                    newton.history[:] = 0.0  # no step was refused
+                    code = STUCK
+                    break
+                keep(number, 1, q, v, tables, out)
+                kept += 1
+            if number == outputs or t >= end:
                 break
-            keep(number, 1, q, v, tables, out)
-            kept += 1
-        if number == outputs:
-            break
-        end = (number + 1) * interval
-        while t < end - 1e-12 * interval:
             if budget == 0:
                 code = UNFINISHED
                 break
             budget -= 1
-            h = (end - t) / np.ceil((end - t) / wanted * (1.0 - 1e-9))
-            if h < SMALLEST * control.t_end:
+            stop = min(end, stops[event])
+            h = (stop - t) / np.ceil((stop - t) / wanted * (1.0 - 1e-9))
+            if h < SMALLEST * control.t_end and wanted < SMALLEST * control.t_end:
                 code = STUCK
                 break
             if last > 0.0 and h != last:
@@ -209,38 +317,52 @@ def advance(
             last = 0.0
             c = _coefficients(h, control.method)
             begin_step(False, state.flat, c)
-            _interpolate(t + h, control.spacing, hub_table, load_table, angles, values)
-            turn_hubs(hubs, angles)
+            _copy_actions(angles, values, 1, 0)
+            final = t + h > stop - 0.5 * h
+            set_actions(pieces, stop if final else t + h, False, angles[1], values[1])
+            turn_hubs(hubs, angles[1])
             if abs(h - factored) > STALE * h:
                 newton.counts[2] = 1
             if newton.counts[2] != 0:
                 factored = h
-            solved = solve_step(state, c, tables, links, factors, hubs, loads, values, newton, None)
-            allowed = SHARE * control.tolerance * h / control.t_end
+            solved = solve_step(state, c, tables, links, factors, hubs, loads, values[1], newton, None)
+            allowed = control.allowed * h / control.t_end
             error = np.inf
             if solved:
-                error = _error(state, control, c, tables, factors) / scale
-            if not error <= 2.0 * allowed:
+                error = _error(t, state, control, c, tables, factors, hubs, loads, pieces)
+            again = solved and first  # the first step tells how a lags w
+            if again or not error <= 2.0 * allowed:
+                if not again:
+                    factor = max(0.2, 0.8 * np.sqrt(allowed / error)) if solved else 0.25
+                    if solved and not first:
+                        _shift(state, control, 1.0 - factor)
+                    wanted = h * factor
+                    newton.counts[2] = 1
+                    control.counts[1] += 1
+                else:
+                    _shift(state, control, -1.0)
+                    wanted = h
+                    first = False
                 copy(flat_q_before, flat_q)
                 copy(flat_w_before, flat_w)
-                wanted = h * max(0.2, 0.8 * np.sqrt(allowed / error)) if solved else 0.25 * h
-                newton.counts[2] = 1
-                control.counts[1] += 1
+                _copy_actions(angles, values, 0, 1)
                 continue
             finish(flat_v, flat_a, flat_w, flat_w_before, c)
-            t, last = t + h, h
+            t, last = stop if final else t + h, h
             control.counts[0] += 1
             hub_reactions(q, w, state.f, tables, hubs)
-            out.work[0] += work_done(True, q, hubs, loads, values)
-            scale = max(scale, _size(q, control.reference))
+            out.work[0] += work_done(True, q, hubs, loads, values[1])
+            _measure(q, control)
             ratio = 0.9 * np.sqrt(allowed / max(error, 1e-300))
             if ratio < 0.9 or ratio > 1.25:  # small changes would only cost factorizations
                 wanted = h * min(max(ratio, 0.3), 1.6)
+            while stops[event] <= t:
+                start = start or anew[event]
+                event += 1
         if code != DONE:
             break
-        t = end
-    progress[0], progress[1], progress[2], progress[3], progress[4] = t, scale, wanted, factored, last
-    progress[5] = kept
+    progress[0], progress[1], progress[2], progress[3], progress[4] = t, wanted, factored, last, event
+    progress[5], progress[6], progress[7] = start, first, kept
     return code
 
 
@@ -261,53 +383,63 @@ def _shift(state, control, part):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _error(state, control, c, tables, factors):  # type: ignore[no-untyped-def]
-    """Filtered estimate of the step's error in displacement, RMS over the nodes, m."""
+def _copy_actions(angles, values, here, there):  # type: ignore[no-untyped-def]
+    """Copy what acts at one end of the step to the other."""
+    for h in range(angles.shape[1]):
+        for k in range(3):
+            angles[there, h, k] = angles[here, h, k]
+    for n in range(values.shape[1]):
+        for k in range(2):
+            values[there, n, k] = values[here, n, k]
+
+
+@inlined
+def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type: ignore[no-untyped-def]
+    """Filtered estimate of the step's error in displacement, relative, the largest of the nodes."""
+    q, load, x, angles, values, missed = (
+        state.q,
+        control.load,
+        control.x,
+        control.angles,
+        control.values,
+        control.missed,
+    )
     factor = control.coefficient * c.h * c.h * c.to_w
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            control.x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
-    mass_product(control.x, tables.first, tables.masses, tables.buffer, control.load)
-    sweep(factors, control.load, control.x)
-    total = 0.0
-    for k in range(2):
-        for i in range(state.q.shape[1]):
-            total += control.x[k, i] * control.x[k, i]
-    return np.sqrt(total / state.q.shape[1])
-
-
-@inlined
-def _size(q, reference):  # type: ignore[no-untyped-def]
-    """RMS of the nodes' displacements, m."""
-    total = 0.0
-    for k in range(2):
+    for k in range(q.shape[0]):
         for i in range(q.shape[1]):
-            total += (q[k, i] - reference[k, i]) ** 2
-    return np.sqrt(total / q.shape[1])
+            x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
+    mass_product(x, tables.first, tables.masses, tables.buffer, load)
+    drives = len(hubs.nodes)
+    for n in range(len(loads.nodes)):
+        node, row = loads.nodes[n], loads.rows[n]
+        missed_impulse(pieces, drives + n, t, c.h, values[0, n], values[1, n], missed)
+        forces = load_at(q, node, row, missed[0], missed[1])
+        for k in range(2):  # with the sign of the rest, so that the two do not cancel
+            load[row + k, node] += np.copysign(c.to_w * c.h * abs(forces[k]), load[row + k, node])
+    sweep(factors, load, x)
+    turned = 0.0
+    for h in range(drives):
+        turned = max(turned, missed_turn(pieces, h, t, c.h, angles[0, h], angles[1, h]))
+    largest, least = 0.0, control.small * control.scale[0]
+    for i in range(q.shape[1]):
+        largest = max(largest, _size(x, i, control.bulge) / max(control.moved[i], least))
+    return largest + turned * control.reach / control.scale[0]
 
 
 @inlined
-def _interpolate(t, spacing, hub_table, load_table, angles, values):  # type: ignore[no-untyped-def]
-    """Driven clamps' angles and loads' values at t: quintic Hermite of θ, θ', θ''; cubic of four neighbours."""
-    last = len(hub_table) - 1
-    i = min(int(t / spacing), max(last - 1, 0))
-    x = t / spacing - i
-    y = 1.0 - x
-    for h in range(hub_table.shape[1]):
-        a, b = hub_table[i, h], hub_table[i + 1, h]
-        angles[h, 0] = (
-            y**3 * (1.0 + 3.0 * x + 6.0 * x * x) * a[0]
-            + x**3 * (1.0 + 3.0 * y + 6.0 * y * y) * b[0]
-            + spacing * x * y * (y * y * (1.0 + 3.0 * x) * a[1] - x * x * (1.0 + 3.0 * y) * b[1])
-            + 0.5 * (spacing * x * y) ** 2 * (y * a[2] + x * b[2])
-        )
-    j = min(max(i - 1, 0), max(last - 3, 0))
-    z = t / spacing - j
-    for n in range(load_table.shape[1]):
-        for c in range(2):
-            values[n, c] = (
-                -(z - 1.0) * (z - 2.0) * (z - 3.0) / 6.0 * load_table[j, n, c]
-                + z * (z - 2.0) * (z - 3.0) / 2.0 * load_table[j + 1, n, c]
-                - z * (z - 1.0) * (z - 3.0) / 2.0 * load_table[j + 2, n, c]
-                + z * (z - 1.0) * (z - 2.0) / 6.0 * load_table[j + 3, n, c]
-            )
+def _measure(q, control):  # type: ignore[no-untyped-def]
+    """Bring the largest displacements up to date."""
+    for k in range(q.shape[0]):
+        for i in range(q.shape[1]):
+            control.x[k, i] = q[k, i] - control.reference[k, i]
+    for i in range(q.shape[1]):
+        control.moved[i] = max(control.moved[i], _size(control.x, i, control.bulge))
+        control.scale[0] = max(control.scale[0], control.moved[i])
+
+
+@inlined
+def _size(x, i, bulge):  # type: ignore[no-untyped-def]
+    """Displacement that changes of coordinates make at a node, or by its gradient beside it, m."""
+    here = x[0, i] * x[0, i] + x[1, i] * x[1, i]
+    beside = (x[2, i] * x[2, i] + x[3, i] * x[3, i]) * bulge[i] * bulge[i]
+    return np.sqrt(max(here, beside))

@@ -1,6 +1,10 @@
-"""Histories in time: of a clamp's angle (angle, rate, acceleration) and of loads (one value)."""
+"""Histories in time: of a clamp's angle (angle, rate, acceleration) and of loads (one value).
 
-from collections.abc import Callable
+A history may have an attribute `breaks`, the times at which it or a derivative of it jumps: steps of runs with a
+tolerance end there, and runs of a fixed step say what falls between their steps. `History` gives it to any callable.
+"""
+
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,6 +46,11 @@ class Quintic:
         acceleration = self.turn / self.duration**2 * (60.0 * x * y * (y - x))
         return angle, rate, acceleration
 
+    @property
+    def breaks(self) -> tuple[float, float]:
+        """Start and end, s, where its third derivative jumps."""
+        return 0.0, self.duration
+
 
 @dataclass(frozen=True)
 class Pulse:
@@ -58,6 +67,70 @@ class Pulse:
         """Value at the time(s) `t` (s)."""
         x = np.clip(np.asarray(t, dtype=float) / self.duration, 0.0, 1.0)
         return self.amplitude * np.sin(np.pi * x) ** 2
+
+    @property
+    def breaks(self) -> tuple[float, float]:
+        """Start and end, s, where its second derivative jumps."""
+        return 0.0, self.duration
+
+
+@dataclass(frozen=True)
+class History:
+    """A history of your own with the times at which it breaks.
+
+    Parameters
+    ----------
+    function : callable
+        t (s) → what a load or a clamp's angle needs.
+    breaks : sequence of float
+        Times at which the function or one of its derivatives jumps, s; empty for one that is smooth everywhere.
+
+    Raises
+    ------
+    PropertyError
+        If the function cannot be called, or a break is no finite number.
+
+    Examples
+    --------
+    >>> kick = History(lambda t: (0.0, -5.0 if 2.0 <= t < 2.3 else 0.0), breaks=[2.0, 2.3])
+    >>> kick(2.1)
+    (0.0, -5.0)
+    """
+
+    function: Callable[[Any], Any]
+    breaks: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise PropertyError(f"History function is {self.function!r}; a callable t -> value is needed")
+        object.__setattr__(self, "breaks", breaks_of("History", self))
+
+    def __call__(self, t: Any) -> Any:
+        """Value at the time(s) `t` (s)."""
+        return self.function(t)
+
+
+def breaks_of(name: str, history: object) -> tuple[float, ...] | None:
+    """Times at which a history says that it breaks, ascending, s; None if it says nothing.
+
+    Parameters
+    ----------
+    name : str
+        What the history drives, for the message of an error.
+    history : object
+        Anything; its attribute `breaks` is read.
+
+    Raises
+    ------
+    PropertyError
+        If the breaks are no finite numbers.
+    """
+    stated = getattr(history, "breaks", None)
+    if stated is None:
+        return None
+    if isinstance(stated, str) or not isinstance(stated, Iterable):
+        raise PropertyError(f"{name} breaks is {stated!r}; a sequence of times (s) is needed")
+    return tuple(sorted({number(f"{name} break (s)", t) for t in stated}))
 
 
 def value_at(name: str, history: Callable[[Any], Any], time: float, width: int) -> Array:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import final
 
 from anctmm.errors import PropertyError, UnknownNameError, shown
-from anctmm.model.drives import Angle, value_at
+from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.validation import flag
 
 #: Sides of a body, as the names of its ends have them.
@@ -118,6 +118,7 @@ def check_angle(clamp: Clamp) -> None:
     """
     if clamp.angle is None:
         return
+    breaks_of(f"clamp {shown(clamp.end)} angle", clamp.angle)
     start = float(value_at(f"clamp {shown(clamp.end)} angle", clamp.angle, 0.0, 3)[0])
     if abs(start) > NO_TURN:
         raise PropertyError(

@@ -7,7 +7,7 @@ from typing import Any, final
 import numpy as np
 
 from anctmm.errors import shown, unknown_kind
-from anctmm.model.drives import tabulate
+from anctmm.model.drives import breaks_of, tabulate
 from anctmm.model.joints import end_name
 from anctmm.model.velocities import Point
 from anctmm.validation import number, vector
@@ -25,6 +25,7 @@ class Force:
         object.__setattr__(self, "end", end_name(self.end))
         if not callable(self.value):
             object.__setattr__(self, "value", vector(f"force on {shown(self.end)} (N)", self.value))
+        breaks_of(f"force on {shown(self.end)}", self.value)
 
 
 @final
@@ -43,6 +44,7 @@ class Torque:
         object.__setattr__(self, "end", end_name(self.end))
         if not callable(self.value):
             object.__setattr__(self, "value", number(f"torque on {shown(self.end)} (N m)", self.value))
+        breaks_of(f"torque on {shown(self.end)}", self.value)
 
 
 Load = Force | Torque

@@ -3,8 +3,8 @@
 Signs that a run has diverged though its numbers are finite: a gradient beyond all bounds, an element turned inside out
 (no energy of these elements forbids that), nearly all energy from nowhere. Signs that it has failed: joints or rigid
 bodies that are not kept. There the history is cut. One that stays whole may be inaccurate (too much energy came
-from nowhere) or imprecise (rounding has taken its digits). All are looked for at the outputs, after the run: a step
-costs nothing.
+from nowhere, or a load or a drive acted between the steps) or imprecise (rounding has taken its digits). All are
+looked for after the run, at the outputs: a step costs nothing.
 """
 
 from collections.abc import Iterator
@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.results.break_check import break_findings
 from anctmm.results.constraint_check import constraint_findings
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.finding import FATAL, Finding
@@ -85,6 +86,8 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
         found = [*_shape_findings(solution), *constraint_findings(solution, static=static)]
+        if not static and solution.status.ok and solution.t.size:
+            found += break_findings(solution)
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
         if not static and solution.status.ok and not found:

@@ -145,7 +145,8 @@ class Status:
     code : str
         "ok": nothing known speaks against the answer. "diverged", "failed" or "interrupted": what was computed until
         then is kept.
-        "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere. "imprecise": it is whole,
+        "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere, or its fixed steps miss
+        more than a tenth of a load or a drive that states its breaks. "imprecise": it is whole,
         but rounding leaves fewer digits than it should; the message says how many. "unsupported": nothing was done.
     message : str
         Why, and what to try.

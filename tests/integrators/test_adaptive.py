@@ -4,11 +4,8 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import StepError
-from anctmm.forces.actuation import Actuation
-from anctmm.integrators.step_control import _interpolate
 from reference import global_dae
 from studies import scenes
 
@@ -42,17 +39,6 @@ def test_a_tighter_tolerance_takes_more_steps_and_closes_the_energy_balance(case
     loose, tight = (at.solve(base.scene, tolerance=t, **options) for t in (1e-3, 1e-5))
     assert tight.cost.steps > 3 * loose.cost.steps
     assert np.abs(tight.energy.balance).max() < 0.2 * np.abs(loose.energy.balance).max()
-
-
-def test_interpolated_quintic_drive_is_exact():
-    base = scenes.four_bar()
-    chain_bodies = Chain(base.scene, Discretisation(mesh=1)).bodies
-    table = Actuation(base.scene, chain_bodies).hub_table(np.linspace(0.0, 2.0, 9))
-    angles, values = np.zeros((1, 3)), np.zeros((0, 2))
-    drive = base.scene.joints[0].angle
-    for t in np.linspace(0.0, 1.99, 37):
-        _interpolate(t, 0.25, table, np.zeros((9, 0, 2)), angles, values)
-        assert angles[0, 0] == pytest.approx(drive(t)[0], abs=1e-13)
 
 
 def test_tolerance_beside_a_step_or_an_explicit_integrator_is_refused():

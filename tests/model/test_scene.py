@@ -2,7 +2,7 @@
 
 import pickle
 from dataclasses import FrozenInstanceError, astuple, replace
-from math import inf, pi, sqrt
+from math import inf, nan, pi, sqrt
 
 import numpy as np
 import pytest
@@ -14,8 +14,8 @@ import anctmm as at
 from anctmm import errors
 from anctmm.discretise.discretisation import element_length
 from anctmm.discretise.plan import plan_of, vertices_of
-from anctmm.model.drives import Pulse, Quintic, tabulate
-from anctmm.model.scene import Clamp, Material, Pin, Scene, distance
+from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
+from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, distance
 from anctmm.model.sections import Circle, Rectangle
 from anctmm.model.topology import junctions_of
 from anctmm.solvers.registry import load, names, solver
@@ -48,6 +48,44 @@ def test_rates_of_the_quintic_are_its_derivatives(t):
 def test_pulse_rises_and_falls():
     pulse = Pulse(2.0, 4.0)
     assert pulse(np.array([-1.0, 0.0, 1.0, 2.0, 4.0, 9.0])) == pytest.approx([0, 0, 1, 2, 0, 0], abs=1e-15)
+
+
+def test_histories_say_where_they_break():
+    assert Quintic(turn=3.0, duration=2.0).breaks == Pulse(2.0, 2.0).breaks == (0.0, 2.0)
+    kick = History(scalar_only, breaks=[0.5, 0.25, 0.5])
+    assert kick.breaks == (0.25, 0.5)
+    assert kick(0.7) == scalar_only(0.7)
+    assert kick == History(scalar_only, (0.25, 0.5))
+    assert hash(kick) == hash(History(scalar_only, (0.25, 0.5)))
+    assert breaks_of("load", scalar_only) is None
+    assert breaks_of("load", History(scalar_only)) == ()
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: History(3.0), ["function", "3.0", "callable"]),
+        (lambda: History(abs, 0.5), ["breaks", "0.5", "sequence"]),
+        (lambda: History(abs, ["soon"]), ["break (s)", "'soon'", "finite"]),
+        (lambda: History(abs, [nan]), ["break (s)", "nan", "finite"]),
+        (lambda: Force("a.end", Broken()), ["force on 'a.end'", "'often'", "sequence"]),
+        (lambda: Torque("a.end", Broken()), ["torque on 'a.end'", "'often'", "sequence"]),
+        (lambda: scene_of(Clamp("a.start", Broken())), ["clamp 'a.start' angle", "'often'", "sequence"]),
+    ],
+)
+def test_breaks_that_are_no_times_are_refused(make, words):
+    with pytest.raises(errors.PropertyError) as caught:
+        make()
+    assert [w for w in words if w not in str(caught.value)] == []
+
+
+class Broken:
+    """A history whose breaks are no times."""
+
+    breaks = "often"
+
+    def __call__(self, t):
+        return 0.0, 0.0, 0.0
 
 
 def scalar_only(t):

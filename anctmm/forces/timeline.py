@@ -1,0 +1,142 @@
+"""What acts on a scene, for steps of any length: values at any time, where steps end, and what a step misses."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.forces.histories import (
+    JUMP,
+    Calendar,
+    Pieces,
+    Represented,
+    check_drive,
+    constant,
+    piece_at,
+    pieces_of,
+    represent,
+    value_at,
+)
+from anctmm.jit.compiling import inlined
+from anctmm.model.scene import Clamp, Force, Load
+
+Array = NDArray[np.float64]
+
+#: Gauss's rule of five points on [0, 1].
+_POINTS, _WEIGHTS = (tuple(map(float, row)) for row in np.polynomial.legendre.leggauss(5))
+POINTS, WEIGHTS = tuple(0.5 + 0.5 * x for x in _POINTS), tuple(0.5 * w for w in _WEIGHTS)
+
+
+class Timeline(NamedTuple):
+    """What acts in time, for kernels.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        Of the drives of turning clamps, and then of the loads.
+    stops : ndarray, shape (k,)
+        Times at which steps must end beside the outputs, ascending, and one after the run, s.
+    anew : ndarray of bool, shape (k,)
+        Whether the motion starts anew there, since a load or the acceleration of a drive jumps.
+    """
+
+    pieces: Pieces
+    stops: Array
+    anew: NDArray[np.bool_]
+
+
+def timeline(clamps: Sequence[Clamp], loads: Sequence[Load], t_end: float, outputs: int) -> Timeline:
+    """What acts from 0 to t_end.
+
+    Parameters
+    ----------
+    clamps : sequence of Clamp
+        Those that turn.
+    loads : sequence of Force or Torque
+        Those whose generalized force varies.
+    t_end : float
+        s.
+    outputs : int
+        Equal intervals of the output, at whose ends steps end too.
+
+    Raises
+    ------
+    PropertyError
+        If a history cannot be followed, or a drive jumps.
+    """
+    calendar, found = Calendar(t_end, outputs), []
+    for clamp in clamps:
+        assert clamp.angle is not None
+        name = f"clamp {clamp.end!r} angle"
+        found.append(represent(name, clamp.angle, 3, calendar))
+        check_drive(name, found[-1])
+    found += [_of_load(load, calendar) for load in loads]
+    jumps = [history.breaks[(history.jumps() > JUMP).any(axis=1)] for history in found]
+    anew = np.unique(np.concatenate([np.empty(0), *jumps]))
+    stops = np.unique(np.concatenate([calendar.breaks, anew, [np.inf]]))
+    return Timeline(pieces_of(found), stops, np.isin(stops, anew))
+
+
+def _of_load(load: Load, calendar: Calendar) -> Represented:
+    width = 2 if isinstance(load, Force) else 1
+    if not callable(load.value):
+        return constant(np.full(width, load.value, dtype=float), calendar.t_end)
+    name = f"{'force' if width == 2 else 'torque'} on {load.end!r}"
+    return represent(name, load.value, width, calendar)
+
+
+@inlined
+def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-def]
+    """Angles, rates and accelerations of the drives, (drives, 3), and values of the loads, (loads, 2), at t.
+
+    Where they jump: those before it, or, if `after`, those after it.
+    """
+    for h in range(len(angles)):
+        piece = piece_at(pieces, h, t, after)
+        for k in range(3):
+            angles[h, k] = value_at(pieces, piece, k, t)
+    for n in range(len(values)):
+        piece = piece_at(pieces, len(angles) + n, t, after)
+        for k in range(2):
+            values[n, k] = value_at(pieces, piece, k, t)
+
+
+@inlined
+def missed_impulse(pieces, history, t, h, start, end, found):  # type: ignore[no-untyped-def]
+    """∫|f − its straight line over the step| dt of both values of a load from t to t + h, N s or N m s, in `found`."""
+    found[0] = found[1] = 0.0
+    if pieces.steady[history]:
+        return
+    last, piece, a = pieces.first[history + 1] - 1, piece_at(pieces, history, t, True), t
+    while True:
+        b = t + h if piece == last else min(pieces.edges[1, piece], t + h)
+        for g in range(5):
+            time = a + POINTS[g] * (b - a)
+            x = (time - t) / h
+            for k in range(2):
+                off = value_at(pieces, piece, k, time) - ((1.0 - x) * start[k] + x * end[k])
+                found[k] += WEIGHTS[g] * (b - a) * abs(off)
+        if piece == last or b >= t + h:
+            break
+        a, piece = b, piece + 1
+
+
+@inlined
+def missed_turn(pieces, history, t, h, start, end):  # type: ignore[no-untyped-def]
+    """Mean distance of a drive's angle from the cubic of its angles and rates at t and t + h, rad."""
+    total, last = 0.0, pieces.first[history + 1] - 1
+    piece, a = piece_at(pieces, history, t, True), t
+    while True:
+        b = t + h if piece == last else min(pieces.edges[1, piece], t + h)
+        for g in range(5):
+            time = a + POINTS[g] * (b - a)
+            x = (time - t) / h
+            y = 1.0 - x
+            cubic = y * y * (1.0 + 2.0 * x) * start[0] + x * x * (1.0 + 2.0 * y) * end[0]
+            cubic += h * x * y * (y * start[1] - x * end[1])
+            total += WEIGHTS[g] * (b - a) * abs(value_at(pieces, piece, 0, time) - cubic)
+        if piece == last or b >= t + h:
+            break
+        a, piece = b, piece + 1
+    return total / h

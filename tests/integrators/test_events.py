@@ -1,0 +1,222 @@
+"""What happens between the steps of runs with a tolerance: pulses, swings, jumps, fast loads; and what is refused."""
+
+from dataclasses import dataclass
+from math import cos, pi, sin
+
+import numpy as np
+import pytest
+from samples import bar
+
+import anctmm as at
+from anctmm.errors import PropertyError
+from reference import exudyn_cable, global_dae
+
+SOFT = at.Material(E=1e7, density=1000.0)
+T_END = 2.0
+
+
+def push(t0, width, size=2.0):
+    """A force that acts for a while, and says so."""
+    return at.History(lambda t: (0.0, size if t0 <= t < t0 + width else 0.0), breaks=(t0, t0 + width))
+
+
+def unsaid(history):
+    """The same history without its breaks."""
+    return lambda t: history(t)
+
+
+def bump(t0, width, size=2.0):
+    """A smooth force that acts for a while, of which nothing is said."""
+    return lambda t: (0.0, size * sin(pi * (t - t0) / width) ** 2 if t0 < t < t0 + width else 0.0)
+
+
+def swing(t0, width, turn=0.5):
+    """A drive that turns out and back."""
+
+    def angle(t):
+        x = (t - t0) / width
+        if not 0.0 < x < 1.0:
+            return 0.0, 0.0, 0.0
+        y = x * (1.0 - x)
+        slope = 1.0 - 2.0 * x
+        rate, acceleration = 3.0 * y * y * slope, 6.0 * y * slope**2 - 6.0 * y * y
+        return 64.0 * turn * y**3, 64.0 * turn * rate / width, 64.0 * turn * acceleration / width**2
+
+    return angle
+
+
+def pinned(load):
+    return bar([at.Pin("bar.start")], [at.Force("bar.end", load)], material=SOFT)
+
+
+def clamped(load):
+    return bar([at.Clamp("bar.start")], [at.Force("bar.end", load)], material=SOFT)
+
+
+def driven(angle):
+    return bar([at.Clamp("bar.start", angle=angle)], material=SOFT)
+
+
+#: Scenes at rest in which something happens for a short while: without its place, how long it lasts, of the run.
+EVENTS = {
+    "push": (lambda w: pinned(push(0.7037, w)), 0.03),
+    "push, unsaid": (lambda w: pinned(unsaid(push(0.7037, w))), 0.03),
+    "push on a clamped bar": (lambda w: clamped(unsaid(push(1.1, w))), 0.02),
+    "short push": (lambda w: clamped(unsaid(push(0.7037, w, 20.0))), 1e-3),
+    "bump": (lambda w: clamped(bump(1.2345, w)), 0.01),
+    "shortest bump that is promised": (lambda w: pinned(bump(1.2345, w, 600.0)), 1e-4),
+    "torque": (
+        lambda w: bar([at.Clamp("bar.start")], [at.Torque("bar.end", at.Pulse(0.2, w * T_END))]),
+        0.02,
+    ),
+    "swing": (lambda w: driven(swing(0.913, w, 0.1)), 0.1),
+    "short swing": (lambda w: driven(swing(0.913, w, 0.01)), 0.02),
+}
+
+
+@pytest.mark.parametrize("event", EVENTS)
+def test_what_happens_between_outputs_is_seen(event):
+    """Against fixed steps of a thousandth of what happens, or less."""
+    make, part = EVENTS[event]
+    scene, probes = make(part * T_END), [("bar", 0.5), "bar.end"]
+    options = {"mesh": 1, "t_end": T_END, "output_dt": 0.1}
+    fine = at.solve(scene, dt=1e-5, **options)
+    assert np.abs(fine.displacement("bar.end")).max() > 1e-4
+    for tolerance in (1e-2, 1e-3):
+        found = at.solve(scene, tolerance=tolerance, newton_tolerance=1e-9, **options)
+        assert found.status.ok
+        assert at.compare(found, fine, probes).error <= 3.0 * tolerance
+
+
+@pytest.mark.parametrize("cycles", [8, 4096, 20_000])
+def test_a_fast_load_is_no_alias(cycles):
+    """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it."""
+    rate = 2.0 * pi * cycles / T_END
+    mass = SOFT.density * 0.02**2
+    size = 0.3 * mass * rate / T_END  # it drifts by 0.3 m
+    force = [
+        at.Force(end, lambda t: (0.0, 0.5 * size * np.sin(rate * t))) for end in ("bar.start", "bar.end")
+    ]
+    found = at.solve(
+        bar(loads=force, material=at.Material(E=1e9, density=1000.0)),
+        mesh=1, tolerance=1e-2, newton_tolerance=1e-9, t_end=T_END, output_dt=T_END,
+    )  # fmt: skip
+    assert found.status.ok
+    middle = 0.5 * (found.displacement("bar.start") + found.displacement("bar.end"))[-1]
+    assert middle[1] == pytest.approx(0.3, rel=3e-2)
+
+
+def test_steps_end_where_a_load_jumps():
+    """A free bar under a force that is switched is found to the tolerance of parabolas in a few steps."""
+    mass, on, off = SOFT.density * 0.02**2, 0.3071, 1.2303
+    force = [
+        at.Force(end, at.History(lambda t: (0.0, 0.5 * mass if on <= t < off else 0.0), breaks=(on, off)))
+        for end in ("bar.start", "bar.end")
+    ]
+    found = at.solve(bar(loads=force), mesh=1, tolerance=1e-3, t_end=T_END, output_dt=0.1)
+    parts = [found.displacement(("bar", fraction)) for fraction in (0.0, 0.5, 1.0)]
+    middle = (parts[0] + 4.0 * parts[1] + parts[2])[:, 1] / 6.0  # Simpson's rule is exact for a cubic
+    speed = off - on
+    exact = np.where(
+        found.t < off, 0.5 * np.maximum(found.t - on, 0.0) ** 2, speed * (found.t - 0.5 * (on + off))
+    )
+    assert np.abs(middle - exact).max() < 1e-8
+    assert np.abs(found.energy.balance).max() < 1e-3 * found.energy.work.max()
+
+
+def test_tiny_motions_keep_the_promise_too():
+    """A stiff bar whose tip moves by some 1e-6 of its length: errors are relative to what moves, not to the length."""
+    scene = bar(
+        [at.Clamp("bar.start")],
+        [at.Force("bar.end", lambda t: (0.0, 1e-3 * sin(3.0 * t)))],
+        material=at.Material(E=1e9, density=1000.0),
+    )
+    options = {"mesh": 2, "t_end": 0.5, "output_dt": 0.01}
+    fine = at.solve(scene, dt=1e-5, **options)
+    assert 1e-9 < np.abs(fine.displacement("bar.end")).max() < 1e-4
+    for tolerance in (1e-2, 1e-3):
+        found = at.solve(scene, tolerance=tolerance, newton_tolerance=1e-12, **options)
+        assert at.compare(found, fine, ["bar.end"]).largest <= 3.0 * tolerance
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Another value each time."""
+
+    def __call__(self, t):
+        return float(np.random.default_rng().standard_normal())
+
+
+def rate_jump(t):
+    return (0.0, 0.0, 0.0) if t < 0.5 else (t - 0.5, 1.0, 0.0)
+
+
+def angle_jump(t):
+    return (0.0 if t < 0.5 else 1.0), 0.0, 0.0
+
+
+REFUSED = {
+    "noise": (
+        lambda: bar(loads=[at.Torque("bar.end", Noise())]),
+        ["torque on 'bar.end'", "one value at each time"],
+    ),
+    "too fast": (
+        lambda: bar(loads=[at.Torque("bar.end", lambda t: np.sin(1e7 * t))]),
+        ["torque on 'bar.end'", "too fast", "fixed dt"],
+    ),
+    "angle jumps": (lambda: driven(angle_jump), ["clamp 'bar.start' angle", "angle jumps at t = 0.5 s"]),
+    "rate jumps": (lambda: driven(rate_jump), ["clamp 'bar.start' angle", "rate jumps at t = 0.5 s"]),
+    "wrong rate": (
+        lambda: driven(lambda t: (1.0 - cos(t), 2.0 * sin(t), cos(t))),
+        ["clamp 'bar.start' angle", "rate differs", "derivative"],
+    ),
+    "breaks too close": (
+        lambda: bar(loads=[at.Torque("bar.end", at.History(abs, (0.5, 0.5 + 1e-10)))]),
+        ["torque on 'bar.end'", "breaks", "apart"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_histories_that_cannot_be_followed_are_refused_by_name(case):
+    make, words = REFUSED[case]
+    with pytest.raises(PropertyError) as caught:
+        at.solve(make(), mesh=1, tolerance=1e-2, t_end=1.0)
+    assert [w for w in words if w not in str(caught.value)] == []
+
+
+ROADS = {
+    "explicit": (at.solve, "zhai"),
+    "implicit": (at.solve, "generalized-alpha"),
+    "global DAE": (global_dae.solve, "generalized-alpha"),
+    "Exudyn": (exudyn_cable.solve, "generalized-alpha"),
+}
+
+
+@pytest.mark.parametrize("road", ROADS)
+def test_a_fixed_step_that_misses_a_push_says_so(road):
+    """Every solver asks at the ends of its steps, so every solver must tell."""
+    solve, integrator = ROADS[road]
+    options = {"mesh": 1, "integrator": integrator, "t_end": 0.5, "check_stability": False}
+    soft = at.Material(E=1e4, density=1000.0)
+
+    def status(load, dt):
+        scene = bar([at.Clamp("bar.start")], [at.Force("bar.end", load)], material=soft, gravity=(0.0, -1.0))
+        return solve(scene, dt=dt, **options).status
+
+    missed = status(push(0.2005, 0.001), 1e-2)
+    assert missed == "inaccurate"
+    for word in ("force on 'bar.end'", "t = 0.2 s", "N s", "0.01 s see 0, 0", "tolerance"):
+        assert word in missed.message
+    assert status(push(0.2, 0.1), 1e-2).ok  # it breaks at steps
+    assert status(push(0.2005, 0.1), 1e-2).ok  # and here by little
+    assert status(push(0.2005, 0.001), 5e-5 if integrator == "generalized-alpha" else 1e-4).ok
+
+
+def test_a_fixed_step_that_misses_a_swing_says_so():
+    drive = at.History(swing(0.2012, 0.004, 0.05), breaks=(0.2012, 0.2052))
+    missed = at.solve(driven(drive), mesh=1, dt=1e-2, t_end=0.5).status
+    assert missed == "inaccurate"
+    assert "clamp 'bar.start' angle" in missed.message
+    assert "rad" in missed.message
+    assert at.solve(driven(at.Quintic(1.0, 0.2003)), mesh=1, dt=1e-2, t_end=0.5).status.ok

@@ -1,0 +1,62 @@
+"""What a tolerance promises, on scenes drawn at random: at most three times the error that is asked for."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from random_scenes import Push, rows
+
+import anctmm as at
+
+T_END, OUTPUTS = 0.3, 30
+#: Change of gravity, of itself, that shows how a motion amplifies errors, and more than it may amplify them.
+DISTURBANCE, WILD = 1e-6, 10.0
+TOLERANCES = (1e-2, 1e-3, 1e-4)
+
+
+@st.composite
+def eventful(draw):
+    """Rows of cables, and now and then a push that is short beside the run and at no round time."""
+    drawn = draw(
+        rows(supports=("pin", "clamp", "hub")).filter(lambda d: set(d.element.values()) == {"cable"})
+    )
+    if draw(st.booleans()):
+        return drawn
+    t0, width = T_END * draw(st.integers(1, 60)) / 67, T_END * draw(st.sampled_from([0.2, 0.02, 0.002]))
+    pulse = at.Pulse(draw(st.sampled_from([1.0, 4.0])), width)
+
+    def shifted(t):
+        return pulse(np.asarray(t) - t0) if np.ndim(t) else float(pulse(t - t0))
+
+    history = Push((1.0, 0.5), at.History(shifted, (t0, t0 + width)) if draw(st.booleans()) else shifted)
+    loads = [*drawn.scene.loads, at.Force(f"{draw(st.sampled_from(drawn.scene.bodies)).name}.end", history)]
+    return replace(drawn, scene=replace(drawn.scene, loads=loads))
+
+
+def errors(drawn):
+    """Error of each tolerance over it, in the largest displacement, where a reference knows it well enough."""
+    scene, probes = drawn.scene, [(b.name, f) for b in drawn.scene.bodies for f in (0.25, 0.5, 0.75, 1.0)]
+    options = {"mesh": drawn.mesh, "element": "cable", "t_end": T_END, "output_dt": T_END / OUTPUTS}
+    fine = {"dt": T_END / OUTPUTS / 400, "newton_tolerance": 1e-9}
+    reference = at.solve(scene, **fine, **options)
+    assume(reference.status.ok)
+    assume(max(np.abs(reference.displacement(p)).max() for p in probes) > 1e-6)  # something moves
+    coarser = at.solve(scene, **fine | {"dt": T_END / OUTPUTS / 200}, **options)
+    gravity = tuple((1.0 + DISTURBANCE) * g for g in scene.gravity)
+    disturbed = at.solve(replace(scene, gravity=gravity), **fine, **options)
+    assume(at.compare(disturbed, reference, probes).largest < WILD * DISTURBANCE)
+    known = at.compare(coarser, reference, probes).largest
+    found = {}
+    for tolerance in TOLERANCES:
+        if known < 0.3 * tolerance:
+            run = at.solve(scene, tolerance=tolerance, newton_tolerance=1e-8, **options)
+            assert run.status.ok, run.status
+            found[tolerance] = at.compare(run, reference, probes).largest / tolerance
+    return found
+
+
+@settings(max_examples=40, suppress_health_check=list(HealthCheck))
+@given(eventful())
+def test_errors_stay_within_three_times_what_is_asked(drawn):
+    assert all(ratio <= 3.0 for ratio in errors(drawn).values())
