@@ -135,7 +135,8 @@ def test_a_hundred_thousand_elements_stay_at_rounding(shape):
     p = Problem(lengthened(scene, 0.05 * mesh), Discretisation(mesh=mesh))
     assert p.q.shape[1] > 100_000
     assert p.acceleration_error() < 1e-12
-    assert p.tangent_error(1e9)[0] < 1e-12
+    # so much mass that the rounding of strains, of places hundreds of metres away, is not what is compared
+    assert p.tangent_error(1e10)[0] < 1e-12
 
 
 def lengthened(scene, factor):
