@@ -6,20 +6,20 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
+from anctmm.elements.kinds import check_kinds, moved_by
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.recursion.border import refuse_rigid
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
-from anctmm.solvers.capabilities import Offer
+from anctmm.solvers.capabilities import Offer, uncombined
 
 __all__ = ["solve", "solve_static"]
 
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured.
 EXPLICIT, IMPLICIT = 150.0, 240.0
-OFFER = Offer(lacks=frozenset({"rigid + generalized-alpha", "rigid + statics"}))
+OFFER = Offer(lacks=uncombined())
 
 
 @accounted
@@ -48,6 +48,7 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
     """
     run = discretise(run, options, fixed_step=False)
     check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT)
+    check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
     chain = Chain(scene, run)
     if chain.run.tolerance is not None and chain.bodies.damping is not None:
         raise StepError(
@@ -59,7 +60,6 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         case Zhai():
             return zhai.integrate(chain)
         case GeneralizedAlpha():
-            refuse_rigid(chain, f"integrator {chain.run.integrator!r}")
             implicit = generalized_alpha if chain.run.tolerance is None else step_control
             return implicit.integrate(chain)
     assert_never(method)

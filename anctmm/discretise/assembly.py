@@ -12,26 +12,20 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.mesh import BodyMesh, Element
-from anctmm.elements.cable import CableElement
-from anctmm.elements.cable_kernel import constants as cable_constants
+from anctmm.discretise.mesh import BodyMesh
 from anctmm.elements.dispatch import (
     BOTH,
-    CABLE,
-    CABLES,
-    SHEAR,
-    SHEARS,
+    KERNELS,
+    blend_of,
     components,
     element_damping,
     element_energy,
     element_forces,
     element_tangents,
 )
-from anctmm.elements.shear import ShearElement
+from anctmm.elements.kinds import Element
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.elements.shear_kernel import constants as shear_constants
 from anctmm.elements.tangent_blocks import lower
-from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import embedded, inlined, kernel
 
 Array = NDArray[np.float64]
@@ -52,27 +46,10 @@ class Tables(NamedTuple):
     buffer: Array
 
 
-def kernel_of(element: Element) -> int:
-    """CABLE or SHEAR: the kernels that an element needs (a rigid one is a cable without stiffness)."""
-    match element:
-        case ShearElement():
-            return SHEAR
-        case CableElement():
-            return CABLE
-        case _:
-            raise unknown_kind("element", element, (ShearElement, CableElement))
-
-
 @lru_cache
-def _constants_of(element: Element) -> tuple[float, ...]:
+def _constants_of(element: Element, kernels: int) -> tuple[float, ...]:
     """Constants of the kernels of an element, found once for all runs that have it."""
-    match element:
-        case ShearElement():
-            return tuple(shear_constants(element).tolist())
-        case CableElement():
-            return tuple(cable_constants(element).tolist())
-        case _:
-            raise unknown_kind("element", element, (ShearElement, CableElement))
+    return tuple(KERNELS[kernels].constants(element).tolist())
 
 
 @dataclass(frozen=True)
@@ -111,19 +88,18 @@ class Bodies:
 
     @cached_property
     def kinds(self) -> Ints:
-        """CABLE or SHEAR, of each body."""
-        return np.array([kernel_of(m.element) for m in self.meshes], dtype=np.int64)
+        """Kernels of each body, CABLE or SHEAR."""
+        return np.array([m.kind.kernels for m in self.meshes], dtype=np.int64)
 
     @cached_property
     def blend(self) -> tuple[int, ...]:
         """CABLES, SHEARS or BOTH, whose type tells the compiler which kinds of element there are."""
-        kinds = set(self.kinds.tolist())
-        return BOTH if len(kinds) > 1 else SHEARS if SHEAR in kinds else CABLES
+        return blend_of(self.kinds.tolist())
 
     @cached_property
     def constants(self) -> Array:
         """Constants of the element kernels, a row a body."""
-        rows = [_constants_of(m.element) for m in self.meshes]
+        rows = [_constants_of(m.element, m.kind.kernels) for m in self.meshes]
         table = np.zeros((len(rows), max(map(len, rows))))
         for line, row in zip(table, rows, strict=True):
             line[: len(row)] = row
@@ -188,7 +164,7 @@ class Bodies:
 
     def turning_row(self, name: str) -> int:
         """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
-        return 2 * self.meshes[self._places[name]].vectors - 2
+        return self.mesh(name).kind.turning_row
 
     @cached_property
     def _places(self) -> dict[str, int]:
@@ -430,7 +406,7 @@ def block_tangents(
 def unpack_tangent(buffer: Array, j: int, kind: int, K: Array) -> None:
     """Tangent of element j of a block, (2 rows, 2 rows): the components of node I, then those of node O."""
     rows = K.shape[0] // 2
-    own = 6 if kind == SHEAR else 4
+    own = components(BOTH, kind)
     K[:] = 0.0  # a cable among shear elements
     for k in range(2 * own):
         for m in range(k + 1):

@@ -18,6 +18,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import body_meshes, constant_forces
 from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
+from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
 from anctmm.model.joints import Weld
 from anctmm.model.scene import Scene
@@ -45,6 +46,7 @@ class Chain:
         If the discretisation does not fit the scene's bodies.
     DiscretisationError
         If a weld joins a shear element to another kind, or rigid bodies stand in a singular position.
+        If a weld joins kinds of element whose nodes have different vectors.
     """
 
     scene: Scene
@@ -55,10 +57,11 @@ class Chain:
         for joint in self.scene.joints:
             if isinstance(joint, Weld):
                 names = [self.scene.body_end(end)[0].name for end in joint.ends]
-                if len({kinds[n][1] == "shear" for n in names}) > 1:
+                if not all(kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names):
                     raise DiscretisationError(
                         f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
-                        f"a weld needs one kind on both sides, or 'cable' and 'rigid' (a pin does not)"
+                        f"a weld needs one kind on both sides, or kinds whose nodes have the same vectors "
+                        f"(a pin does not)"
                     )
         check_rigid_loops(self.scene, {name: kind for name, (_, kind) in kinds.items()})
 

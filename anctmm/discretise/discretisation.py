@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import METHODS, GeneralizedAlpha, Method, Zhai
+from anctmm.elements.kinds import QUADRATURES, kind_of
 from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown, unknown_option
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.validation import flag, one_of, positive, whole, within
 
-ELEMENTS = ("cable", "shear", "rigid")
-QUADRATURES = ("full", "reduced", "lobatto")
 INTEGRATORS = tuple(METHODS)
 #: Elements of a body at most: sparse matrices number their rows by 32 bits.
 MOST = 2**31 - 1
@@ -168,6 +167,8 @@ class Discretisation:
         ------
         MeshError
             If a mapping misses a body of the scene or names one it does not have, or a rigid body has several elements.
+        UnknownOptionError
+            If a kind of element is not known.
         """
         names = [b.name for b in checked_scene(scene).bodies]
         for what in ("mesh", "element"):
@@ -179,7 +180,7 @@ class Discretisation:
                 )
         cut = {n: (_pick(self.mesh, n), _pick(self.element, n)) for n in names}
         for name, (elements, kind) in cut.items():
-            if kind == "rigid" and elements != 1:
+            if kind_of(kind, f"element of body {name!r}").rigid and elements != 1:
                 raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
         return cut
 
@@ -277,7 +278,7 @@ def _elements(what: str, value: Any, count: Any) -> int:
 
 
 def _element(what: str, value: Any, kind: Any) -> str:
-    return one_of(what, kind, ELEMENTS)
+    return kind_of(kind, what).name
 
 
 def _method(name: str) -> type[Method]:

@@ -6,6 +6,7 @@ from math import ceil
 from pathlib import Path
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
 from anctmm.model.scene import Scene
 
@@ -65,8 +66,8 @@ def check_memory(
 
 
 def coordinates_of_node(run: Discretisation, scene: Scene) -> int:
-    """Coordinates that each node has in the arrays of a run: 6 where there is a shear element, else 4."""
-    return 6 if any(kind == "shear" for _, kind in run.of(scene).values()) else 4
+    """Coordinates that each node has in the arrays of a run: those of the kind that has most."""
+    return 2 * max(len(kind_of(kind).vectors) for _, kind in run.of(scene).values())
 
 
 def free_memory() -> float | None:

@@ -11,20 +11,16 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import ELEMENTS, QUADRATURES, Discretisation
-from anctmm.elements.cable import CableElement
-from anctmm.elements.rigid import RigidElement
-from anctmm.elements.shear import ShearElement
-from anctmm.errors import unknown_kind, unknown_option
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import Element, ElementKind, kind_of
+from anctmm.errors import unknown_kind
 from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Beam, Force, Load, Scene, Torque
-from anctmm.validation import one_of
 
 Array = NDArray[np.float64]
 #: Elements up to which a body's mesh is kept for the next run: building it takes longer than the steps of a short one.
 KEPT = 256
-Element = ShearElement | CableElement
 
 
 @dataclass(frozen=True)
@@ -34,11 +30,9 @@ class BodyMesh:
     Parameters
     ----------
     body : Beam
-    kind : str
-        "cable", "shear" or "rigid".
+    kind : ElementKind
     elements : int
-    element : ShearElement or CableElement
-        (A RigidElement is one of the latter.)
+    element : Element
         Every one of them.
     gravity : (float, float)
         m/s².
@@ -47,7 +41,7 @@ class BodyMesh:
     """
 
     body: Beam
-    kind: str
+    kind: ElementKind
     elements: int
     element: Element
     gravity: tuple[float, float]
@@ -60,8 +54,8 @@ class BodyMesh:
 
     @property
     def vectors(self) -> int:
-        """Coordinate vectors of a node: r and r_x, and r_y for the shear element."""
-        return self.element.vectors_per_node
+        """Number of coordinate vectors of a node."""
+        return len(self.kind.vectors)
 
     @cached_property
     def reference(self) -> Array:
@@ -147,17 +141,8 @@ def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: st
 def _mesh(
     body: Beam, quadrature: str, elements: int, kind: str, gravity: tuple[float, float], flipped: bool
 ) -> BodyMesh:
-    element: Element
-    match kind:
-        case "shear":
-            element = ShearElement.of(body, elements)
-        case "cable":
-            element = CableElement.of(body, elements, one_of("quadrature", quadrature, QUADRATURES))
-        case "rigid":
-            element = RigidElement.of(body)
-        case _:
-            raise unknown_option(f"element of body {body.name!r}", kind, ELEMENTS)
-    return BodyMesh(body, kind, elements, element, gravity, flipped)
+    found = kind_of(kind, f"element of body {body.name!r}")
+    return BodyMesh(body, found, elements, found.element_of(body, elements, quadrature), gravity, flipped)
 
 
 _kept_mesh = lru_cache(maxsize=128)(_mesh)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.scene import Scene
 from anctmm.model.topology import End, Junction, Sets, junctions_of
@@ -49,7 +50,7 @@ def check_rigid_loops(scene: Scene, kinds: Mapping[str, str]) -> None:
     DiscretisationError
         Naming the bodies.
     """
-    rigid = {name for name, kind in kinds.items() if kind == "rigid"}
+    rigid = {name for name, kind in kinds.items() if kind_of(kind).rigid}
     if not rigid:
         return
     junctions = junctions_of(scene)

@@ -4,16 +4,23 @@ The type of the first argument, a tuple of zeros, says which kinds there are: nu
 Without numba's compiler the functions here are called themselves.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from types import ModuleType
 from typing import Any
 
 from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.elements.kinds import CABLE, SHEAR
 from anctmm.jit.compiling import chosen_by_types
 
-#: Kinds of element, as a body has one of them.
-CABLE, SHEAR = 0, 1
-#: Kinds that a scene has, by the length of the tuple.
+#: Modules of kernels, by the number that a kind of element has of them.
+KERNELS: Mapping[int, ModuleType] = {CABLE: cable_kernel, SHEAR: shear_kernel}
+#: Kernels that a scene needs, by the length of the tuple: the sum of 2 ** number.
 CABLES, SHEARS, BOTH = (0,), (0, 0), (0, 0, 0)
+
+
+def blend_of(numbers: Iterable[int]) -> tuple[int, ...]:
+    """CABLES, SHEARS or BOTH: what tells the compiler which kernels are needed."""
+    return (0,) * sum(2**number for number in set(numbers))
 
 
 def components(blend, kind):  # type: ignore[no-untyped-def]

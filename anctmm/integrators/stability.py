@@ -91,7 +91,7 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
         return join.unknowns(a if rigid is None else project(rigid, q, a))
 
     n = join.size
-    if n == 0 or not any(m.kind != "rigid" for m in bodies.meshes):
+    if n == 0 or not any(not m.kind.rigid for m in bodies.meshes):
         return 0.0
     if n < 3 or (
         rigid is not None and n <= DENSE

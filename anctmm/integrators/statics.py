@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.integrators.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.load_path import MANY, LoadPath
 from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.stable_branch import downhill, stable_path
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.recursion.border import refuse_rigid
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution, Status
 from anctmm.results.stability_status import singular, unstable
@@ -73,7 +73,7 @@ def solve_static(
     load_steps = parts_of_load(load_steps)
     one_of("branch", branch, BRANCHES)
     chain = Chain(checked_scene(scene), discretise(run, options))
-    refuse_rigid(chain, "statics")
+    check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)
     search.newton(0.0)  # compiles
     stability_of(search.system, search.q, 0.0)

@@ -29,7 +29,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.errors import DiscretisationError
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.riccati import mass_factors, solve
 
@@ -98,16 +97,7 @@ class Rigid(NamedTuple):
 
 def rigid_bodies(chain: Chain) -> list[int]:
     """Places of the rigid bodies in a chain."""
-    return [b for b, mesh in enumerate(chain.bodies.meshes) if mesh.kind == "rigid"]
-
-
-def refuse_rigid(chain: Chain, what: str) -> None:
-    """Raise DiscretisationError if a chain has a rigid body, which `what` does not know."""
-    for b in rigid_bodies(chain):
-        raise DiscretisationError(
-            f"element is 'rigid' for body {chain.bodies.meshes[b].body.name!r}; {what} needs 'cable' or 'shear' "
-            f"(rigid bodies move with integrator 'zhai')"
-        )
+    return [b for b, mesh in enumerate(chain.bodies.meshes) if mesh.kind.rigid]
 
 
 def shape_residual(nodes: Ints, length: Array, u: Complex) -> Complex:

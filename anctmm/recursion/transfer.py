@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.plan import PIN, WELD
+from anctmm.elements.kinds import check_kinds, flexible
 from anctmm.errors import SolverError
-from anctmm.recursion.border import refuse_rigid
 
 Complex = NDArray[Any]
 Real = NDArray[np.float64]
@@ -115,9 +115,10 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:
         raise SolverError(
-            f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here"
+            f"scene {chain.scene.name!r} mixes {' and '.join(sorted({m.kind.name for m in chain.bodies.meshes}))} "
+            f"elements; one kind is needed here"
         )
-    refuse_rigid(chain, "the readable form")
+    check_kinds(chain.run.of(chain.scene), flexible(), "the readable form")
     k = bodies.rows // 2
     outer = complex_of(f)
     passages = []

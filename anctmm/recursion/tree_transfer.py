@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.plan import PIN, WELD
+from anctmm.elements.kinds import check_kinds, flexible
 from anctmm.errors import SolverError
-from anctmm.recursion.border import refuse_rigid
 from anctmm.recursion.transfer import (
     Passage,
     body_passages,
@@ -62,9 +62,10 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
         raise SolverError(f"scene {chain.scene.name!r} closes loops; a tree is needed here")
     if len(set(chain.bodies.kinds)) > 1:
         raise SolverError(
-            f"scene {chain.scene.name!r} mixes cable and shear elements; one kind is needed here"
+            f"scene {chain.scene.name!r} mixes {' and '.join(sorted({m.kind.name for m in chain.bodies.meshes}))} "
+            f"elements; one kind is needed here"
         )
-    refuse_rigid(chain, "the readable form")
+    check_kinds(chain.run.of(chain.scene), flexible(), "the readable form")
     first, known = chain.bodies.first, chain.prescribed[::2]
     waiting: dict[int, tuple[Complex, Complex]] = {}
     passed = []

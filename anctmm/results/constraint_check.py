@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.kinds import kind_of
 from anctmm.model.drives import tabulate
 from anctmm.model.topology import End, Junction, junctions_of
 from anctmm.results.acting import length_of
@@ -87,7 +88,7 @@ def _strained(solution: Solution, paths: dict[End, Array], rounding: float) -> I
     """Rigid bodies whose length is not kept."""
     kinds = {} if solution.run is None else solution.run.of(solution.scene)
     for name, (_, kind) in kinds.items():
-        if kind == "rigid":
+        if kind_of(kind).rigid:
             length = solution.scene.body(name).length
             strain = np.abs(_distance(paths[name, 1], paths[name, 0]) / length - 1.0)
             what = f"rigid body {name!r} has changed its length by"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
 from anctmm.model.scene import Force
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
 from anctmm.results.finding import Finding, most_stretched, place
@@ -99,7 +100,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     if run is None or solution.t.size < 2:
         return
     explicit = run.explicit
-    vibrates = any(kind != "rigid" for _, kind in run.of(solution.scene).values())
+    vibrates = any(not kind_of(kind).rigid for _, kind in run.of(solution.scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
     damped = any(body.material.damping > 0.0 for body in solution.scene.bodies)
     beyond, least = np.abs(balance_of(energy, damped=damped)) > noise(solution), _exchangeable(solution)

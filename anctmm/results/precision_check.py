@@ -10,6 +10,7 @@ from math import log10, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.kinds import kind_of
 from anctmm.model.scene import Clamp, Force
 from anctmm.results.acting import length_of, load_sizes, mass_of, weight_of
 from anctmm.results.finding import Finding
@@ -58,7 +59,7 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
     forces = {
         name: scene.body(name).material.E * scene.body(name).section.area * elements / scene.body(name).length
         for name, (elements, kind) in run.of(scene).items()
-        if kind != "rigid"
+        if not kind_of(kind).rigid
     }
     if not forces:
         return

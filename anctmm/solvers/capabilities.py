@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
+from anctmm.elements.kinds import KINDS
 from anctmm.errors import DiscretisationError, unknown_option
 from anctmm.validation import one_of
 
@@ -19,13 +20,15 @@ FEATURES = {
     "drives": "clamps that turn",
     "varying-loads": "loads that vary in time",
     "damping": "Kelvin-Voigt damping of materials",
-    "rigid": "rigid bodies",
+    **{kind.name: kind.title for kind in KINDS.values() if kind.optional},
     "energy": "energies of the history; NaN where lacking",
 }
 #: Features that need others.
 NEEDED = {"branches": "joints", "loops": "joints"}
 #: Between the features of a combination.
 WITH = " + "
+#: Continua that rest positions of our elements tend to, by element.
+LIMITS = {kind.name: kind.continuum for kind in KINDS.values() if kind.continuum}
 
 
 @dataclass(frozen=True)
@@ -53,12 +56,12 @@ class Offer:
 
     lacks: frozenset[str] = frozenset()
     element: str = ""
-    limits: Mapping[str, str] = field(default_factory=lambda: {"cable": "elastica", "shear": "director"})
+    limits: Mapping[str, str] = field(default_factory=lambda: dict(LIMITS))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lacks", _lacks(self.lacks))
         for element, limit in self.limits.items():
-            one_of("an Offer's element", element, ("cable", "shear"))
+            one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
         if not self.integrators:
             raise DiscretisationError("an Offer lacks 'zhai' and 'generalized-alpha'; one of them is needed")
@@ -77,6 +80,17 @@ class Offer:
     def element_of(self, asked: str) -> str:
         """Name of the element it uses for one asked for."""
         return self.element or asked
+
+
+def uncombined() -> frozenset[str]:
+    """Combinations of features that ANC-TMM lacks, as its kinds of element say."""
+    found = set()
+    for kind in KINDS.values():
+        lacking = {"zhai", "generalized-alpha"} - set(kind.integrators) | (
+            set() if kind.statics else {"statics"}
+        )
+        found |= {WITH.join((kind.name, feature)) for feature in lacking if kind.optional}
+    return frozenset(found)
 
 
 def features_of(lack: str) -> tuple[str, ...]:

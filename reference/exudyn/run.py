@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS, Discretisation, parts_of_load
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, parts_of_load
+from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
@@ -31,6 +32,8 @@ Array = NDArray[np.float64]
 TOLERANCES = (1e-7, 1e-9)
 #: Those of statics, tried in turn: self-weight on fine meshes misses the first. None: what rounding leaves.
 STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
+#: Kinds of element that may be asked for; the models have one of their own instead.
+ELEMENTS = ("cable", "shear")
 #: Coordinates from which on the sparse solver is the faster one, as measured.
 SPARSE_FROM = {"generalized-alpha": 20, "static": 20, "zhai": 50}
 
@@ -64,7 +67,7 @@ def dynamics(
     times = run.times(run.output_steps)
     loads = {k: _table(load, times) for k, load in enumerate(scene.loads) if callable(load.value)}
     try:
-        _check_kinds(scene, run)
+        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", Unsupported)
         _check_integrator(scene, run)
         exu = load_exudyn()
     except Unsupported as why:
@@ -92,7 +95,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     positive("load_steps", load_steps, DiscretisationError)
     load_steps = parts_of_load(load_steps)
     try:
-        _check_kinds(scene, run)
+        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", Unsupported)
         exu = load_exudyn()
     except Unsupported as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
@@ -134,19 +137,6 @@ def roundoff(beams: Beams, scene: Scene) -> float:
         l, E = body.length / intervals, body.material.E  # noqa: E741
         squares += intervals * (E * (body.section.area / l + 12.0 * body.section.second_moment / l**3)) ** 2
     return float(2.0 * np.finfo(float).eps * extent * np.sqrt(squares))
-
-
-def _check_kinds(scene: Scene, run: Discretisation) -> None:
-    for name, (_, kind) in run.of(scene).items():
-        match kind:
-            case "cable" | "shear":
-                pass
-            case "rigid":
-                raise Unsupported(
-                    f"element is 'rigid' for body {name!r}; these models have flexible bodies only"
-                )
-            case _:
-                raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
 
 
 def _check_integrator(scene: Scene, run: Discretisation) -> None:

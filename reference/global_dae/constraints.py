@@ -103,10 +103,10 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
 
 def _refuse_mixed(joint: Weld, meshes: list[BodyMesh]) -> None:
     for mesh in meshes[1:]:
-        if mesh.vectors != meshes[0].vectors:
+        if not mesh.kind.welds_to(meshes[0].kind):
             raise DiscretisationError(
-                f"{joint!r} joins {meshes[0].body.name!r} of element {meshes[0].kind!r} to {mesh.body.name!r} of "
-                f"element {mesh.kind!r}; one element kind is needed on all sides of a weld"
+                f"{joint!r} joins {meshes[0].body.name!r} of element {meshes[0].kind.name!r} to {mesh.body.name!r} of "
+                f"element {mesh.kind.name!r}; one element kind is needed on all sides of a weld"
             )
 
 

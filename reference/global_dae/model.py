@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.discretisation import ELEMENTS, Discretisation
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import build
-from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.elements.kinds import check_kinds
 from anctmm.model.scene import Scene
 from reference.global_dae.constraints import Row, Rows, compiled_rows, constraint_rows
 from reference.global_dae.loads import Loads, dead_forces, varying
@@ -23,6 +23,8 @@ from reference.global_dae.loads import Loads, dead_forces, varying
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
+#: Kinds of element that it knows.
+ELEMENTS = ("cable", "shear")
 
 
 class Parts(NamedTuple):
@@ -59,16 +61,7 @@ class Model:
     @classmethod
     def of(cls, scene: Scene, run: Discretisation) -> "Model":
         """Build it; raises the errors of `mesh.build` and `constraint_rows`; refuses rigid bodies."""
-        for name, (_, kind) in run.of(scene).items():
-            match kind:
-                case "cable" | "shear":
-                    pass
-                case "rigid":
-                    raise DiscretisationError(
-                        f"element is 'rigid' for body {name!r}; the global solver needs 'cable' or 'shear'"
-                    )
-                case _:
-                    raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
+        check_kinds(run.of(scene), ELEMENTS, "the global solver")
         bodies = Bodies(list(build(scene, run).values()))
         return cls(scene, run, bodies, constraint_rows(scene, bodies))
 

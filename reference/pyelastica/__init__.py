@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS, Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
+from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, StabilityError, unknown_kind, unknown_option
 from anctmm.model.bodies import beam_of
 from anctmm.model.joints import JOINTS
@@ -38,6 +39,8 @@ OFFER = Offer(
     element="reissner",
     limits={"shear": "reissner"},
 )
+#: Kinds of element that may be asked for; rods have one of their own instead.
+ELEMENTS = ("cable", "shear")
 #: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
 LOWEST = {
     ("clamp", "free"): 3.516,
@@ -359,16 +362,9 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
             raise Unsupported(
                 f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
             )
-    for name, (count, kind) in run.of(scene).items():
-        match kind:
-            case "cable" | "shear":
-                pass
-            case "rigid":
-                raise Unsupported(
-                    f"element is 'rigid' for body {name!r}; these models have flexible bodies only"
-                )
-            case _:
-                raise unknown_option(f"element of body {name!r}", kind, ELEMENTS)
+    cut = run.of(scene)
+    check_kinds(cut, ELEMENTS, "a model in PyElastica", Unsupported)
+    for name, (count, _) in cut.items():
         if count < 2:
             raise Unsupported(f"body {name!r} has {count} element; PyElastica needs 2 or more")
     try:

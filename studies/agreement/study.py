@@ -11,6 +11,7 @@ import pandas as pd
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from anctmm.elements.kinds import flexible
 from anctmm.errors import AnctmmError
 from anctmm.results.metrics import compare
 from anctmm.solvers import registry
@@ -22,7 +23,7 @@ from studies.engine.tables import Table
 from studies.report.plots import GRID, ON_DARK, ON_PALE, Picture, picture
 from studies.scenes import BaseScene, moving_scenes
 
-ELEMENTS = ("cable", "shear")
+ELEMENTS = flexible()
 #: Mesh by the element and the number of bodies, by whether the run is quick: shear elements converge slowly, and models
 #: are told apart only where meshes do not matter.
 MESHES: dict[bool, dict[str, dict[int, Mesh]]] = {

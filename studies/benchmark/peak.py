@@ -9,9 +9,8 @@ import pandas as pd
 from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import SHEAR as SHEAR_KIND
 from anctmm.discretise.chain import Chain
-from anctmm.elements import cable_kernel, shear_kernel
+from anctmm.elements.dispatch import KERNELS
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.integrators import zhai as explicit
@@ -139,7 +138,7 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
     bodies, q = chain.bodies, counted(bent_arc(n + 1, chain.bodies.rows))
     p, zeros = parts(chain, q), counted(np.zeros(q.shape))
     t = p.tables._replace(buffer=counted(np.zeros(12 * BLOCK + 6)))
-    of_kind: Any = shear_kernel if bodies.kinds[0] == SHEAR_KIND else cable_kernel
+    of_kind: Any = KERNELS[int(bodies.kinds[0])]
     counts = {
         ELEMENT_FORCES: operations(of_kind.forces, q, 0, n, bodies.constants[0], t.buffer),
         TANGENTS: operations(

@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import QUADRATURES
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solve import solve
@@ -25,7 +26,6 @@ from studies.scenes import BaseScene, cantilever_fall, four_bar
 
 #: Errors at which costs are compared.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
-QUADRATURES = ("full", "reduced", "lobatto")
 #: Steps tried, s: whole parts of the scenes' output_dt, close enough for a front without large gaps.
 STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))
 #: Newton's tolerances: of ANC-TMM for corrections; of Exudyn for residuals, None its usual best.

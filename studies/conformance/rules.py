@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import simpson
 
+from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Load, Material, Pin, Point, Scene, Torque, Weld
@@ -123,7 +124,11 @@ DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
     "loops": (looped, {}),
     "varying-loads": (lambda scene: replace(scene, loads=pulled().loads), {}),
     "damping": (damping, {}),
-    "rigid": (as_it_is, {"mesh": 1, "element": "rigid"}),
+    **{
+        name: (as_it_is, {"mesh": 1 if kind.rigid else 8, "element": name})
+        for name, kind in KINDS.items()
+        if kind.optional
+    },
     "statics": (as_it_is, {}),
     "zhai": (as_it_is, {"integrator": "zhai"}),
     "generalized-alpha": (as_it_is, {"integrator": "generalized-alpha"}),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from anctmm.discretise.discretisation import ELEMENTS
+from anctmm.elements.kinds import KINDS
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from studies.engine.runner import (
@@ -188,7 +188,7 @@ def _measured_by(case: Case, references: Mapping[str, Any]) -> str:
 
 
 def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
-    asked = element if element in ELEMENTS else "shear"  # a solver with an element of its own does not mind
+    asked = element if element in KINDS else "shear"  # a solver with an element of its own does not mind
 
     def case(mesh: Mesh, dt: float) -> Case:
         return Case(

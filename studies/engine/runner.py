@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
 from anctmm.errors import AnctmmError, SolverError
 from anctmm.jit import cache_dir as storage
 from anctmm.model.scene import Probe, Scene
@@ -386,7 +387,7 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
         "scene": case.scene.name,
         "solver": case.solver,
         "element": element_of(case.solver, case.element),
-        "quadrature": case.quadrature if case.element == "cable" else "-",
+        "quadrature": kind_of(case.element).quadrature_shown(case.quadrature),
         "integrator": case.integrator,
         "elements": mesh_label(case.mesh),
         "dofs": solution.dofs,

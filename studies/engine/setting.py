@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import QUADRATURES
 from anctmm.integrators.stability import element_bound, zhai_limit
 from anctmm.model.scene import Beam, Clamp, Joint, Material, Pin, Scene, Weld
 from anctmm.model.sections import Rectangle
@@ -44,7 +45,7 @@ class Variant:
 
 
 SHEAR = Variant("shear", "-")
-CABLES = tuple(Variant("cable", q) for q in ("full", "reduced", "lobatto"))
+CABLES = tuple(Variant("cable", q) for q in QUADRATURES)
 VARIANTS = (SHEAR, *CABLES)
 
 

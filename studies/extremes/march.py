@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
 from anctmm.integrators import zhai as explicit
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
@@ -114,4 +115,4 @@ def largest_stable(grown: Callable[[float], bool], guess: float, width: float) -
 
 def options_of(run: Discretisation) -> dict[str, Any]:
     """What tells a scheme from another, for a row."""
-    return {"element": run.element, "quadrature": run.quadrature if run.element == "cable" else "-"}
+    return {"element": run.element, "quadrature": kind_of(run.element).quadrature_shown(run.quadrature)}

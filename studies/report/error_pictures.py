@@ -7,6 +7,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
+from anctmm.elements.kinds import KINDS, flexible
 from studies.report.plots import (
     DASHES,
     PALETTE,
@@ -20,12 +21,11 @@ from studies.report.plots import (
 )
 
 ELEMENT_TITLES = {
-    "cable": "Cable elements",
-    "shear": "Shear-deformable elements",
+    **{name: KINDS[name].title.capitalize() for name in flexible()},
     "reissner": "Reissner's rods",
 }
 #: Observed by theory: how the error of each element falls with the mesh.
-MESH_ORDERS = {"cable": 4.0, "shear": 2.0, "reissner": 2.0}
+MESH_ORDERS = {**{name: KINDS[name].order for name in flexible()}, "reissner": 2.0}
 SHORT = {"generalized-alpha": "implicit", "zhai": "explicit", "static": ""}
 #: Quadratures other than the first have colours of their own.
 RULE_COLOURS = {"reduced": PALETTE[4], "lobatto": PALETTE[6]}

@@ -4,12 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil
 
+from anctmm.elements.kinds import QUADRATURES
 from studies.engine.dynamics import Fine, Plan, Scheme
 from studies.engine.runner import Mesh
 from studies.engine.setting import stable_step
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 
-QUADRATURES = ("full", "reduced", "lobatto")
 STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
 #: Of the slower solvers the finest step is left out: their errors are those of ours.
 PEER_STEPS = STEPS[:-1]

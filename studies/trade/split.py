@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+from anctmm.elements.kinds import KINDS
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from studies.engine.dynamics import Sweep
@@ -36,7 +37,7 @@ def same_mesh(swept: Sweep, dt: float, runner: Runner) -> Mapping[Place, SameMes
 
 def other_model(case: Case) -> bool:
     """Whether a solver's element is none of ours: a fine step of ours then says nothing of its mesh."""
-    return element_of(case.solver, case.element) not in ("cable", "shear")
+    return element_of(case.solver, case.element) not in KINDS
 
 
 def split(swept: Sweep, outcome: Outcome, fine: Mapping[Place, SameMesh]) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from anctmm.discretise.assembly import (
 from anctmm.discretise.mesh import BodyMesh
 from anctmm.elements.cable import CableElement
 from anctmm.elements.invariants import InvariantShearElement
+from anctmm.elements.kinds import kind_of
 from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shapes import gauss, hermite, lobatto, power
 from anctmm.elements.shear import ShearElement
@@ -308,8 +309,8 @@ def test_kinetic_energy_of_rigid_motion(e):
 
 def row_of_elements(kind, elements, quadrature="full"):
     body = Beam("b", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, 0.3))
-    e = ShearElement.of(body, elements) if kind == "shear" else CableElement.of(body, elements, quadrature)
-    bodies = Bodies([BodyMesh(body, kind, elements, e, (0.0, 0.0))])
+    e = kind_of(kind).element_of(body, elements, quadrature)
+    bodies = Bodies([BodyMesh(body, kind_of(kind), elements, e, (0.0, 0.0))])
     rng = np.random.default_rng(elements)
     q = bodies.reference()
     q[:2] += 0.2 * e.l * rng.standard_normal((2, elements + 1))

@@ -10,7 +10,8 @@ import pytest
 from samples import SOFT, SQUARE, beam, scene_of
 
 import anctmm as at
-from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS, QUADRATURES
+from anctmm.discretise.discretisation import INTEGRATORS
+from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import SceneError, UnknownKindError, UnknownOptionError
 from anctmm.model.bodies import BODIES
 from anctmm.model.joints import JOINTS
@@ -187,4 +188,4 @@ def test_no_kind_is_a_subclass_of_another():
 
 def test_the_roads_here_are_all_that_are_registered_and_the_kinds_all_names():
     assert set(names()) >= set(MOTION)
-    assert len({*ELEMENTS, *INTEGRATORS, *QUADRATURES}) == 8
+    assert len({*KINDS, *INTEGRATORS, *QUADRATURES}) == 8

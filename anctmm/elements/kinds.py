@@ -1,0 +1,202 @@
+"""The kinds of element that a body may be cut into: what each is, and what may be asked of it.
+
+Everything that must tell one kind from another reads it here: discretisation, mesh, assembly, welds, checks of results,
+what solvers offer, studies and their tables.
+
+A new kind needs an entry in `KINDS`, and of what it does not share with another kind:
+
+- a readable element, a class such as `CableElement`: `of`, `energy`, `force`, `tangent`, `dissipation`,
+  `damping_force`, `mass`, `gravity`, `stiffened`, `damping`, `l` and `vectors_per_node`; energy, force
+  and dissipation complex-step safe;
+- kernels, a module such as `cable_kernel`, with a number here and their choice in `dispatch`;
+- where it is kept in shape by constraints, its part of `anctmm.recursion.border`.
+
+A solver that stands beside ANC-TMM names the kinds it takes (`check_kinds`): a new kind is refused by all of them until
+they do.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from anctmm.elements.cable import RULES, CableElement
+from anctmm.elements.rigid import RigidElement
+from anctmm.elements.shear import ShearElement
+from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.model.bodies import Beam
+from anctmm.validation import one_of
+
+Element = ShearElement | CableElement
+
+#: Kernels of elements, by the numbers that `dispatch` chooses by.
+CABLE, SHEAR = 0, 1
+#: Rules of quadrature, by name, of the elements that have a choice.
+QUADRATURES = tuple(RULES)
+
+
+@dataclass(frozen=True)
+class ElementKind:
+    """A kind of element.
+
+    Parameters
+    ----------
+    name : str
+        As a discretisation, tables and stored histories call it.
+    title : str
+        Such elements, in words.
+    element : type
+        The readable element.
+    kernels : int
+        CABLE or SHEAR.
+    vectors : tuple of str
+        Coordinate vectors of a node, in their order: "r", "r_x" and maybe "r_y".
+    turned : str
+        The one of them that a torque turns.
+    quadratures : tuple of str
+        Rules of integration that a discretisation may choose from; none where the element has but one.
+    rigid : bool
+        Whether it has no strain: a body is one element then, and constraints keep its shape.
+    integrators : tuple of str
+        Those of ANC-TMM that move it.
+    statics : bool
+        Whether static equilibria are found of it.
+    optional : bool
+        Whether a solver may lack such elements: `name` is a feature of `anctmm.solvers.capabilities` then.
+    continuum : str
+        What its equilibria tend to as the mesh is refined, by the names of `reference.exact`; empty where a mesh does
+        not matter.
+    order : float
+        Order of that convergence; NaN where a mesh does not matter.
+    """
+
+    name: str
+    title: str
+    element: type[Element]
+    kernels: int
+    vectors: tuple[str, ...]
+    turned: str
+    quadratures: tuple[str, ...] = ()
+    rigid: bool = False
+    integrators: tuple[str, ...] = ("zhai", "generalized-alpha")
+    statics: bool = True
+    optional: bool = False
+    continuum: str = ""
+    order: float = float("nan")
+
+    @property
+    def turning_row(self) -> int:
+        """First component of the vector that a torque turns."""
+        return 2 * self.vectors.index(self.turned)
+
+    def element_of(self, body: Beam, elements: int, quadrature: str) -> Element:
+        """Each of a body's equal elements.
+
+        Raises
+        ------
+        UnknownOptionError
+            If the quadrature is none that the element knows; where it has no choice, none is asked for.
+        """
+        if not self.quadratures:
+            return self.element.of(body, elements)
+        rule = one_of("quadrature", quadrature, self.quadratures)
+        return self.element.of(body, elements, rule)  # type: ignore[call-arg]
+
+    def welds_to(self, other: "ElementKind") -> bool:
+        """Whether a weld can join it to another kind: all vectors of a node pass through, so both have the same."""
+        return self.vectors == other.vectors
+
+    def quadrature_shown(self, quadrature: str) -> str:
+        """A quadrature as tables show it: "-" where the element has no choice."""
+        return quadrature if self.quadratures else "-"
+
+
+_CABLE = ElementKind(
+    "cable", "cable elements", CableElement, CABLE, ("r", "r_x"), "r_x",
+    quadratures=QUADRATURES, continuum="elastica", order=4.0,
+)  # fmt: skip
+_SHEAR = ElementKind(
+    "shear", "shear-deformable elements", ShearElement, SHEAR, ("r", "r_x", "r_y"), "r_y",
+    continuum="director", order=2.0,
+)  # fmt: skip
+_RIGID = ElementKind(
+    "rigid", "rigid bodies", RigidElement, CABLE, ("r", "r_x"), "r_x",
+    rigid=True, integrators=("zhai",), statics=False, optional=True,
+)  # fmt: skip
+
+#: All kinds, by name.
+KINDS: Mapping[str, ElementKind] = {kind.name: kind for kind in (_CABLE, _SHEAR, _RIGID)}
+
+
+def kind_of(name: Any, what: str = "element") -> ElementKind:
+    """The kind of a name.
+
+    Parameters
+    ----------
+    name : str
+    what : str
+        What has it, for the message.
+
+    Raises
+    ------
+    UnknownOptionError
+        If there is no such kind.
+    """
+    return KINDS[one_of(what, name, KINDS)]
+
+
+def flexible() -> tuple[str, ...]:
+    """Names of the kinds that deform."""
+    return tuple(name for name, kind in KINDS.items() if not kind.rigid)
+
+
+def with_statics() -> tuple[str, ...]:
+    """Names of the kinds whose static equilibria are found."""
+    return tuple(name for name, kind in KINDS.items() if kind.statics)
+
+
+def moved_by(integrator: str) -> tuple[str, ...]:
+    """Names of the kinds that ANC-TMM moves with an integrator.
+
+    Raises
+    ------
+    UnknownOptionError
+        If it is the integrator of no kind.
+    """
+    known = [name for kind in KINDS.values() for name in kind.integrators]
+    if integrator not in known:
+        raise unknown_option("integrator", integrator, dict.fromkeys(known))
+    return tuple(name for name, kind in KINDS.items() if integrator in kind.integrators)
+
+
+def check_kinds(
+    cut: Mapping[str, tuple[int, str]],
+    taken: Iterable[str],
+    who: str,
+    error: type[Exception] = DiscretisationError,
+) -> None:
+    """Refuse bodies of a kind that somebody does not take.
+
+    Parameters
+    ----------
+    cut : mapping of body name to (int, str)
+        Number and kind of the elements of every body, of `Discretisation.of`.
+    taken : iterable of str
+        Names of kinds.
+    who : str
+        Who takes only these, for the message.
+    error : type of exception
+        What to raise.
+
+    Raises
+    ------
+    UnknownOptionError
+        If a kind is none of `KINDS`.
+    """
+    taken = tuple(taken)
+    for body, (_, name) in cut.items():
+        kind = kind_of(name, f"element of body {body!r}")
+        if kind.name not in taken:
+            raise error(
+                f"element is {name!r} for body {body!r}; {who} needs {' or '.join(map(repr, taken))} "
+                f"(solver 'anctmm' moves {kind.title} with {' or '.join(map(repr, kind.integrators))})"
+            )

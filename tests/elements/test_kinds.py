@@ -1,0 +1,180 @@
+"""Kinds of element are data: what is said of each holds, and one more entry is one more kind everywhere."""
+
+from dataclasses import replace
+from itertools import combinations, product
+from math import sqrt
+
+import numpy as np
+import pytest
+from samples import SOFT, SQUARE
+
+import anctmm as at
+import reference.exudyn.cable
+import reference.global_dae
+import reference.pyelastica
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
+from anctmm.discretise.mesh import build
+from anctmm.elements import kinds
+from anctmm.elements.cable import CableElement
+from anctmm.elements.dispatch import BOTH, CABLES, KERNELS, SHEARS, blend_of, components
+from anctmm.elements.kinds import CABLE, KINDS, QUADRATURES, SHEAR, check_kinds, kind_of, moved_by
+from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
+from anctmm.solve import OFFER
+from anctmm.solvers.capabilities import FEATURES, LIMITS
+from reference.exact.scenes import MODELS
+
+every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
+SECTION = at.Rectangle(0.05, 0.05)
+BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
+
+
+@every_kind
+def test_what_a_kind_says_of_its_element_holds(kind):
+    element = kind.element_of(BODY, 1, "lobatto")
+    assert type(element) is kind.element
+    assert len(kind.vectors) == element.vectors_per_node
+    assert element.mass.shape == (2 * len(kind.vectors),) * 2
+    assert kind.vectors[:2] == ("r", "r_x")
+    assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
+    assert components(blend_of([kind.kernels]), kind.kernels) == 2 * len(kind.vectors)
+    assert components(BOTH, kind.kernels) == 2 * len(kind.vectors)
+    assert set(kind.integrators) <= set(INTEGRATORS)
+    q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
+    assert kind.rigid == (element.energy(q) == 0.0)
+
+
+@every_kind
+def test_kernels_of_a_kind_have_the_constants_of_its_element(kind):
+    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element=kind.name))["b"]
+    row = Bodies([mesh]).constants[0]
+    assert row.tolist() == KERNELS[kind.kernels].constants(mesh.element).tolist()
+    assert row[0] == 5.0
+
+
+@every_kind
+def test_what_solvers_offer_follows_the_kinds(kind):
+    assert (kind.name in FEATURES) == kind.optional
+    assert LIMITS.get(kind.name, "") == kind.continuum
+    assert kind.continuum in {"", *MODELS}
+    for feature, able in [*((i, i in kind.integrators) for i in INTEGRATORS), ("statics", kind.statics)]:
+        assert (not OFFER.lacking([kind.name, feature])) == able
+
+
+def test_blends_tell_all_kernels_apart():
+    numbers = [{CABLE}, {SHEAR}, {CABLE, SHEAR}]
+    assert [blend_of(n) for n in numbers] == [CABLES, SHEARS, BOTH]
+    assert set(KERNELS) == {kind.kernels for kind in KINDS.values()} == {CABLE, SHEAR}
+
+
+def test_kinds_weld_whose_nodes_have_the_same_vectors():
+    welds = {(a, b) for a, b in product(KINDS, KINDS) if KINDS[a].welds_to(KINDS[b])}
+    assert welds == {*((a, a) for a in KINDS), ("cable", "rigid"), ("rigid", "cable")}
+
+
+@pytest.mark.parametrize("name", ["rod", "", "Cable", None, 3, ["cable"]])
+def test_unknown_kinds_are_refused_by_name(name):
+    with pytest.raises(
+        UnknownOptionError, match=r"element of body 'b' is .*; allowed are 'cable', 'rigid', 'shear'"
+    ):
+        kind_of(name, "element of body 'b'")
+    with pytest.raises(UnknownOptionError, match="allowed are"):
+        Discretisation(1, element=name)
+    with pytest.raises(UnknownOptionError, match="element of body 'b'"):
+        check_kinds({"b": (1, name)}, KINDS, "who")
+
+
+def test_an_integrator_that_moves_no_kind_is_refused():
+    with pytest.raises(
+        UnknownOptionError, match=r"integrator is 'euler'; allowed are 'zhai', 'generalized-alpha'"
+    ):
+        moved_by("euler")
+
+
+def test_quadratures_are_those_of_the_elements_that_choose():
+    assert QUADRATURES == ("full", "reduced", "lobatto")
+    for kind in KINDS.values():
+        assert set(kind.quadratures) <= set(QUADRATURES)
+        assert kind.quadrature_shown("lobatto") == ("lobatto" if kind.quadratures else "-")
+        if kind.quadratures:
+            with pytest.raises(UnknownOptionError, match="quadrature is 'exact'"):
+                kind.element_of(BODY, 1, "exact")
+
+
+# --- one more kind -----------------------------------------------------------------------------------------
+
+
+class DoubleElement(CableElement):
+    """A cable of twice the bending stiffness."""
+
+    @classmethod
+    def of(cls, body, elements, quadrature="full"):
+        one = CableElement.of(body, elements, quadrature)
+        return cls(one.l, one.EA, 2.0 * one.EI, one.mass_per_length, quadrature, one.damping)
+
+
+@pytest.fixture
+def double(monkeypatch):
+    """A kind that is added by an entry and a class."""
+    kind = replace(KINDS["cable"], name="double", title="double cables", element=DoubleElement)
+    monkeypatch.setitem(kinds.KINDS, "double", kind)
+    return kind
+
+
+def hinged(section=SECTION, **changes):
+    """A clamped and a pinned beam under a torque."""
+    bodies = [
+        at.Beam("a", (0.0, 0.0), (0.5, 0.0), section, SOFT),
+        at.Beam("c", (0.5, 0.0), (1.0, 0.0), section, SOFT),
+    ]
+    joints = [at.Clamp("a.start"), at.Pin("a.end", "c.start")]
+    scene = at.Scene("hinged", bodies, joints, loads=[at.Torque("c.end", 0.02)], gravity=(0.0, -9.81))
+    return replace(scene, **changes)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_an_entry_is_all_that_a_kind_needs_which_shares_kernels(double, integrator):
+    run = {"mesh": 2, "integrator": integrator, "dt": 1e-5, "t_end": 5e-4}
+    found = at.solve(hinged(), element="double", **run)
+    global_ = reference.global_dae.solve  # knows cables and shear elements, and does not take others for them
+    with pytest.raises(
+        DiscretisationError, match=r"element is 'double' for body 'a'; the global solver needs"
+    ):
+        global_(hinged(), element="double", **run)
+    high = at.Rectangle(0.05 / sqrt(2.0), 0.05 * sqrt(2.0))  # as large, and twice as stiff
+    same = at.solve(hinged(high), element="cable", **run)
+    assert found.status.ok
+    moved = np.abs(found.displacement("c.end")).max()
+    assert np.abs(found.position("c", 1.0) - same.position("c", 1.0)).max() < 1e-9 * moved
+
+
+def test_a_kind_that_others_do_not_know_is_unsupported_there(double):
+    for solve in (reference.exudyn.cable.solve, reference.pyelastica.solve):
+        found = solve(hinged(joints=[at.Clamp("a.start")], bodies=hinged().bodies[:1], loads=[]), mesh=2,
+                      element="double", integrator="zhai", dt=1e-5, t_end=2e-5)  # fmt: skip
+        assert found.status.code == "unsupported"
+        assert "'double' for body 'a'" in found.status.message
+
+
+def test_a_kind_without_an_integrator_or_statics_is_refused_there(double, monkeypatch):
+    for able in combinations(INTEGRATORS, 1):
+        monkeypatch.setitem(kinds.KINDS, "double", replace(double, integrators=able, statics=False))
+        (other,) = set(INTEGRATORS) - set(able)
+        with pytest.raises(
+            DiscretisationError, match=f"integrator '{other}' needs .* moves double cables with '{able[0]}'"
+        ):
+            at.solve(hinged(), mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
+        with pytest.raises(DiscretisationError, match="element is 'double' for body 'a'; statics needs"):
+            at.solve_static(hinged(), mesh=2, element="double")
+
+
+def test_a_kind_of_other_vectors_cannot_be_welded(double, monkeypatch):
+    monkeypatch.setitem(kinds.KINDS, "double", replace(double, vectors=("r", "r_x", "r_y")))
+    welded = hinged(joints=[at.Clamp("a.start"), at.Weld("a.end", "c.start")])
+    with pytest.raises(DiscretisationError, match=r"'double' of 'a', 'cable' of 'c'; a weld needs one kind"):
+        at.solve(welded, mesh=1, element={"a": "double", "c": "cable"}, dt=1e-3, t_end=1e-3)
+
+
+def test_a_rigid_body_is_one_element():
+    with pytest.raises(MeshError, match="mesh is 2 for rigid body 'b'; 1 is needed"):
+        Discretisation(2, element="rigid").of(at.Scene("s", [BODY]))
