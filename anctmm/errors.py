@@ -97,6 +97,10 @@ class PluginError(SolverError):
     """A registered solver cannot be loaded, lacks what is asked of it, or answers with nonsense."""
 
 
+class UnsupportedError(SolverError):
+    """A solver cannot do a scene or discretisation, which others can; it answers with the status "unsupported"."""
+
+
 class StartWarning(UserWarning):
     """Initial velocities that a joint, a drive or a rigid body cannot have are replaced by those that it can."""
 

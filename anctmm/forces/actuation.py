@@ -15,7 +15,7 @@ from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import kernel
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
-from anctmm.model.loads import LOADS, width_of
+from anctmm.model.loads import LOADS, tabulated
 from anctmm.model.scene import Force, Load, Scene, Torque
 from anctmm.model.topology import End, junctions_of
 
@@ -120,15 +120,7 @@ class Actuation:
 
     def load_table(self, t: Array) -> Array:
         """Force (x, y), or moment and 0, of each varying load at times `t`, (n, loads, 2)."""
-        loads = varying_loads(self.scene)
-        table = np.zeros((len(t), len(loads), 2))
-        for i, load in enumerate(loads):
-            width = width_of(load)
-            if callable(load.value):
-                table[:, i, :width] = tabulate(f"load on {load.end!r}", load.value, t, width)
-            else:
-                table[:, i, :width] = load.value
-        return table
+        return tabulated(varying_loads(self.scene), t)
 
     def _row(self, load: Load) -> int:
         """First of the components a load acts on."""

@@ -1,10 +1,11 @@
 """Loads on ends of bodies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anctmm.errors import shown, unknown_kind
 from anctmm.model.drives import breaks_of, tabulate
@@ -50,6 +51,34 @@ class Torque:
 Load = Force | Torque
 #: All kinds. None may be a subclass of another: solvers tell them apart by their class.
 LOADS = (Force, Torque)
+
+
+def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values of loads at times: force (x, y), N, or moment and 0, N m.
+
+    Parameters
+    ----------
+    loads : sequence of Load
+    t : ndarray, shape (n,)
+        Times, s.
+
+    Returns
+    -------
+    ndarray, shape (n, loads, 2)
+
+    Raises
+    ------
+    PropertyError
+        If a history raises, or gives another number of values, or a value that is not finite.
+    """
+    table = np.zeros((len(t), len(loads), 2))
+    for i, load in enumerate(loads):
+        width = width_of(load)
+        if callable(load.value):
+            table[:, i, :width] = tabulate(f"load on {load.end!r}", load.value, t, width)
+        else:
+            table[:, i, :width] = load.value
+    return table
 
 
 def width_of(load: Load) -> int:

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import unknown_kind
+from anctmm.errors import UnsupportedError, unknown_kind
 from anctmm.model.drives import Angle, Pulse, Quintic, value_at
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, width_of
@@ -30,10 +30,6 @@ Array = NDArray[np.float64]
 HUGE = 1e12
 #: Part of a step by which Exudyn's time may miss that of a step and still mean it: what rounding adds up to.
 DRIFT = 1e-3
-
-
-class Unsupported(Exception):
-    """A scene or discretisation that Exudyn cannot do, and why."""
 
 
 class Beams(Protocol):
@@ -87,7 +83,7 @@ class Beams(Protocol):
 
 
 def load_exudyn() -> Any:
-    """Exudyn's fast module (no range checks), silent; raises Unsupported where it is not installed."""
+    """Exudyn's fast module (no range checks), silent; raises UnsupportedError where it is not installed."""
     if "exudyn" not in sys.modules:
         sys.exudynFast = True  # type: ignore[attr-defined]
     try:
@@ -96,7 +92,7 @@ def load_exudyn() -> Any:
             import_module("exudyn.itemInterface")
             import_module("exudyn.advancedUtilities")
     except ImportError as error:
-        raise Unsupported(f"exudyn is not installed; pip install exudyn ({error})") from error
+        raise UnsupportedError(f"exudyn is not installed; pip install exudyn ({error})") from error
     return exu
 
 

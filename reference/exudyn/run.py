@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, parts_of_load
 from anctmm.elements.kinds import check_kinds
-from anctmm.errors import DiscretisationError, shown, unknown_kind, unknown_option
+from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, width_of
@@ -22,7 +22,7 @@ from anctmm.model.scene import Clamp, Force, Load, Pin, Scene, Torque, Weld
 from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, positive
-from reference.exudyn.model import Beams, Model, Unsupported, load_exudyn, silence
+from reference.exudyn.model import Beams, Model, load_exudyn, silence
 from reference.exudyn.stability import stability_status
 
 Array = NDArray[np.float64]
@@ -67,10 +67,10 @@ def dynamics(
     times = run.times(run.output_steps)
     loads = {k: _table(load, times) for k, load in enumerate(scene.loads) if callable(load.value)}
     try:
-        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", Unsupported)
+        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", UnsupportedError)
         _check_integrator(scene, run)
         exu = load_exudyn()
-    except Unsupported as why:
+    except UnsupportedError as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     with silence(exu):
         model = Model(exu, scene, beams, run)
@@ -95,9 +95,9 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     positive("load_steps", load_steps, DiscretisationError)
     load_steps = parts_of_load(load_steps)
     try:
-        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", Unsupported)
+        check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", UnsupportedError)
         exu = load_exudyn()
-    except Unsupported as why:
+    except UnsupportedError as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     for relative, absolute in STATIC_TOLERANCES:
         with silence(exu):
@@ -151,7 +151,7 @@ def _check_integrator(scene: Scene, run: Discretisation) -> None:
 
 def _check_explicit(scene: Scene, run: Discretisation) -> None:
     if (run.psi, run.phi) != (0.5, 0.5):
-        raise Unsupported(
+        raise UnsupportedError(
             f"Zhai's psi, phi are {run.psi!r}, {run.phi!r}; Exudyn has only VelocityVerlet, their case ½, ½"
         )
     for joint in scene.joints:
@@ -159,7 +159,7 @@ def _check_explicit(scene: Scene, run: Discretisation) -> None:
             case Clamp(angle=None) | Pin(ends=(_,)):
                 pass
             case Clamp() | Pin() | Weld():
-                raise Unsupported(
+                raise UnsupportedError(
                     f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
                     f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
                 )

@@ -10,7 +10,7 @@ from anctmm.discretise.mesh import constant_forces, varying_loads
 from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import inlined
 from anctmm.model.drives import tabulate
-from anctmm.model.loads import LOADS, width_of
+from anctmm.model.loads import LOADS, tabulated
 from anctmm.model.scene import Force, Scene, Torque
 from reference.global_dae.constraints import Rows, drives_of
 
@@ -53,16 +53,7 @@ def dead_forces(scene: Scene, bodies: Bodies) -> Array:
 
 def load_table(scene: Scene, t: Array) -> Array:
     """Values of the varying loads at times t, (n, loads, 2): (Fx, Fy) in N, or (moment, 0) in N m."""
-    loads = varying_loads(scene)
-    table = np.zeros((len(t), len(loads), 2))
-    for k, load in enumerate(loads):
-        width = width_of(load)
-        if callable(load.value):
-            name = f"{'torque' if width == 1 else 'force'} on {load.end!r}"
-            table[:, k, :width] = tabulate(name, load.value, t, width)
-        else:
-            table[:, k, :width] = load.value
-    return table
+    return tabulated(varying_loads(scene), t)
 
 
 def drive_table(scene: Scene, t: Array) -> Array:

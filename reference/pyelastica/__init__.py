@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.elements.kinds import check_kinds
-from anctmm.errors import DiscretisationError, StabilityError, unknown_kind, unknown_option
+from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, unknown_kind, unknown_option
 from anctmm.model.bodies import beam_of
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS
@@ -52,10 +52,6 @@ LOWEST = {
 SAFETY = 0.8
 #: Periods of the lowest frequency after which relaxation is given up. Each should gain a factor of 500.
 PERIODS = 40
-
-
-class Unsupported(Exception):
-    """A scene or discretisation that PyElastica cannot do, and why."""
 
 
 def solve(
@@ -99,7 +95,7 @@ def solve(
     try:
         _check_run(run)
         model = _model(scene, run)
-    except Unsupported as why:
+    except UnsupportedError as why:
         return nothing(NAME, scene, run, Status("unsupported", str(why)))
     system = System(model, scene, run, clamp, shear_factor)
     limit = 2.0 / system.largest_frequency
@@ -145,7 +141,7 @@ def solve_static(
     try:
         system = System(_model(scene, run), scene, run, clamp, shear_factor, relaxed=True)
         return system.equilibria(load_steps, rest)
-    except Unsupported as why:
+    except UnsupportedError as why:
         return nothing(NAME, scene, run, Status("unsupported", str(why)))
 
 
@@ -264,7 +260,7 @@ class System:
         held = tuple(sorted(rod.held.get(end, "free") for end in (0, -1)))
         held = held if held in LOWEST else held[::-1]
         if held not in LOWEST:
-            raise Unsupported(
+            raise UnsupportedError(
                 f"body {rod.body.name!r} is {held[0]} at one end and {held[1]} at the other; "
                 f"relaxation needs a clamp, or two pins"
             )
@@ -324,13 +320,13 @@ def _check_run(run: Discretisation) -> None:
         case "zhai":
             pass
         case "generalized-alpha":
-            raise Unsupported(
+            raise UnsupportedError(
                 f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
             )
         case _:
             raise unknown_option("integrator", run.integrator, INTEGRATORS)
     if (run.psi, run.phi) != (0.5, 0.5):
-        raise Unsupported(
+        raise UnsupportedError(
             f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
         )
 
@@ -342,9 +338,9 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
             case Clamp(angle=None) | Pin(ends=(_,)):
                 pass
             case Clamp():
-                raise Unsupported(f"{joint!r} turns; a fixed clamp is needed")
+                raise UnsupportedError(f"{joint!r} turns; a fixed clamp is needed")
             case Pin() | Weld():
-                raise Unsupported(
+                raise UnsupportedError(
                     f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
                     f"bodies held by the ground or free are allowed"
                 )
@@ -354,20 +350,22 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
         match load:
             case Force() | Torque():
                 if callable(load.value):
-                    raise Unsupported(f"{load!r} varies in time; a constant load is needed")
+                    raise UnsupportedError(f"{load!r} varies in time; a constant load is needed")
             case _:
                 raise unknown_kind("load", load, LOADS)
     for body in map(beam_of, scene.bodies):
         if body.material.damping > 0.0:
-            raise Unsupported(
+            raise UnsupportedError(
                 f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
             )
     cut = run.of(scene)
-    check_kinds(cut, ELEMENTS, "a model in PyElastica", Unsupported)
+    check_kinds(cut, ELEMENTS, "a model in PyElastica", UnsupportedError)
     for name, (count, _) in cut.items():
         if count < 2:
-            raise Unsupported(f"body {name!r} has {count} element; PyElastica needs 2 or more")
+            raise UnsupportedError(f"body {name!r} has {count} element; PyElastica needs 2 or more")
     try:
         return import_module("reference.pyelastica.model")
     except ImportError as error:
-        raise Unsupported(f"PyElastica is not installed; pip install 'anctmm[peers]' ({error})") from error
+        raise UnsupportedError(
+            f"PyElastica is not installed; pip install 'anctmm[peers]' ({error})"
+        ) from error

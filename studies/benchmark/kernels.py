@@ -22,7 +22,7 @@ from anctmm.recursion import accelerations, riccati
 from anctmm.recursion.riccati import BlockFactors, Links, SplitFactors
 from anctmm.results.solution import Solution
 from anctmm.solve import solve
-from studies.engine.clock import Effort, Sampler, Samples, figures, in_turn, marched, repeated
+from studies.engine.clock import Effort, Sampler, Samples, figures, marched, repeated, sampled_in_turn
 from studies.engine.setting import (
     SHEAR,
     VARIANTS,
@@ -178,7 +178,7 @@ def kernel_costs(effort: Effort, samples: Samples) -> Table:
 def _rows(variant: Variant, n: int, effort: Effort, samples: Samples) -> list[dict[str, Any]]:
     runs: dict[str, list[Solution]] = {EXPLICIT: [], IMPLICIT: []}
     samplers = kernel_samplers(variant, n, effort) | step_samplers(variant, n, effort, runs)
-    found = in_turn(f"kernels, {variant.label}, {n} elements", samplers, effort.rounds, samples)
+    found = sampled_in_turn(f"kernels, {variant.label}, {n} elements", samplers, effort.rounds, samples)
     if ACCELERATIONS in found:
         pairs = zip(found[ACCELERATIONS], found[ELEMENT_FORCES], strict=True)
         found[SPLIT_SWEEP] = [a - f for a, f in pairs]

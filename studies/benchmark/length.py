@@ -22,7 +22,7 @@ from anctmm.results.solution import Solution
 from anctmm.solve import solve, solve_static
 from studies.benchmark.direct import Direct, mass_matrices, stiffness_matrices
 from studies.benchmark.kernels import accelerations_of
-from studies.engine.clock import Effort, Samples, between, figures, in_turn, ratio
+from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
 from studies.engine.setting import (
     CABLES,
     MATERIAL,
@@ -129,7 +129,7 @@ def _lengths(variant: Variant, integrator: str, effort: Effort, samples: Samples
         contestants.append(Long(variant, integrator, *((100, 33) if effort.quick else (bodies, elements))))
     seen: dict[str, list[Solution]] = {c.label: [] for c in contestants}
     samplers = {c.label: between(c.runner(), c.steps, c.count, seen[c.label], c.again) for c in contestants}
-    found = in_turn(f"length, {variant.label}, {integrator}", samplers, effort.rounds, samples)
+    found = sampled_in_turn(f"length, {variant.label}, {integrator}", samplers, effort.rounds, samples)
     base = found[next(c.label for c in contestants if c.elements == BASE)]
     rows = [_row(c, found[c.label], base, seen[c.label]) for c in contestants]
     one = next(row["ns_iteration"] for row in rows if row["elements"] == BASE)

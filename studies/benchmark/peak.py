@@ -26,7 +26,7 @@ from studies.benchmark.kernels import (
     UPDATE,
     parts,
 )
-from studies.engine.clock import Effort, Samples, figures, in_turn, records, repeated
+from studies.engine.clock import Effort, Samples, figures, records, repeated, sampled_in_turn
 from studies.engine.setting import VARIANTS, Variant, bent_arc, implicit_run, row_of_beams
 from studies.engine.tables import Table
 
@@ -205,7 +205,7 @@ def rates(effort: Effort, samples: Samples, kernels: Table) -> Table:
         ),
         "memory": repeated(lambda k: repeat_copy(k, *far), 24.0 * big, effort.stretch),
     }
-    found = in_turn("peak", samplers, effort.rounds, samples)
+    found = sampled_in_turn("peak", samplers, effort.rounds, samples)
     peak, memory = (figures(values) for values in found.values())
     core = {"kernel": "multiply-add peak", "element": "-", "quadrature": "-", "elements": np.nan}
     rows = [

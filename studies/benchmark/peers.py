@@ -25,11 +25,11 @@ from studies.engine.clock import (
     Samples,
     between,
     figures,
-    in_turn,
     marched,
     more_than_noise,
     ratio,
     repeated,
+    sampled_in_turn,
 )
 from studies.engine.runner import Mesh, mesh_label
 from studies.engine.setting import explicit_run, stable_step
@@ -101,7 +101,7 @@ def _race(
         EXUDYN: marched(lambda: exudyn_cable.solve(base.scene, run), elements, runs[EXUDYN]),
     }
     part = f"exudyn, {base.scene.name}, {run.integrator}, {mesh_label(mesh)}"
-    found = in_turn(part, samplers, effort.rounds, samples)
+    found = sampled_in_turn(part, samplers, effort.rounds, samples)
     mine, theirs = runs[OURS][0], runs[EXUDYN][0]
     ours, peer = figures(found[OURS]), figures(found[EXUDYN])
     implicit = not run.explicit
@@ -171,7 +171,7 @@ def _method_rows(base: BaseScene, mesh: Mesh, effort: Effort, samples: Samples) 
     samplers = {m: between(partial(run, m), s, 1, runs[m]) for m, s in steps.items()}
     one = explicit_run(base.scene, mesh_of(base, mesh), 1, dt, **options)
     samplers |= _part_samplers(base, one, effort)
-    found = in_turn(f"methods, {mesh_label(mesh)}", samplers, effort.rounds, samples)
+    found = sampled_in_turn(f"methods, {mesh_label(mesh)}", samplers, effort.rounds, samples)
     histories = {m: run(m, 2000 if m != DENSE else 20) for m in steps}
     short = run(OURS, 20)
     errors = {

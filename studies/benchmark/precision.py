@@ -16,9 +16,9 @@ from anctmm.results.solution import Solution
 from anctmm.solve import solve
 from reference import exudyn_cable
 from studies.benchmark.peers import EXUDYN, OURS, mesh_of
-from studies.engine.clock import Effort, Samples, figures, in_turn
+from studies.engine.clock import Effort, Samples, figures, sampled_in_turn
 from studies.engine.pareto_front import NEAR, excess, front
-from studies.engine.runner import Mesh, mesh_label
+from studies.engine.runner import Mesh, mesh_label, uncertainty_of
 from studies.engine.setting import stable_step
 from studies.engine.tables import Table
 from studies.engine.timing import undisturbed
@@ -168,7 +168,7 @@ def reference_of(race: Race, quick: bool) -> tuple[Solution, float]:
     best, coarser, slower = (
         run_of(race, s) for s in (fine, replace(fine, mesh=race.less_fine), replace(fine, dt=2 * dt))
     )
-    return best, sum(compare(other, best, race.base.probes).error for other in (coarser, slower))
+    return best, uncertainty_of(best, (coarser, slower), race.base.probes)
 
 
 def settings(race: Race, code: str, quick: bool) -> list[Setting]:
@@ -260,7 +260,7 @@ def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) ->
     def sampler(p: Point) -> Callable[[], float]:
         return lambda: 1e9 * run_of(race, p.setting).cost.cpu_s
 
-    found = in_turn(
+    found = sampled_in_turn(
         f"work-precision, {race.base.scene.name}", {n: sampler(p) for n, p in names.items()}, rounds, samples
     )
     return [_with_time(p, found[n]) for n, p in names.items()]

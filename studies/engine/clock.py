@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.results.solution import Solution
-from studies.engine.timing import undisturbed
+from studies.engine.timing import in_turn
 
 #: One measurement: CPU time of one unit of work (an element and step, say), ns.
 Sampler = Callable[[], float]
@@ -58,10 +58,10 @@ class Samples:
         self.rows += [{"part": part, "what": name, "sample": k, "ns": v} for k, v in enumerate(values)]
 
 
-def in_turn(
+def sampled_in_turn(
     part: str, samplers: Mapping[str, Sampler], rounds: int, samples: Samples
 ) -> dict[str, list[float]]:
-    """Sample contestants in turn, after one unmeasured round, so that disturbances meet all alike.
+    """Sample contestants in turn, and keep the samples.
 
     Parameters
     ----------
@@ -78,13 +78,7 @@ def in_turn(
     dict of name to list of float
         ns, one for each round.
     """
-    found: dict[str, list[float]] = {name: [] for name in samplers}
-    with undisturbed():
-        for k in range(rounds + 1):
-            for name, sample in samplers.items():
-                value = sample()
-                if k > 0:
-                    found[name].append(value)
+    found = in_turn(samplers, rounds)
     for name, values in found.items():
         samples.keep(part, name, values)
     return found

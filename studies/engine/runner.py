@@ -348,6 +348,11 @@ def product(
     return [Case(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
 
 
+def uncertainty_of(best: Solution, coarser: Iterable[Solution], probes: Sequence[Probe]) -> float:
+    """How well a fine run is known: the sum of its differences to one of a coarser mesh and one of a coarser step."""
+    return sum(compare(other, best, probes).error for other in coarser)
+
+
 def refined_reference(
     runner: Runner, fine: Case, coarser: Sequence[Case], probes: Sequence[Probe], solvers: Sequence[str]
 ) -> Reference:
@@ -374,7 +379,7 @@ def refined_reference(
         if bad:
             reason = f"{name} {bad[0]}"
             continue
-        uncertainty = sum(compare(other, best, probes).error for other in others)
+        uncertainty = uncertainty_of(best, others, probes)
         label = f"{name} {fine.integrator} {mesh_label(fine.mesh)} dt={fine.dt:g}"
         return Reference(label, lambda s, best=best: compare(s, best, probes).error, uncertainty, best)  # type: ignore[misc]
     return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))

@@ -4,11 +4,14 @@ import gc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from anctmm.results.solution import Cost, Solution
+from anctmm.results.solution import Cost
+
+Sample = TypeVar("Sample")
 
 
 @dataclass(frozen=True)
@@ -53,26 +56,26 @@ def summarise(costs: Sequence[Cost]) -> Timing:
     return Timing(median, float(np.median([c.wall_s for c in costs])), spread, len(cpu))
 
 
-def alternate(calls: Mapping[str, Callable[[], Solution]], repeats: int) -> dict[str, list[Solution]]:
-    """Run several contestants in turn, after one unmeasured round, so that disturbances meet all alike.
+def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str, list[Sample]]:
+    """Call several contestants in turn, after one unmeasured round, so that disturbances meet all alike.
 
     Parameters
     ----------
     calls : mapping of name to callable
-        Each runs one solver.
-    repeats : int
+        Each measures itself: returns a time, or a Solution with its cost.
+    rounds : int
         Measured rounds.
 
     Returns
     -------
-    dict of name to list of Solution
-        One for each round; times are in their `cost`.
+    dict of name to list
+        What each returned, one for each round.
     """
-    rounds: dict[str, list[Solution]] = {name: [] for name in calls}
+    found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
-        for k in range(repeats + 1):
+        for k in range(rounds + 1):
             for name, call in calls.items():
-                solution = call()
+                sample = call()
                 if k > 0:
-                    rounds[name].append(solution)
-    return rounds
+                    found[name].append(sample)
+    return found

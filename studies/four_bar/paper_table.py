@@ -10,7 +10,7 @@ from anctmm.results.solution import Solution
 from studies.engine.runner import Case, Mesh, Reference, Runner
 from studies.engine.study import Options
 from studies.engine.tables import Table
-from studies.engine.timing import Timing, alternate, summarise
+from studies.engine.timing import Timing, in_turn, summarise
 from studies.scenes import BaseScene
 
 MESH: Mesh = (2, 8, 2)
@@ -78,7 +78,7 @@ def _rounds(cases: Mapping[Contestant, Case], repeats: int, runner: Runner) -> d
 
     def measure() -> dict[str, list[Solution]]:
         calls = {c.method: (lambda case=case: runner.attempt(case)) for c, case in cases.items()}
-        rounds = alternate(calls, repeats)
+        rounds = in_turn(calls, repeats)
         return {m: [replace(s, t=s.t[:0], fields={}) for s in found] for m, found in rounds.items()}
 
     key = runner.key(*cases.values())

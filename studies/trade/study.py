@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from studies.engine.clock import Sampler, Samples, in_turn
+from studies.engine.clock import Sampler, Samples, sampled_in_turn
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Case, Outcome, Runner, row, sample_rows
@@ -102,8 +102,8 @@ def time_again(
         return lambda: case.solve(solver).cost.cpu_s
 
     def sample() -> dict[int, list[float]]:
-        contest = {str(k): sampler(case) for k, case in cases.items()}
-        found = in_turn(f"trade, {swept.base.scene.name}", contest, rounds, Samples())
+        samplers = {str(k): sampler(case) for k, case in cases.items()}
+        found = sampled_in_turn(f"trade, {swept.base.scene.name}", samplers, rounds, Samples())
         return {int(k): values for k, values in found.items()}
 
     key = runner.key(*cases.values())

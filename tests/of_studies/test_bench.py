@@ -19,7 +19,7 @@ from studies.benchmark.length import Long, acceleration_check, clamped_digits, m
 from studies.benchmark.peak import counted, kernel_operations, operations
 from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
 from studies.benchmark.precision import Point, Race, Setting, contenders, cost_at, front, promising
-from studies.engine.clock import Effort, Samples, between, figures, in_turn, ratio
+from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
 from studies.engine.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
 from studies.scenes import cantilever_fall, four_bar
 
@@ -66,7 +66,7 @@ def test_contestants_take_turns_and_every_sample_is_kept():
     def sampler(name):
         return lambda: order.append(name) or float(len(order))
 
-    found = in_turn("part", {"a": sampler("a"), "b": sampler("b")}, 3, samples)
+    found = sampled_in_turn("part", {"a": sampler("a"), "b": sampler("b")}, 3, samples)
     assert order == ["a", "b"] * 4  # the first round is not measured
     assert found == {"a": [3.0, 5.0, 7.0], "b": [4.0, 6.0, 8.0]}
     assert [row["ns"] for row in samples.rows] == [3.0, 5.0, 7.0, 4.0, 6.0, 8.0]

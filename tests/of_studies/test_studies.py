@@ -21,7 +21,7 @@ from studies.engine.dynamics import Fine, Plan, Scheme, cases_of, sweep
 from studies.engine.runner import Case, Reference, Runner, product, refined_reference, reproducible, row
 from studies.engine.study import Options, Result, StudyError, find
 from studies.engine.tables import Table
-from studies.engine.timing import alternate, summarise, undisturbed
+from studies.engine.timing import in_turn, summarise, undisturbed
 from studies.report import error_pictures
 from studies.report.folder import write
 from studies.report.plots import Picture, picture, write_picture
@@ -307,7 +307,7 @@ def test_garbage_collection_is_off_while_measuring_and_on_again_after():
 
 def test_alternating_rounds_begin_unmeasured():
     order = []
-    found = alternate({name: lambda name=name: order.append(name) for name in "ab"}, 2)
+    found = in_turn({name: lambda name=name: order.append(name) for name in "ab"}, 2)
     assert "".join(order) == "ababab"
     assert {name: len(rounds) for name, rounds in found.items()} == {"a": 2, "b": 2}
 
