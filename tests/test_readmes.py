@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from anctmm.discretise.discretisation import ELEMENTS, INTEGRATORS
+from anctmm.discretise.discretisation import INTEGRATORS
+from anctmm.elements.kinds import KINDS
 from studies.regression.scenes import declared_in
 
 ROOT = Path(__file__).parents[1]
@@ -56,7 +57,7 @@ def test_the_readme_is_short_and_its_scene_runs_as_it_says():
     exec(compile(example, "README.md", "exec"), made)
     assert made["ours"].status.ok
     assert made["at"].compare(made["ours"], made["dae"], probes=["right.end", ("left", 0.5)]).error < 1e-10
-    assert all(f"`{name}`" in readme for name in (*ELEMENTS, *INTEGRATORS))
+    assert all(f"`{name}`" in readme for name in (*KINDS, *INTEGRATORS))
 
 
 def test_the_scenes_to_watch_are_declared_as_the_page_shows(tmp_path):
