@@ -83,11 +83,14 @@ class GeneralizedAlpha:
     def of_step(self, h: float) -> "Coefficients":
         """Coefficients of a step of h (s)."""
         am, af, b, g = self.alpha_m, self.alpha_f, self.beta, self.gamma
-        return Coefficients(h, am, af, b, g, (1 - am) / (b * h * h * (1 - af)))
+        return Coefficients(h, am, af, b, g, (1 - am) / (b * h * h * (1 - af)), 1.0)
 
 
 class Coefficients(NamedTuple):
-    """Step h (s), αm, αf, β, γ, and what a correction of q adds to w."""
+    """Step h (s), αm, αf, β, γ, and what a correction x adds: to_w x to w, to_q x to q.
+
+    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case.
+    """
 
     h: float
     alpha_m: float
@@ -95,6 +98,11 @@ class Coefficients(NamedTuple):
     beta: float
     gamma: float
     to_w: float
+    to_q: float
+
+
+#: A step of no length: q and v stay as they are, and the accelerations w = a with M w = F are found.
+NO_STEP = Coefficients(h=0.0, alpha_m=0.0, alpha_f=0.0, beta=0.0, gamma=0.0, to_w=1.0, to_q=0.0)
 
 
 Method = Zhai | GeneralizedAlpha

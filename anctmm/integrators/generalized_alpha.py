@@ -14,6 +14,8 @@ Known coordinates are known as positions; their velocities and accelerations fol
 in an index-3 solution of the equations with multipliers.
 """
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,23 +23,20 @@ from anctmm.discretise.assembly import (
     Tables,
 )
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
+from anctmm.discretise.methods import NO_STEP, Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import (
     Actuation,
     Hubs,
     Loads,
     hub_reactions,
-    place_hubs,
-    set_loads,
     turn_hubs,
     work_done,
 )
+from anctmm.integrators.implicit_start import start
 from anctmm.integrators.implicit_step import (
     Damping,
     State,
-    add_damping_forces,
     begin_step,
-    copy,
     dissipated,
     finish,
     new_damping,
@@ -53,14 +52,11 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.compiling import kernel
-from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import (
     BlockFactors,
     Links,
     block_factors,
-    factorize,
     links,
-    widened,
 )
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
@@ -80,29 +76,29 @@ def integrate(chain: Chain) -> Solution:
     run, bodies = chain.run, chain.bodies
     actuation, record = Actuation(chain.scene, bodies), Record(chain)
     state, newton = new_state(chain), new_newton(chain)
-    fixed = (
-        run.steps,
-        run.stride,
-        GeneralizedAlpha(run.spectral_radius).of_step(run.exact_dt),
+    single = single_will_do(chain)
+    factors, hubs, loads = block_factors(chain, single), actuation.hubs(), actuation.loads()
+    of_step = GeneralizedAlpha(run.spectral_radius).of_step(run.exact_dt)
+    system = (state, bodies.tables(), links(chain), factors, hubs, loads)
+    ends = (record.arrays(), new_damping(chain))
+
+    def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
+        t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
+        tables = actuation.hub_table(t), actuation.load_table(t)
+        return int(advance(begin, end, run.steps, run.stride, c, *system, newton, *ends, *tables))
+
+    start_run = partial(
+        start,
         state,
-        bodies.tables(),
-        links(chain),
-        block_factors(chain, single_will_do(chain)),
-        actuation.hubs(),
-        actuation.loads(),
+        hubs,
+        actuation.hub_table(np.zeros(1))[0],
         newton,
-        record.arrays(),
-        new_damping(chain),
+        lambda once: one(-1, 0, NO_STEP, once),
+        single,
     )
-
-    def one(begin: int, end: int) -> int:
-        t = run.times(np.arange(begin, min(end, run.steps) + 1))
-        return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
-
-    one(0, 0)
-    start(*fixed[3:10], actuation, fixed[-1])
+    start_run()
     record.start()
-    start(*fixed[3:10], actuation, fixed[-1])
+    start_run()
 
     def so_far(kept: int, status: Status, steps: int) -> Solution:
         return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
@@ -111,53 +107,6 @@ def integrate(chain: Chain) -> Solution:
     if failed < 0:
         return so_far(len(run.output_steps), Status(), run.steps)
     return so_far(1 + (failed - 1) // run.stride, stalled(chain, failed, state, newton), failed)
-
-
-def start(
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    hubs: Hubs,
-    loads: Loads,
-    newton: Newton,
-    actuation: Actuation,
-    damping: Damping | None = None,
-) -> None:
-    """True accelerations at t = 0, M w = F, from which a starts too; at driven clamps those of the drives."""
-    now = np.zeros(1)
-    drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
-    if factors.L.dtype != np.float64:  # here nothing would correct what is rounded
-        factors = widened(factors)
-    balance(state, tables, links, factors, hubs, loads, drives, values, damping)
-    newton.counts[:] = 0, 1, 1
-
-
-@kernel
-def balance(
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    hubs: Hubs,
-    loads: Loads,
-    drives: Array,
-    values: Array,
-    damping: Damping | None,
-) -> None:
-    """w and a from the forces at t = 0; one call, since handing over so many arrays takes longer than the work."""
-    turn_hubs(hubs, drives)
-    place_hubs(state.q, state.v, hubs)
-    set_loads(state.q, state.f, state.dead, loads, values)
-    if damping is not None:
-        _, flat_v, _, _, _, _ = state.flat
-        copy(flat_v, damping.flat)
-        add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
-        dissipated(state.q, state.q, damping)
-    factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
-    by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
-    _, _, flat_a, flat_w, _, _ = state.flat
-    copy(flat_w, flat_a)
 
 
 @kernel
@@ -183,17 +132,17 @@ def advance(
 
     The two tables hold the values of driven clamps, (steps + 1, hubs, 3), and of loads, (steps + 1, loads, 2), from
     `begin` on.
+    Step −1 has no length (`NO_STEP`) and ends at t = 0.
     """
     q, v, _, w, _, _, f, _, _, flat = state
     _, flat_v, flat_a, flat_w, _, flat_before = flat
     driven = len(hubs.nodes) + len(loads.nodes) > 0
-    unfinished = False
+    unfinished, first = False, max(begin, 0)
     for step in range(begin, end):
-        values = load_table[step - begin]
-        if driven:
+        if driven and step >= 0:
             hub_reactions(q, w, f, tables, hubs)
-            out.work[0] += work_done(step > 0, q, hubs, loads, values)
-        if step % stride == 0 or step == steps:
+            out.work[0] += work_done(step > 0, q, hubs, loads, load_table[step - first])
+        if step >= 0 and (step % stride == 0 or step == steps):
             if too_large(q, STRETCH_LIMIT):
                 newton.history[:] = 0.0  # no iteration failed
                 return step
@@ -205,7 +154,7 @@ def advance(
             break
         begin_step(unfinished, flat, coefficients)
         if driven:
-            turn_hubs(hubs, hub_table[step + 1 - begin])
+            turn_hubs(hubs, hub_table[step + 1 - first])
         if not solve_step(
             state,
             coefficients,
@@ -214,7 +163,7 @@ def advance(
             factors,
             hubs,
             loads,
-            load_table[step + 1 - begin],
+            load_table[step + 1 - first],
             newton,
             damping,
         ):

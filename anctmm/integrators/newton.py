@@ -125,16 +125,18 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
         set_loads(q, f, dead, loads, load_values)
         if full or counts[2] != 0:
             if damping is None:
-                factorize(q, tables, links, coefficients.to_w, 1.0, loads, load_values, factors)
+                factorize(q, tables, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors)
             else:
-                factorize(q, damping.stiff, links, coefficients.to_w, 1.0, loads, load_values, factors)
+                factorize(
+                    q, damping.stiff, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors
+                )
             counts[1] += 1
             counts[2] = 0
         if damping is not None:
             velocities_at_end(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
             add_damping_forces(q, f, dead, tables, loads, load_values, damping)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
-        size = _backward(q, w, coefficients.to_w, newton.scale, factors, factors.loops, arrived)
+        size = _backward(q, w, coefficients, newton.scale, factors, factors.loops, arrived)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:
@@ -193,8 +195,8 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
 
 
 @embedded
-def _backward(q, w, to_w, scale, factors, loops, arrived):  # type: ignore[no-untyped-def]
-    """Backward sweep: the corrections, put in place of what arrived, are added to q, and what follows to w.
+def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyped-def]
+    """Backward sweep: the corrections, put in place of what arrived, are added to q and w as `c` says.
 
     Returns the largest component, positions relative to `scale`; infinity if one is not finite.
     """
@@ -217,8 +219,8 @@ def _backward(q, w, to_w, scale, factors, loops, arrived):  # type: ignore[no-un
             for k in range(d):
                 x = work[4 * d * d + 2 * d + k]
                 arrived[i, k] = x
-                q[k, i] += x
-                w[k, i] += to_w * x
+                q[k, i] += c.to_q * x
+                w[k, i] += c.to_w * x
                 largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
                 odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf

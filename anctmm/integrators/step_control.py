@@ -29,7 +29,7 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import Actuation, Hubs, Loads, hub_reactions, load_at, turn_hubs, work_done
 from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
-from anctmm.integrators.generalized_alpha import balance
+from anctmm.integrators.implicit_start import balance
 from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
 from anctmm.integrators.newton import Newton, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
@@ -370,7 +370,7 @@ def advance(
 def _coefficients(h, method):  # type: ignore[no-untyped-def]
     """Coefficients of a step of h, as `GeneralizedAlpha.of_step` gives them."""
     am, af, b, g = method
-    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)))
+    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)), 1.0)
 
 
 @inlined

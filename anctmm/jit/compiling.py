@@ -8,11 +8,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numba
+from numba.core import config
 from numba.extending import overload
 
 from anctmm.jit.announcing import announce
 from anctmm.jit.code_digest import implementations
 from anctmm.jit.kernel_files import KernelFiles
+from anctmm.jit.kernels import Kernel
 
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
 #: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
@@ -29,8 +31,8 @@ announce()
 
 def kernel(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function in nopython mode on first use, kept on disk; only with `allocates` may it take memory."""
-    compiled: Any = numba.njit(function, **{**OPTIONS, "_nrt": allocates})
-    if hasattr(compiled, "_cache"):  # not where numba's compiler is switched off
+    compiled: Any = _compiled(function, _nrt=allocates)
+    if isinstance(compiled, Kernel):
         compiled._cache = KernelFiles(function)
     return compiled
 
@@ -47,7 +49,20 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 def embedded(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it, once compiled by itself: quicker, if it is large."""
-    return numba.njit(function, forceinline=True, **OPTIONS)
+    return _compiled(function, forceinline=True)
+
+
+def _compiled(function: Callable[..., Any], **options: Any) -> Any:
+    """A kernel; the function itself where numba's compiler is switched off."""
+    settings: Any = config
+    if settings.DISABLE_JIT:
+        return function
+    return Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **OPTIONS, **options})
+
+
+def uncompiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function that a kernel was made of, for what is done once: small, it runs sooner than it compiles."""
+    return getattr(function, "py_func", function)
 
 
 def chosen_by_types(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

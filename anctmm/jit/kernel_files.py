@@ -1,7 +1,8 @@
 """Compiled kernels on disk: a file for each kernel, signature and version of its code, with a checksum.
 
-A file is whole or not there, and none is ever changed: processes that run side by side need no lock. What is not used
-for long, and versions older than the last few of a kernel, are removed when new kernels are kept.
+A file is whole or not there, and none is ever changed but by one that holds more: machine code beside what callers
+link. So processes that run side by side need no lock. What is not used for long, and versions older than the last few
+of a kernel, are removed when new kernels are kept.
 """
 
 import hashlib
@@ -27,6 +28,7 @@ from numba.core.serialize import dumps
 
 from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
+from anctmm.jit.kernels import restored_callee
 
 MAGIC = b"anctmm kernel 1\n"
 #: Of a file, and of one that is being written.
@@ -81,7 +83,9 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         try:
             target_context.refresh()
             payload = _payload(path.read_bytes())
-            found = CompileResult._rebuild(target_context, *pickle.loads(payload))
+            parts = pickle.loads(payload)
+            restore = CompileResult._rebuild if parts[0][1] == "object" else restored_callee
+            found = restore(target_context, *parts)
         except FileNotFoundError:
             return None
         except Exception as error:  # whatever a file of another make may raise

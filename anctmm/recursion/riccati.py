@@ -139,11 +139,6 @@ def block_factors(chain: Chain, single: bool = False) -> BlockFactors:
     )
 
 
-def widened(factors: BlockFactors) -> BlockFactors:
-    """The same room in double precision."""
-    return factors._replace(L=np.zeros(factors.L.shape), G=np.zeros(factors.G.shape))
-
-
 def links(chain: Chain) -> Links:
     """Arrays of a chain for kernels."""
     known = chain.prescribed.copy()

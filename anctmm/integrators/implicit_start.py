@@ -1,0 +1,83 @@
+"""Accelerations from which an implicit run starts: M w = F at t = 0, by the kernel that takes the steps.
+
+They are what Newton's iteration finds in a step of no length with the mass alone for its matrix (`NO_STEP`). So nothing
+is compiled for what is done once. Kernels that start anew on the way call `balance`.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Tables
+from anctmm.forces.actuation import Hubs, Loads, place_hubs, set_loads, turn_hubs
+from anctmm.integrators.implicit_step import Damping, State, add_damping_forces, copy, dissipated
+from anctmm.integrators.newton import Newton
+from anctmm.jit.compiling import kernel, uncompiled
+from anctmm.recursion.accelerations import by_blocks
+from anctmm.recursion.riccati import BlockFactors, Links, factorize
+
+Array = NDArray[np.float64]
+
+#: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
+REFINED = 4
+
+
+def start(
+    state: State,
+    hubs: Hubs,
+    drives: Array,
+    newton: Newton,
+    solve: Callable[[Newton], int],
+    single: bool = False,
+) -> None:
+    """True accelerations at t = 0, from which a starts too; those of driven nodes are their drives'.
+
+    Parameters
+    ----------
+    state : State
+        w and a are written, and at driven nodes q and v.
+    hubs : Hubs
+    drives : ndarray, shape (hubs, 3)
+        Angle, rate and acceleration of each at t = 0.
+    newton : Newton
+        What it counted is forgotten.
+    solve : callable
+        Takes a step with the coefficients `NO_STEP`.
+    single : bool
+        Whether factors are kept in single precision: then the solution is refined.
+    """
+    uncompiled(turn_hubs)(hubs, drives)
+    for field, motion in zip((state.q, state.v, state.w), hubs.motion, strict=True):
+        field[:, hubs.nodes] = motion.T
+    newton.counts[2] = 1
+    for _ in range(REFINED if single else 1):
+        solve(newton._replace(tolerance=np.inf))
+    newton.counts[:] = 0, 1, 1
+
+
+@kernel
+def balance(
+    state: State,
+    tables: Tables,
+    links: Links,
+    factors: BlockFactors,
+    hubs: Hubs,
+    loads: Loads,
+    drives: Array,
+    values: Array,
+    damping: Damping | None,
+) -> None:
+    """True accelerations of the present state, w and a, by other kernels: where a run starts anew between two steps."""
+    turn_hubs(hubs, drives)
+    place_hubs(state.q, state.v, hubs)
+    set_loads(state.q, state.f, state.dead, loads, values)
+    if damping is not None:
+        _, flat_v, _, _, _, _ = state.flat
+        copy(flat_v, damping.flat)
+        add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
+        dissipated(state.q, state.q, damping)
+    factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
+    by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
+    _, _, flat_a, flat_w, _, _ = state.flat
+    copy(flat_w, flat_a)

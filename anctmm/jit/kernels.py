@@ -1,0 +1,198 @@
+"""Kernels that other kernels call: optimised to be linked into their callers, and no more until Python calls them.
+
+The compiler would make machine code of every function by itself, and an entry for Python beside it, though the caller's
+machine code holds it once more. Here a function gets both when Python calls it first: half of the compiler's time.
+"""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import event, sigutils
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
+from numba.core.registry import CPUDispatcher
+from numba.core.typed_passes import NativeLowering
+
+#: Whether this thread compiles for a caller that is compiled.
+_calls = threading.local()
+
+
+class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Code of a function to be linked into its callers: optimised, but no machine code."""
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def serialize_using_object_code(self) -> Any:
+        """What is kept on disk: LLVM's own form, since there is no machine code."""
+        return self.serialize_using_bitcode()
+
+    def read(self, bitcode: bytes) -> None:
+        """Take what was kept on disk."""
+        self._final_module = llvm.parse_bitcode(bitcode)
+        self._finalize_final_module()
+
+
+@register_pass(mutates_CFG=False, analysis_only=True)
+class _Callable(AnalysisPass):  # type: ignore[misc]
+    """Tell the compiler how callers find a function that has no entry."""
+
+    _name = "anctmm_callee"
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def run_pass(self, state: Any) -> bool:
+        lowered = state["cr"]
+        state["cr"] = lowered._replace(cfunc=_known(state.targetctx, lowered.fndesc, state.library))
+        return False
+
+
+class KernelCompiler(CompilerBase):  # type: ignore[misc]
+    """numba's compiler, which stops before machine code where a caller is compiled."""
+
+    def define_pipelines(self) -> list[PassManager]:
+        """The one pipeline."""
+        state = self.state
+        if not for_caller():
+            return [DefaultPassBuilder.define_nopython_pipeline(state)]
+        state.flags.no_cpython_wrapper = state.flags.no_compile = True
+        state.library = CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        passes = DefaultPassBuilder.define_nopython_pipeline(state)
+        passes.add_pass_after(_Callable, NativeLowering)
+        passes.finalize()
+        return [passes]
+
+
+class Kernel(CPUDispatcher):  # type: ignore[misc]
+    """A compiled function that gets machine code of its own when Python calls it.
+
+    Parameters
+    ----------
+    py_func : callable
+    locals, targetoptions : dict, optional
+        Of numba's `Dispatcher`.
+    """
+
+    _cache: Any
+
+    def __init__(self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None) -> None:
+        super().__init__(py_func, locals, targetoptions, pipeline_class=KernelCompiler)
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """What a caller that is compiled needs to know."""
+        with _for_caller():
+            return super().get_call_template(args, kws)
+
+    def compile(self, sig: Any) -> Any:
+        """Compile for a signature, unless that is done; the entry, or what stands for it."""
+        arguments = tuple(sigutils.normalize_signature(sig)[0])
+        with global_compiler_lock:
+            known = arguments in self.overloads
+            entry = super().compile(sig)
+            found = self.overloads[arguments]
+            if for_caller():
+                return entry
+            if is_callee(found):
+                return self._give_entry(found)
+            if not known:
+                _set_environments(found)
+            return entry
+
+    def add_overload(self, cres: Any) -> None:
+        """Know a compiled signature; Python is told only of those with an entry."""
+        if is_callee(cres):
+            self.overloads[tuple(cres.signature.args)] = cres
+        else:
+            super().add_overload(cres)
+
+    def _give_entry(self, callee: Any) -> Any:
+        """Give Python what callers had; its entry."""
+        context, name = callee.target_context, callee.fndesc.qualname
+        with event.trigger_event("numba:compile", data={"dispatcher": self, "args": callee.signature.args}):
+            library = context.codegen().create_library(name)
+            library.enable_object_caching()
+            library.add_linking_library(callee.library)
+            context.create_cpython_wrapper(library, callee.fndesc, callee.environment, None)
+            entry = context.get_executable(library, callee.fndesc, callee.environment)
+            context.insert_user_function(entry, callee.fndesc, [callee.library])
+            whole = callee._replace(entry_point=entry, library=library)
+            _set_environments(whole)
+            self.add_overload(whole)
+        self._cache.save_overload(callee.signature, whole)
+        return entry
+
+
+def is_callee(found: Any) -> bool:
+    """Whether a compiled signature can only be linked into callers."""
+    return isinstance(found.library, CalleeLibrary)
+
+
+def for_caller() -> bool:
+    """Whether this thread compiles for a caller that is compiled."""
+    return bool(getattr(_calls, "depth", 0))
+
+
+def restored_callee(
+    target_context: Any, library: Any, fndesc: Any, env: Any, signature: Any, *rest: Any
+) -> Any:
+    """A signature compiled for callers, as read from disk.
+
+    Parameters
+    ----------
+    target_context
+        numba's.
+    library, fndesc, env, signature, *rest
+        What `CompileResult._reduce` gave.
+    """
+    name, _, bitcode = library
+    restored = CalleeLibrary(target_context.codegen(), name)
+    restored.read(bitcode)
+    objectmode, lifted, annotation, reload_init, referenced = rest
+    make: Any = CompileResult
+    return make(
+        target_context=target_context,
+        typing_context=target_context.typing_context,
+        library=restored,
+        environment=env,
+        entry_point=_known(target_context, fndesc, restored),
+        fndesc=fndesc,
+        type_annotation=annotation,
+        signature=signature,
+        objectmode=objectmode,
+        lifted=lifted,
+        typing_error=None,
+        call_helper=None,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=referenced,
+    )
+
+
+def _known(context: Any, fndesc: Any, library: Any) -> object:
+    """What stands for the entry of a function that has none; callers find its code by it."""
+    key = object()
+    context.insert_user_function(key, fndesc, [library])
+    return key
+
+
+def _set_environments(whole: Any) -> None:
+    """Give machine code the environments of all functions in it, which those without an entry have not been given."""
+    for environment in whole._find_referenced_environments():
+        whole.library.codegen.set_env(environment.env_name, environment)
+
+
+@contextmanager
+def _for_caller() -> Iterator[None]:
+    _calls.depth = getattr(_calls, "depth", 0) + 1
+    try:
+        yield
+    finally:
+        _calls.depth -= 1
