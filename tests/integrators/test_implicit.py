@@ -14,7 +14,7 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
 from anctmm.integrators.implicit_step import new_state
-from anctmm.integrators.newton import KAPPA, new_newton
+from anctmm.integrators.newton import KAPPA, ROUNDED, new_newton, single_will_do
 from anctmm.integrators.newton_failure import correction_size, residual_history
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
@@ -371,12 +371,12 @@ def long_row(kind, dt, damping=0.0, elements=2100):
 
 @every_kind
 def test_only_long_chains_keep_rounded_factors_and_only_where_newton_bears_it(kind):
-    assert implicit.single_will_do(long_row(kind, 1e-4))
-    assert not implicit.single_will_do(long_row(kind, 1e-4, elements=1000))
+    assert single_will_do(long_row(kind, 1e-4))
+    assert not single_will_do(long_row(kind, 1e-4, elements=1000))
     highest = highest_frequency(long_row(kind, 1e-4, elements=4))
-    borne = float(np.sqrt(implicit.ROUNDED / np.finfo(np.float32).eps)) / highest  # ε (hω)² of that size
-    assert implicit.single_will_do(long_row(kind, borne))
-    assert not implicit.single_will_do(long_row(kind, 10.0 * borne))
+    borne = float(np.sqrt(ROUNDED / np.finfo(np.float32).eps)) / highest  # ε (hω)² of that size
+    assert single_will_do(long_row(kind, borne))
+    assert not single_will_do(long_row(kind, 10.0 * borne))
 
 
 def test_damping_counts_among_the_stiffness():
@@ -384,10 +384,10 @@ def test_damping_counts_among_the_stiffness():
     dt = next(
         h
         for h in (1e-3 * 1.3**k for k in range(40))
-        if not implicit.single_will_do(long_row("cable", 1.3 * h))
+        if not single_will_do(long_row("cable", 1.3 * h))
     )
-    assert implicit.single_will_do(long_row("cable", dt))
-    assert not implicit.single_will_do(long_row("cable", dt, damping=100.0 * dt))
+    assert single_will_do(long_row("cable", dt))
+    assert not single_will_do(long_row("cable", dt, damping=100.0 * dt))
 
 
 @every_kind

@@ -104,7 +104,7 @@ def test_another_caller_reads_what_the_first_one_kept(first):
     if first == "inner":
         assert inner(*arrays()) == 2.0
     assert another(*arrays()) == 20.0
-    assert inner._cache_hits.total() == (first == "another")
+    assert inner._cache_hits.total() == 1
     assert inner(*arrays()) == 2.0
     assert another(*arrays()) == 20.0
 
