@@ -140,8 +140,9 @@ def advance(
     unfinished, first = False, max(begin, 0)
     for step in range(begin, end):
         if driven and step >= 0:
+            values = load_table[step - first]
             hub_reactions(q, w, f, tables, hubs)
-            out.work[0] += work_done(step > 0, q, hubs, loads, load_table[step - first])
+            out.work[0] += work_done(step > 0, q, hubs, loads, values)
         if step >= 0 and (step % stride == 0 or step == steps):
             if too_large(q, STRETCH_LIMIT):
                 newton.history[:] = 0.0  # no iteration failed

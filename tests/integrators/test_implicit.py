@@ -381,11 +381,7 @@ def test_only_long_chains_keep_rounded_factors_and_only_where_newton_bears_it(ki
 
 def test_damping_counts_among_the_stiffness():
     """τ = 100 h makes the matrix, and its condition, some 200 times as large."""
-    dt = next(
-        h
-        for h in (1e-3 * 1.3**k for k in range(40))
-        if not single_will_do(long_row("cable", 1.3 * h))
-    )
+    dt = next(h for h in (1e-3 * 1.3**k for k in range(40)) if not single_will_do(long_row("cable", 1.3 * h)))
     assert single_will_do(long_row("cable", dt))
     assert not single_will_do(long_row("cable", dt, damping=100.0 * dt))
 
