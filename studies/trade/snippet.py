@@ -37,7 +37,7 @@ def snippet(scene: Scene, run: Discretisation, solver: str, probes: tuple[tuple[
         If the scene has a plain function, which has no text.
     """
     ours = solver == "anctmm"
-    imports = ["import anctmm as at", *([] if ours else ["from anctmm import registry"])]
+    imports = ["import anctmm as at", *([] if ours else ["from anctmm.solvers import registry"])]
     solve = "at.solve" if ours else f"registry.solver({_text(solver)})"
     lines = [
         *imports, "", f"scene = {code(scene)}", f"run = {code(run)}", f"solution = {solve}(scene, run)",

@@ -85,7 +85,7 @@ def test_a_sweep_is_not_repeated_by_a_new_runner(tmp_path):
     again = runner(tmp_path).sweep(cases(2, 4, 8))
     assert [c[1] for c in calls[3:]] == [8, 8]
     assert [o.case.mesh for o in again] == [(2,), (4,), (8,)]
-    assert again[1].costs == first[1].costs
+    assert repr(again[1].costs) == repr(first[1].costs)  # times that are not known are NaN
     np.testing.assert_array_equal(
         again[1].solution.position("beam", 1.0), first[1].solution.position("beam", 1.0)
     )

@@ -166,7 +166,9 @@ def _check(measured: recommend.Measured, scene: str, wish: float) -> None:
     again = recommend.rerun(choice.line, measured.histories, wish, met=True)
     assert again.met
     assert again.error <= wish
-    assert again.error == pytest.approx(choice.line["error"], rel=0.01)
+    # what a loose Newton tolerance leaves depends on the last bit of compiled code (anctmm/modelling.md)
+    near = 0.01 if choice.line["newton_tolerance"] < 1e-5 else 0.2
+    assert again.error == pytest.approx(choice.line["error"], rel=near)
     meeting = measured.points[(measured.points["scene"] == scene) & (measured.points["error"] <= wish)]
     assert meeting["cpu_s"].min() >= 0.8 * choice.line["cpu_s"]
     ratios = choice.runners_up["ratio"]

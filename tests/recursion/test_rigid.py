@@ -299,7 +299,8 @@ def test_coarse_steps_of_a_fast_bar_keep_its_length():
     bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s: (0.0, 50.0 * s))
     ours = solve(Scene("fast", [bar], [Pin("bar.start")]), mesh=1, element="rigid", integrator="zhai", dt=1e-2,
                  t_end=0.03)  # fmt: skip
-    assert ours.status.ok
+    assert ours.status == "inaccurate"  # the length is kept, the energy is not
+    assert len(ours.t) == 4
     assert stretched(ours) < 1e-12
 
 
