@@ -30,7 +30,7 @@ from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
 
-MAGIC = b"anctmm kernel 1\n"
+MAGIC = b"anctmm kernel 2\n"
 #: Of a file, and of one that is being written.
 ENDING, UNFINISHED = ".kernel", ".part"
 #: Versions of a kernel's code that are kept for each signature: those of several branches of work.

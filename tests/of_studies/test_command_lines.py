@@ -130,7 +130,7 @@ SCENES = {
     "of a run without a name": (GOOD.replace('"fall"', "None"), 2, ["run name is None"]),
     "of a scene with a slash": (GOOD.replace('"bar"', '"a/b"'), 2, ["scene name is 'a/b'"]),
     "of a body with a comma": (named("b,c"), 2, ["'b,c'", "comma"]),
-    "of a body with a line break": (named("b\\nc"), 2, ["line break"]),
+    "of a body with a line break": (named("b\\nc"), 2, ["printable"]),
     "twice": (GOOD + "WATCHED *= 2", 2, ["watched 2 times"]),
     "of a name too long": (GOOD.replace('"bar"', f'"{"b" * 300}"'), 2, ["at most 100"]),
     "of a solver that is not there": (by("adams"), 4, ["1 not run"]),
