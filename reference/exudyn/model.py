@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import UnsupportedError, unknown_kind
+from anctmm.errors import AnctmmError, UnsupportedError, unknown_kind
 from anctmm.model.drives import Angle, Pulse, Quintic, value_at
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, width_of
@@ -126,6 +126,10 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
             for matrix, node in zip(to_each, nodes, strict=True):
                 node[2:] = (matrix @ shared)[2:]
     return velocities
+
+
+#: What the user's functions raised while Exudyn called them: some of its modules wrap it in an error of their own.
+FAILED: list[AnctmmError] = []
 
 
 @dataclass
@@ -317,7 +321,11 @@ def _remembered(history: Callable[[float], Any], run: Discretisation | None) -> 
 
     def value(t: float) -> Any:
         if last[0] != t:
-            last[:] = t, history(t if run is None else _undrifted(t, run))
+            try:
+                last[:] = t, history(t if run is None else _undrifted(t, run))
+            except AnctmmError as error:
+                FAILED.append(error)
+                raise
         return last[1]
 
     return value

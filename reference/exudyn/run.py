@@ -22,7 +22,7 @@ from anctmm.model.scene import Clamp, Force, Load, Pin, Scene, Torque, Weld
 from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, positive
-from reference.exudyn.model import Beams, Model, load_exudyn, silence
+from reference.exudyn.model import FAILED, Beams, Model, load_exudyn, silence
 from reference.exudyn.stability import stability_status
 
 Array = NDArray[np.float64]
@@ -205,9 +205,14 @@ def _timed(exu: Any, solve: Callable[[Any], Any], settings: Any) -> tuple[str | 
     """Reason of a failure, CPU and wall time of the solver alone, s."""
     message = None
     wall, cpu = perf_counter(), process_time()
+    FAILED.clear()
     try:
         solve(settings)
-    except exu.SolverError as error:
+    except Exception as error:
+        if FAILED:
+            raise FAILED[0] from error
+        if not isinstance(error, exu.SolverError):
+            raise
         lines = str(error).splitlines()
         message = " ".join(" ".join(line for line in lines if "[Python file" not in line).split())
     return message, process_time() - cpu, perf_counter() - wall

@@ -385,6 +385,13 @@ def refined_reference(
     return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))
 
 
+def _quadrature_shown(case: Case) -> str:
+    """The quadrature of a case as tables show it: of bodies of different kinds none is told."""
+    return (
+        "-" if isinstance(case.element, Mapping) else kind_of(case.element).quadrature_shown(case.quadrature)
+    )
+
+
 def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
     """The tidy row of a run. A run cut short has no error."""
     case, solution, timing = outcome.case, outcome.solution, summarise(outcome.costs)
@@ -392,7 +399,7 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
         "scene": case.scene.name,
         "solver": case.solver,
         "element": element_of(case.solver, case.element),
-        "quadrature": kind_of(case.element).quadrature_shown(case.quadrature),
+        "quadrature": _quadrature_shown(case),
         "integrator": case.integrator,
         "elements": mesh_label(case.mesh),
         "dofs": solution.dofs,
