@@ -51,7 +51,10 @@ class Record:
     started: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        n = self.outputs or len(self.chain.run.output_steps)
+        self.resize(self.outputs or len(self.chain.run.output_steps))
+
+    def resize(self, n: int) -> None:
+        """Make room for n outputs, none of which is filled."""
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.energy = np.zeros((n, 3))
 

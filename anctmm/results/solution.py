@@ -204,6 +204,8 @@ class Solution:
     status : Status
     dofs : int
         Unknown coordinates of the discretised scene, as the solver counts them.
+    stable : ndarray of bool, shape (n,), optional
+        Of statics: whether each equilibrium is stable. None where that is not known, and of motions.
     """
 
     solver: str
@@ -215,6 +217,7 @@ class Solution:
     cost: Cost = field(default_factory=Cost)
     status: Status = field(default_factory=Status)
     dofs: int = 0
+    stable: NDArray[np.bool_] | None = None
 
     def position(self, body: str, fraction: float) -> Array:
         """Positions of a material point of a body's axis, (n, 2), m.
@@ -242,7 +245,8 @@ class Solution:
             for name, field in self.fields.items()
         }
         energy = Energy(*(series[:outputs] for series in vars(self.energy).values()))
-        return replace(self, t=self.t[:outputs], fields=fields, energy=energy, status=status)
+        stable = None if self.stable is None else self.stable[:outputs]
+        return replace(self, t=self.t[:outputs], fields=fields, energy=energy, status=status, stable=stable)
 
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""

@@ -1,10 +1,11 @@
 """Exact solutions, in closed form or solved to rounding; nothing here knows a finite element.
 
 Static cantilevers of three continua (`cantilever_static`, `solve_static`, `solve_rod`, `solve_director`),
-their closed forms, natural frequencies, and the rigid motions that stiff beams tend to.
+their closed forms, the elastic catenary, natural frequencies, and the rigid motions that stiff beams tend to.
 """
 
 from reference.exact.cantilever import Cantilever
+from reference.exact.catenary import Catenary
 from reference.exact.closed_forms import (
     inextensible_tip,
     moment_arc,
@@ -23,6 +24,7 @@ from reference.exact.scenes import cantilever_problem, cantilever_static, solve_
 
 __all__ = [
     "Cantilever",
+    "Catenary",
     "DirectorShape",
     "DoublePendulum",
     "FreeBar",

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.integrators.stability import element_bound
-from anctmm.integrators.static_system import StaticSystem
+from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
 

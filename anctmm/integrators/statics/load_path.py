@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.integrators.equilibrium_stability import least_shift, stability_of
 from anctmm.integrators.output import worst_element
 from anctmm.integrators.stability import DIFFERENCE
-from anctmm.integrators.static_system import StaticSystem
+from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
+from anctmm.integrators.statics.static_system import StaticSystem
 from anctmm.results.solution import Status
 
 Array = NDArray[np.float64]
@@ -52,6 +52,8 @@ class LoadPath:
         self.before: tuple[float, Array] | None = None
         self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
+        #: What the user should know of how equilibria were found.
+        self.notes: list[str] = []
 
     def reach(self, target: float) -> Status | None:
         """Go to a load factor, in as many steps as needed; a status if it cannot be reached."""

@@ -12,15 +12,15 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.integrators.equilibrium_stability import least_shift, lowest_mode, stability_of
-from anctmm.integrators.static_system import StaticSystem
+from anctmm.integrators.statics.equilibrium_stability import least_shift, lowest_mode, stability_of
+from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
 
 #: Parts of the load: largest step; smallest one, in which a scene may move as far as it likes.
 STEP, SMALLEST = 1.0 / 8.0, 1.0 / 512.0
-#: Displacement, relative, above which a larger step of the load is halved.
-MOTION = 0.25
+#: Displacements, relative: above which a larger step of the load is halved, and above which a scene moves for ever.
+MOTION, FAR = 0.25, 1e3
 #: Longest correction; corrections tried in a minimisation.
 REACH, TRIED = 0.3, 5_000
 #: Parts of the fall of energy that the tangent predicts: asked for, and such that μ may become smaller.
@@ -35,15 +35,26 @@ TIE = 1e-3
 ROUNDING = 1e-13
 
 
-def stable_path(system: StaticSystem) -> Iterator[tuple[float, Array]]:
-    """Load factors and the stable equilibria there, from the undeformed scene to the whole load or as far as found."""
-    factor, q, step = 0.0, system.reference.copy(), STEP
+def stable_path(
+    system: StaticSystem, start: Array | None = None, factor: float = 0.0, target: float = 1.0
+) -> Iterator[tuple[float, Array]]:
+    """Load factors and the stable equilibria there, up to a target or as far as found.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    start : ndarray, shape (rows, nodes), optional
+        Coordinates to start from; those of the undeformed scene without it.
+    factor, target : float
+        Load factors at the start and at the end.
+    """
+    q, step = (system.reference if start is None else start).copy(), STEP
     yield factor, q
-    while factor < 1.0:
-        step = min(step, 1.0 - factor)
-        new = downhill(system, q, factor + step, MOTION if step > SMALLEST else np.inf)
+    while factor < target:
+        ahead = target if step > 0.999 * (target - factor) else factor + step
+        new = downhill(system, q, ahead, MOTION if step > SMALLEST else FAR)
         if new is not None:
-            factor, q = factor + step, new
+            factor, q = ahead, new
             yield factor, q
             step = min(2.0 * step, STEP)
         elif step > SMALLEST:

@@ -1,0 +1,261 @@
+"""Statics by ANC-TMM: equilibria under a growing load, each of which says whether it is stable."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+from typing import Any, assert_never
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.elements.kinds import check_kinds, with_statics
+from anctmm.errors import DiscretisationError
+from anctmm.integrators.output import Record, worst_element
+from anctmm.integrators.statics.arc_length import ArcPath, Point
+from anctmm.integrators.statics.equilibrium_stability import Stability, lowest_mode, stability_of
+from anctmm.integrators.statics.load_path import MANY, LoadPath
+from anctmm.integrators.statics.stable_branch import downhill, stable_path
+from anctmm.model.scene import Scene, checked_scene
+from anctmm.results.accounting import accounted
+from anctmm.results.solution import Solution, Status
+from anctmm.results.stability_status import singular, unstable
+from anctmm.validation import one_of
+
+Array = NDArray[np.float64]
+#: Takes a search on to a load factor; a status if it cannot be reached.
+Advance = Callable[[float], Status | None]
+
+BRANCHES = ("path", "stable")
+PATHS = ("load", "arclength")
+#: First load factor of a path by its arc length, and points of it at most.
+FIRST, POINTS = 1.0 / 32.0, 20_000
+#: Elements of a body with which a mesh of MANY nodes is asked whether the scene is a mechanism.
+COARSE = 8
+ADVICE = "branch='stable' finds a stable one"
+
+
+@accounted
+def solve_static(
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    load_steps: int | None = None,
+    branch: str = "path",
+    path: str = "load",
+    **options: Any,
+) -> Solution:
+    """Equilibrium of a scene under gravity and the loads of t = 0.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its fields as keywords; only mesh, element, quadrature and newton_tolerance matter.
+    load_steps : int, optional
+        Equal parts of the load whose equilibria are kept; 1 without it. A part that Newton's iteration does not reach
+        is halved as often as needed. With path="arclength" the first step is one of so many parts (32 without it).
+    branch : str
+        "path": what Newton's iteration reaches from the equilibrium before, be it stable or not; which one that is may
+        depend on `load_steps`. Where it reaches none, as from a mechanism, a slack cable, or past a limit of
+        stability, a stabilised path is followed to a stable equilibrium from there, and the status says so.
+        "stable": a minimum of the potential energy, that to which slow loading with much
+        damping leads, past buckling and jumps; it does not depend on `load_steps`. Of two that are equally near, as of
+        a perfect column, the one towards positive y (or x) is taken.
+    path : str
+        "load": the load grows from 0 to 1. "arclength": the path of equilibria is followed by its arc length, past
+        limit points, where the load factor falls and grows again, until it reaches 1 first. Limit points are points
+        of the path, found to rounding.
+
+    Returns
+    -------
+    Solution
+        `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load. `stable` says
+        of each whether it is stable. The status is
+        "ok" if all equilibria but that of factor 0, the undeformed scene, are stable. It is "unstable" from the first
+        load factor on at which the potential energy has no minimum; "singular" if a motion needs no force there (a
+        mechanism, a body that is free to move, the limit of stability); "diverged" where no equilibrium is found;
+        "imprecise" where rounding leaves fewer than four digits, as on very fine meshes. The message says where, and
+        what to try. With path="arclength" only the last equilibrium need be stable, and the message tells limit
+        points.
+
+    Raises
+    ------
+    DiscretisationError
+        If the options are wrong or do not fit the scene.
+    """
+    steps = None if load_steps is None else parts_of_load(load_steps)
+    one_of("branch", branch, BRANCHES)
+    if one_of("path", path, PATHS) == "arclength" and branch == "stable":
+        raise DiscretisationError(
+            "path is 'arclength' beside branch 'stable'; one of them is allowed: the path passes stable and unstable "
+            "equilibria"
+        )
+    chain = Chain(checked_scene(scene), discretise(run, options))
+    check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
+    search = LoadPath(chain)
+    search.newton(0.0)  # compiles
+    stability_of(search.system, search.q, 0.0)
+    search.reset()
+    if path == "arclength":
+        return _along_path(search, FIRST if steps is None else 1.0 / steps)
+    advance = _stabilised(search) if branch == "path" else _relaxation(search)
+    return _solution(search, advance, np.arange((steps or 1) + 1) / (steps or 1))
+
+
+def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
+    """Equilibria at load factors, as far as they are found, and what is wrong with them."""
+    record = Record(search.chain, outputs=len(factors))
+    record.start()
+    doubt: Status | None = None
+    status: Status | None = None
+    kept = 1
+    _store(search, record, 0)
+    stable = [_kind(search) == "stable"]
+    for k in range(1, len(factors)):
+        status = advance(float(factors[k]))
+        if status is not None:
+            break
+        _store(search, record, k)
+        against = _doubt(search, float(factors[k - 1]))
+        stable.append(against is None)
+        doubt = doubt or against
+        kept = k + 1
+    status = _with_notes(status or search.precision(), search.notes)
+    if doubt is not None:
+        status = doubt if status.ok else replace(status, message=f"{status.message}; {doubt.message}")
+    found = record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
+    return replace(found, stable=np.array(stable)[: len(found.t)])
+
+
+def _with_notes(status: Status, notes: list[str]) -> Status:
+    """A status whose message also says what else is to be known."""
+    return replace(status, message="; ".join([status.message] * bool(status.message) + notes))
+
+
+def _stabilised(search: LoadPath) -> Advance:
+    """By Newton's iteration along the load; where that finds nothing, along a path that is stabilised."""
+
+    def advance(target: float) -> Status | None:
+        status = search.reach(target)
+        if status is None or status.code != "diverged":
+            return status
+        begin, factor, q = search.factor, search.factor, search.q
+        for factor, q in stable_path(search.system, search.q, begin, target):  # noqa: B007
+            pass
+        if factor < target or search.adopt(target, q) is not None:
+            return status
+        search.notes.append(
+            f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path led from there "
+            f"to the one at {target:.6g}"
+        )
+        return None
+
+    return advance
+
+
+def _along_path(search: LoadPath, first: float) -> Solution:
+    """Equilibria along the path by its arc length."""
+    arc = ArcPath(search.system, search.chain.run.newton_tolerance, first)
+    record = Record(search.chain, outputs=1)
+    record.start()
+    stands = _kind(search) != "singular"
+    points = list(islice(arc.points(), POINTS)) if stands else []
+    record.resize(max(len(points), 1))
+    stable = np.zeros(max(len(points), 1), dtype=bool)
+    doubt: Status | None = None
+    if not points:
+        points = [Point(search.q, 0.0, search.q, 1.0)]
+    for k, point in enumerate(points):
+        search.q, search.factor = point.q, point.factor
+        _store(search, record, k)
+        doubt = _doubt(search, 0.0)
+        stable[k] = doubt is None
+    t = np.array([point.factor for point in points])
+    status = doubt or search.precision()
+    if t[-1] < 1.0:
+        status = _lost(search, len(points))
+    limits = [f"{point.factor:.6g}" for point in points if point.limit]
+    notes = [f"limit points at load factors {', '.join(limits)}"] if limits else []
+    if not stable[1:].all():
+        notes.append(f"{int((~stable[1:]).sum())} of {len(t)} equilibria are unstable, see `stable`")
+    found = record.solution(
+        len(t), _with_notes(status, notes), len(t) - 1, arc.iterations, arc.iterations, t=t
+    )
+    return replace(found, stable=stable[: len(found.t)])
+
+
+def _lost(search: LoadPath, points: int) -> Status:
+    """Status of a path that ends before the whole load."""
+    motion = stability_of(search.system, search.q, search.factor).motion
+    body, element = worst_element(search.chain, search.system.sizes(motion))
+    why = (
+        f"{points} points do not lead to the whole load"
+        if points == POINTS
+        else "no step is short enough: a mechanism that is free to move, or a mesh too coarse for the bend"
+    )
+    return Status(
+        "diverged",
+        f"the path of equilibria ends at load factor {search.factor:.6g}, softest in element {element} of body "
+        f"{body!r}; {why}; a finer mesh, another load or path='load' may do",
+        time=search.factor,
+        body=body,
+        element=element,
+    )
+
+
+def _relaxation(search: LoadPath) -> Advance:
+    """Along the stable branch; its own steps do not depend on the load factors asked for."""
+    path = stable_path(search.system)
+    here, ahead = next(path), next(path, None)
+
+    def advance(target: float) -> Status | None:
+        nonlocal here, ahead
+        while ahead is not None and ahead[0] <= target:
+            here, ahead = ahead, next(path, None)
+        q = here[1] if here[0] == target else downhill(search.system, here[1], target)
+        return search.stuck(here[0]) if q is None else search.adopt(target, q)
+
+    return advance
+
+
+def _doubt(search: LoadPath, before: float) -> Status | None:
+    """What is wrong with the equilibrium reached, if it is not stable; the one before was at a load factor."""
+    system, factor = search.system, search.factor
+    found = stability_of(system, search.q, factor)
+    if found.kind == "singular" and not _is_singular_on_any_mesh(search, factor):
+        found = Stability("unstable" if found.negative else "stable", found.negative, found.motion)
+    match found.kind:
+        case "stable":
+            return None
+        case "singular":
+            return singular(factor, *worst_element(search.chain, system.sizes(found.motion)))
+        case "unstable":
+            mode = lowest_mode(system, search.q, factor)[1]
+            worst = worst_element(search.chain, system.sizes(mode))
+            return unstable(factor, found.negative, *worst, before, ADVICE)
+        case _:
+            assert_never(found.kind)
+
+
+def _kind(search: LoadPath) -> str:
+    return stability_of(search.system, search.q, search.factor).kind
+
+
+def _is_singular_on_any_mesh(search: LoadPath, factor: float) -> bool:
+    """Whether a singular tangent is one of the scene and not the rounding of a very fine mesh."""
+    chain = search.chain
+    if chain.bodies.nodes < MANY:
+        return True
+    mesh = {name: min(elements, COARSE) for name, (elements, _) in chain.run.of(chain.scene).items()}
+    coarse = LoadPath(Chain(chain.scene, replace(chain.run, mesh=mesh)))
+    if coarse.reach(factor) is not None:
+        return False
+    return stability_of(coarse.system, coarse.q, factor).kind == "singular"
+
+
+def _store(search: LoadPath, record: Record, place: int) -> None:
+    """Keep the equilibrium reached."""
+    record.q[place] = search.q
+    record.energy[place, 1] = search.system.strain_energy(search.q)
