@@ -19,6 +19,7 @@ from anctmm.integrators.statics.load_path import MANY, LoadPath
 from anctmm.integrators.statics.stable_branch import downhill, stable_path
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
+from anctmm.results.divergence_checks import inside_out
 from anctmm.results.solution import Solution, Status
 from anctmm.results.stability_status import singular, unstable
 from anctmm.validation import one_of
@@ -144,7 +145,7 @@ def _stabilised(search: LoadPath) -> Advance:
         begin, factor, q = search.factor, search.factor, search.q
         for factor, q in stable_path(search.system, search.q, begin, target):  # noqa: B007
             pass
-        if factor < target or search.adopt(target, q) is not None:
+        if factor < target or not _possible(search.chain, q) or search.adopt(target, q) is not None:
             return status
         search.notes.append(
             f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path led from there "
@@ -153,6 +154,15 @@ def _stabilised(search: LoadPath) -> Advance:
         return None
 
     return advance
+
+
+def _possible(chain: Chain, q: Array) -> bool:
+    """Whether no element is turned inside out: the energy of some has minima there, too."""
+    return not any(
+        inside_out(coordinates[None], mesh.element.l).any()
+        for mesh in chain.bodies.meshes
+        for coordinates in [chain.bodies.by_body(q)[mesh.body.name]]
+    )
 
 
 def _along_path(search: LoadPath, first: float) -> Solution:
