@@ -101,6 +101,10 @@ class UnsupportedError(SolverError):
     """A solver cannot do a scene or discretisation, which others can; it answers with the status "unsupported"."""
 
 
+class ResultError(AnctmmError, ValueError):
+    """A solution does not have what is asked of it."""
+
+
 class StartWarning(UserWarning):
     """Initial velocities that a joint, a drive or a rigid body cannot have are replaced by those that it can."""
 

@@ -1,5 +1,6 @@
 """Public names of what a solver answers, `anctmm.results.solution`."""
 
-from anctmm.results.solution import Cost, Energy, HermiteField, LagrangeField, Solution, Status
+from anctmm.results.fields import HermiteField, LagrangeField
+from anctmm.results.solution import Cost, Energy, Solution, Status
 
 __all__ = ["Cost", "Energy", "HermiteField", "LagrangeField", "Solution", "Status"]

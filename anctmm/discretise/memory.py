@@ -10,7 +10,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
 from anctmm.model.scene import Scene
 
-#: Bytes of a number, and of energies and time of an output.
+#: Bytes of a number, and of energies and time of an output, which keeps coordinates and velocities.
 NUMBER, ENERGIES = 8, 64
 #: Runs that take less are not looked at: every machine has so much.
 SMALL = 1 << 26
@@ -42,7 +42,7 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    system, output = size * (each + pair * size), size * NUMBER + ENERGIES
+    system, output = size * (each + pair * size), 2 * size * NUMBER + ENERGIES
     total = system + kept * output
     if total <= SMALL:
         return

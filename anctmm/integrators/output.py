@@ -13,7 +13,8 @@ from anctmm.discretise.chain import Chain
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import checked
-from anctmm.results.solution import Cost, Energy, HermiteField, Interrupted, Solution, Status, interruption
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, interruption
 
 Array = NDArray[np.float64]
 
@@ -24,11 +25,12 @@ TOGETHER = 1 << 17
 
 
 class Output(NamedTuple):
-    """What kernels fill: coordinates, (outputs, rows, nodes), kinetic and strain energy and work, (outputs, 3), and
-    the work done until now, (1,).
+    """What kernels fill: coordinates and velocities, (outputs, rows, nodes), kinetic and strain energy and work,
+    (outputs, 3), and the work done until now, (1,).
     """
 
     q: Array
+    v: Array
     energy: Array
     work: Array
 
@@ -47,6 +49,7 @@ class Record:
     chain: Chain
     outputs: int | None = None
     q: Array = field(init=False)
+    v: Array = field(init=False)
     energy: Array = field(init=False)
     started: tuple[float, float] = field(init=False)
 
@@ -56,11 +59,12 @@ class Record:
     def resize(self, n: int) -> None:
         """Make room for n outputs, none of which is filled."""
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
+        self.v = np.empty_like(self.q)
         self.energy = np.zeros((n, 3))
 
     def arrays(self) -> Output:
         """What kernels fill."""
-        return Output(self.q, self.energy, np.zeros(1))
+        return Output(self.q, self.v, self.energy, np.zeros(1))
 
     def start(self) -> None:
         """Start the clocks."""
@@ -81,8 +85,10 @@ class Record:
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
         bodies, q = chain.bodies, self.q[:kept]
+        static = t is not None
+        rates = {} if static else bodies.by_body(self.v[:kept])
         fields = {
-            name: HermiteField(coordinates, chain.scene.body(name).length)
+            name: HermiteField(coordinates, chain.scene.body(name).length, rates.get(name))
             for name, coordinates in bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
@@ -98,7 +104,7 @@ class Record:
             status=status,
             dofs=chain.dofs,
         )
-        return checked(found, static=t is not None)
+        return checked(found, static=static)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:
@@ -175,7 +181,7 @@ def keep(step: int, stride: int, q: Array, v: Array, tables: Tables, out: Output
     place = step // stride if step % stride == 0 else len(out.q) - 1
     for k in range(q.shape[0]):  # a loop: assigning a whole array compiles seconds longer
         for i in range(q.shape[1]):
-            out.q[place, k, i] = q[k, i]
+            out.q[place, k, i], out.v[place, k, i] = q[k, i], v[k, i]
     out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
     out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 2] = out.work[0]

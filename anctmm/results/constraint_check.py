@@ -12,8 +12,9 @@ from anctmm.elements.kinds import kind_of
 from anctmm.model.drives import tabulate
 from anctmm.model.topology import End, Junction, junctions_of
 from anctmm.results.acting import length_of
+from anctmm.results.fields import HermiteField
 from anctmm.results.finding import Finding
-from anctmm.results.solution import HermiteField, Solution
+from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 

@@ -16,9 +16,10 @@ from numpy.typing import NDArray
 from anctmm.results.break_check import break_findings
 from anctmm.results.constraint_check import constraint_findings
 from anctmm.results.energy_check import energy_findings
+from anctmm.results.fields import HermiteField, LagrangeField
 from anctmm.results.finding import FATAL, Finding
 from anctmm.results.precision_check import precision_findings
-from anctmm.results.solution import HermiteField, LagrangeField, Solution, Status
+from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

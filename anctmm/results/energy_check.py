@@ -14,8 +14,9 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.model.scene import Force
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
+from anctmm.results.fields import HermiteField
 from anctmm.results.finding import Finding, most_stretched, place
-from anctmm.results.solution import Energy, HermiteField, Solution
+from anctmm.results.solution import Energy, Solution
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

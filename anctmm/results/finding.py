@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.results.solution import HermiteField, Solution
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 

@@ -1,89 +1,19 @@
 """What every solver answers with: times, fields over the bodies, energies, cost and status."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.scene import Probe, Scene
+from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
 
 Array = NDArray[np.float64]
-
-
-class Field(Protocol):
-    """Motion of a body's axis, from its start to its end."""
-
-    def position(self, fraction: float) -> Array:
-        """Positions at a fraction of the undeformed length, (n, 2), m."""
-        ...
-
-
-@dataclass(frozen=True)
-class HermiteField:
-    """Axis of an ANCF body.
-
-    Parameters
-    ----------
-    coordinates : ndarray, shape (n, nodes, 2 or 3, 2)
-        r (m), r_x and, for the shear element, r_y of each node at each time.
-    length : float
-        Undeformed length of the body, m.
-    """
-
-    coordinates: Array
-    length: float
-
-    def position(self, fraction: float) -> Array:
-        """Positions at a fraction of the undeformed length, (n, 2), m."""
-        elements = self.coordinates.shape[1] - 1
-        i = min(int(fraction * elements), elements - 1)
-        x = fraction * elements - i
-        l = self.length / elements  # noqa: E741
-        q = self.coordinates
-        return (
-            (1.0 - 3.0 * x**2 + 2.0 * x**3) * q[:, i, 0]
-            + l * (x - 2.0 * x**2 + x**3) * q[:, i, 1]
-            + (3.0 * x**2 - 2.0 * x**3) * q[:, i + 1, 0]
-            + l * (x**3 - x**2) * q[:, i + 1, 1]
-        )
-
-    def until(self, outputs: int) -> "HermiteField":
-        """The first outputs."""
-        return replace(self, coordinates=self.coordinates[:outputs])
-
-
-@dataclass(frozen=True)
-class LagrangeField:
-    """Axis interpolated from equally spaced nodes: elements of `order` + 1 nodes each.
-
-    Parameters
-    ----------
-    positions : ndarray, shape (n, elements * order + 1, 2)
-        m.
-    order : int
-        1 or 2.
-    """
-
-    positions: Array
-    order: int = 1
-
-    def position(self, fraction: float) -> Array:
-        """Positions at a fraction of the undeformed length, (n, 2), m."""
-        elements = (self.positions.shape[1] - 1) // self.order
-        i = min(int(fraction * elements), elements - 1)
-        x = fraction * elements - i
-        weights = (
-            (1.0 - x, x) if self.order == 1 else ((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1))
-        )
-        first = i * self.order
-        return sum(w * self.positions[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
-
-    def until(self, outputs: int) -> "LagrangeField":
-        """The first outputs."""
-        return replace(self, positions=self.positions[:outputs])
+#: One place of a beam's axis or several, as fractions of its length.
+Fractions = float | Sequence[float] | Array
 
 
 @dataclass(frozen=True)
@@ -199,6 +129,7 @@ class Solution:
     t : ndarray, shape (n,)
         0, output_dt, … t_end, s; cut short where the run did not end well. For statics the load factors.
     fields : mapping of body name to Field
+        Motion of each body.
     energy : Energy
     cost : Cost
     status : Status
@@ -219,29 +150,71 @@ class Solution:
     dofs: int = 0
     stable: NDArray[np.bool_] | None = None
 
-    def position(self, body: str, fraction: float) -> Array:
-        """Positions of a material point of a body's axis, (n, 2), m.
+    def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
+        """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
 
         Parameters
         ----------
-        body : str
-        fraction : float
+        place : str or (str, float)
+            "name.start", "name.end" or, with a fraction, the name of a beam.
+        fraction : float or sequence of float, optional
             Of the undeformed length from the body's start, in [0, 1].
+
+        Raises
+        ------
+        UnknownNameError, PropertyError
+            If there is no such place.
         """
-        name, fraction = self.scene.probe((body, fraction))
-        if not self.fields:
-            return np.empty((0, 2))
-        return self.fields[name].position(fraction)
+        return self._each(place, fraction, lambda field, at: field.position(at), 2)
+
+    def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
+        """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps no velocities, or the solution is a static one.
+        """
+        return self._each(place, fraction, lambda field, at: cast(MovingField, field).velocity(at), 2)
+
+    def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
+        """Angles that sections have turned by since the first output, (n,), rad, counter-clockwise; of k fractions
+        (n, k). Parameters as of `position`.
+
+        A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
+        angle is continuous: whole turns between two outputs are counted by the velocities. Where a solver keeps none,
+        outputs must be less than half a turn apart.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps no angles.
+        """
+        return self._each(place, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t))
 
     def displacement(self, probe: Probe) -> Array:
         """Displacements of a probe from its place at the first output, (n, 2), m."""
-        path = self.position(*self.scene.probe(probe))
+        path = self.position(probe)
         return path - path[:1]
+
+    def _each(
+        self, place: Probe, fraction: Fractions | None, read: Callable[[Field, float], Array], *width: int
+    ) -> Array:
+        """What is read of a field at a place, or at each of several fractions."""
+        if isinstance(fraction, Sequence | np.ndarray):
+            parts = [self._each(place, float(x), read, *width) for x in fraction]
+            return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
+        name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
+        if not self.fields:
+            return np.empty((0, *width))
+        return read(self.fields[name], at)
 
     def until(self, outputs: int, status: Status) -> "Solution":
         """The first outputs, with the status that says why the others are left out."""
         fields = {
-            name: field.until(outputs) if isinstance(field, HermiteField | LagrangeField) else field
+            name: field.until(outputs)
+            if isinstance(field, HermiteField | LagrangeField | RigidField)
+            else field
             for name, field in self.fields.items()
         }
         energy = Energy(*(series[:outputs] for series in vars(self.energy).values()))

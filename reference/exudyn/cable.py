@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.model.scene import Beam, Scene, checked_scene
-from anctmm.results.solution import HermiteField, Solution
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from reference.exudyn.model import Model
 from reference.exudyn.run import dynamics, statics
@@ -159,9 +160,12 @@ class Cables:
         """Direction of the gradient, rad."""
         return np.unwrap(np.arctan2(coordinates[:, 3], coordinates[:, 2]))
 
-    def field(self, body: Beam, coordinates: Array) -> HermiteField:
+    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> HermiteField:
         """Motion of a body's axis."""
-        return HermiteField(coordinates.reshape(*coordinates.shape[:2], 2, 2), body.length)
+        shape = (*coordinates.shape[:2], 2, 2)
+        return HermiteField(
+            coordinates.reshape(shape), body.length, None if rates is None else rates.reshape(shape)
+        )
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
         """Kinetic and strain energy, J, by the element's own rules."""

@@ -22,7 +22,7 @@ from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, width_of
 from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Scene, Torque, Weld
 from anctmm.model.topology import junctions_of
-from anctmm.results.solution import Field
+from anctmm.results.fields import Field
 
 Array = NDArray[np.float64]
 
@@ -73,8 +73,8 @@ class Beams(Protocol):
         """Continuous angle of a node, (n,), rad; `coordinates` (n, width) are absolute."""
         ...
 
-    def field(self, body: Beam, coordinates: Array) -> Field:
-        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute."""
+    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> Field:
+        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute, `rates` like them; None in statics."""
         ...
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:

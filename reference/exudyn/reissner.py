@@ -14,7 +14,8 @@ from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.scene import Beam, Scene, checked_scene
-from anctmm.results.solution import LagrangeField, Solution
+from anctmm.results.fields import LagrangeField
+from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
 from reference.exudyn.model import Model
@@ -196,9 +197,10 @@ class ReissnerBeams:
         """Angle of the section, rad."""
         return coordinates[:, 2]
 
-    def field(self, body: Beam, coordinates: Array) -> LagrangeField:
+    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> LagrangeField:
         """Motion of a body's axis."""
-        return LagrangeField(coordinates[..., :2], self.order)
+        velocities = None if rates is None else rates[..., :2]
+        return LagrangeField(coordinates[..., :2], self.order, velocities, coordinates[..., 2])
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
         """Kinetic and strain energy, J, by the element's own rules (strains: Simo & Vu-Quoc 1986)."""

@@ -4,7 +4,7 @@ One thread, fixed steps, modified Newton, a sparse solver that keeps its pattern
 The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
@@ -260,7 +260,10 @@ def _solution(
     model: Model, run: Discretisation, history: History, loads: dict[int, Array], cost: Cost, status: Status
 ) -> Solution:
     scene, beams = model.scene, model.beams
-    fields = {name: beams.field(scene.body(name), q) for name, q in history.coordinates.items()}
+    rates: Mapping[str, Array] = {} if model.static else history.velocities
+    fields = {
+        name: beams.field(scene.body(name), q, rates.get(name)) for name, q in history.coordinates.items()
+    }
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
         energy = _energy(model, history, loads)
     found = Solution(

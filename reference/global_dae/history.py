@@ -11,16 +11,8 @@ from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import checked
-from anctmm.results.solution import (
-    Cost,
-    Energy,
-    HermiteField,
-    Interrupted,
-    Solution,
-    Status,
-    in_short,
-    interruption,
-)
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 
@@ -65,10 +57,10 @@ def motion_of(model: Model, reference: Array) -> Motion:
 
 @kernel
 def keep(parts: Parts, m: Motion, k: int, kept: Array, energies: Array) -> None:
-    """Store the present coordinates and energies as output k."""
+    """Store the present coordinates and velocities, kept[k, 0] and kept[k, 1], and the energies as output k."""
     for n in range(m.q.shape[0]):
         for i in range(m.q.shape[1]):
-            kept[k, n, i] = m.q[n, i]
+            kept[k, 0, n, i], kept[k, 1, n, i] = m.q[n, i], m.v[n, i]
     energies[k, 0] = kinetic_energy(m.v, parts.first, parts.masses)
     energies[k, 1] = strain_energy(parts.blend, m.q, parts.first, parts.kinds, parts.constants)
     potential = 0.0
@@ -129,7 +121,7 @@ class Marcher:
         """March to the end, or as far as it goes."""
         run = self.model.run
         wanted = np.append(run.output_steps, -1).astype(np.int64)
-        kept = np.zeros((len(wanted) - 1, self.model.bodies.rows, self.model.bodies.nodes))
+        kept = np.zeros((len(wanted) - 1, 2, self.model.bodies.rows, self.model.bodies.nodes))
         energies = np.zeros((len(kept), 4))
         self.prepare()
         self.batch(0, 0, *self._tables(0, 0), wanted, kept, energies)  # compiles
@@ -146,7 +138,8 @@ class Marcher:
                 self.factorizations,
             )
             t = run.times(wanted[:count])
-            return solution(solver, self.model, t, kept[:count], energies[:count], cost, status)
+            q, v = kept[:count, 0], kept[:count, 1]
+            return solution(solver, self.model, t, q, energies[:count], cost, status, v)
 
         for first, last in paced(run.steps + 1, self._estimate(), self._width()):
             try:
@@ -195,13 +188,17 @@ def solution(
     energies: Array,
     cost: Cost,
     status: Status,
-    *,
-    static: bool = False,
+    rates: Array | None = None,
 ) -> Solution:
-    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is valid."""
+    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is valid.
+
+    Without velocities, like coordinates, it is a static one.
+    """
+    velocities = {} if rates is None else model.bodies.by_body(rates)
     fields = {
-        name: HermiteField(q, model.scene.body(name).length) for name, q in model.bodies.by_body(kept).items()
+        name: HermiteField(q, model.scene.body(name).length, velocities.get(name))
+        for name, q in model.bodies.by_body(kept).items()
     }
     energy = Energy(*(column.copy() for column in energies.T))
     found = Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)
-    return checked(found, static=static)
+    return checked(found, static=rates is None)

@@ -174,9 +174,7 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
         search.iterations,
         search.iterations,
     )
-    return solution(
-        solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status, static=True
-    )
+    return solution(solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status)
 
 
 def _energies(model: Model, e: Equilibrium) -> Array:

@@ -25,7 +25,8 @@ from anctmm.model.loads import LOADS
 from anctmm.model.scene import Clamp, Force, Pin, Scene, Torque, Weld, checked_scene
 from anctmm.results.divergence_checks import STRETCH_LIMIT, checked
 from anctmm.results.energy_check import all_energy, from_nowhere
-from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status, nothing
+from anctmm.results.fields import LagrangeField
+from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of, positive
 
@@ -177,6 +178,7 @@ class System:
         }
         self.simulator, self.stepper = self.model.Simulator(), self.model.ea.PositionVerlet()
         self.positions: dict[str, list[Array]] = {name: [] for name in self.rods}
+        self.velocities: dict[str, list[Array]] = {name: [] for name in self.rods}
         self.energies: list[tuple[float, ...]] = []
         self.present = 0.0
         for rod in self.rods.values():
@@ -273,6 +275,7 @@ class System:
         for name, rod in self.rods.items():
             kept = self.positions[name]
             kept.append(rod.rod.position_collection[:2].T.copy())
+            self.velocities[name].append(rod.rod.velocity_collection[:2].T.copy())
             with np.errstate(all="ignore"):
                 T, U = rod.energies()
                 potential -= float(np.sum(rod.forces.T * (kept[-1] - kept[0])))
@@ -303,7 +306,12 @@ class System:
 
     def _solution(self, t: Array, cost: Cost, status: Status) -> Solution:
         n = len(t)
-        fields = {name: LagrangeField(np.array(kept[:n])) for name, kept in self.positions.items()}
+        fields = {
+            name: LagrangeField(
+                np.array(kept[:n]), velocities=None if self.relaxed else np.array(self.velocities[name][:n])
+            )
+            for name, kept in self.positions.items()
+        }
         energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
         found = Solution(NAME, self.scene, self.run, t, fields, energy, cost, status, dofs)

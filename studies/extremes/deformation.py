@@ -18,8 +18,9 @@ from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Probe, Scene
 from anctmm.model.sections import Rectangle
+from anctmm.results.fields import HermiteField
 from anctmm.results.metrics import history_error
-from anctmm.results.solution import HermiteField, Solution
+from anctmm.results.solution import Solution
 from anctmm.solve import solve
 from reference.exact import moment_arc
 from studies.engine.runner import Runner

@@ -16,7 +16,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import highest_frequency, zhai_limit
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Scene
-from anctmm.results.solution import HermiteField, Solution
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Solution
 from anctmm.solve import solve
 from reference import global_dae
 from studies.engine.runner import Runner

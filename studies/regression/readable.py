@@ -18,7 +18,8 @@ from anctmm.forces.actuation import Actuation
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, Scene, Torque
 from anctmm.recursion.transfer import Row, accelerations_plain, accelerations_riccati, row_of
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Solution
 
 Array = NDArray[np.float64]
 Method = Callable[[Row], NDArray[np.complex128]]

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Solution, Status
 from studies.cli import sweeping
 from studies.engine import files
 from studies.engine.runner import Runner, product

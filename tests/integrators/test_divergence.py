@@ -12,7 +12,8 @@ from anctmm.integrators.stability import highest_frequency
 from anctmm.model.scene import Clamp, Force, Material
 from anctmm.results.divergence_checks import checked, inside_out, out_of_bounds
 from anctmm.results.energy_check import from_nowhere
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Solution, Status
 from reference import exudyn_cable, global_dae
 from reference.exudyn.run import _timed
 from studies.cantilever import pictures as cantilever_pictures

@@ -21,7 +21,8 @@ from samples import SOFT, SQUARE, beam, scene_of
 import anctmm as at
 from anctmm.errors import AnctmmError, DegenerateBodyError, JointGapError, PropertyError, SceneError, shown
 from anctmm.model.velocities import RigidVelocity
-from anctmm.results.solution import Energy, HermiteField
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Energy
 from anctmm.solvers.capabilities import Offer
 from reference import exact, exudyn_cable, exudyn_reissner, global_dae, pyelastica
 from studies.engine.runner import Case, Runner

@@ -18,7 +18,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, DiscretisationError, StabilityError
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene
 from anctmm.model.sections import Rectangle
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status, nothing
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.solvers import registry
 from studies.cli import app
 from studies.regression import check as checking

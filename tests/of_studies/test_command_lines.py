@@ -26,7 +26,7 @@ STILL = """
 import numpy as np
 import anctmm as at
 from anctmm.offer import Offer
-from anctmm.results.solution import LagrangeField
+from anctmm.results.fields import LagrangeField
 
 OFFER = Offer(lacks={"statics", "joints", "drives", "varying-loads", "energy", "damping", "rigid"})
 

@@ -13,7 +13,8 @@ import pytest
 
 from anctmm.errors import StabilityError
 from anctmm.model.scene import Force, Scene
-from anctmm.results.solution import Cost, Energy, HermiteField, Solution, Status, nothing
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from studies.cantilever.statics import rates
 from studies.cli import BadOption, read_options
 from studies.engine import tables

@@ -10,7 +10,7 @@ from samples import beam
 import anctmm as at
 from anctmm.results.constraint_check import PARTED
 from anctmm.results.divergence_checks import checked
-from anctmm.results.solution import LagrangeField
+from anctmm.results.fields import LagrangeField
 from reference import exudyn_cable, global_dae
 
 BODIES = [beam("a{0}"), beam("b", (1.0, 0.0), (1.5, 0.5)), beam("c", (1.5, 0.5), (2.0, 0.5))]

@@ -9,8 +9,9 @@ from samples import bar
 from anctmm import solve
 from anctmm.errors import SolverError, UnknownNameError
 from anctmm.model.scene import Clamp, Force
+from anctmm.results.fields import LagrangeField
 from anctmm.results.metrics import common_times, compare, history_error
-from anctmm.results.solution import Cost, Energy, LagrangeField, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution, Status
 
 SCENE = bar()
 START, END = np.array([0.0, 0.0]), np.array([0.6, 0.8])

@@ -1,0 +1,262 @@
+"""Motion of a body: its nodes at each output, and what lies between them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import ResultError
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+class Field(Protocol):
+    """Motion of a body, at each of n times.
+
+    A place is a fraction of a beam's undeformed length, from its start to its end, or the name of a rigid body's point.
+    """
+
+    def position(self, place: float) -> Array:
+        """Positions, (n, 2), m."""
+        ...
+
+
+class MovingField(Field, Protocol):
+    """A field that knows velocities and angles, too."""
+
+    def velocity(self, place: float) -> Array:
+        """Velocities, (n, 2), m/s."""
+        ...
+
+    def angle(self, place: float, t: Array) -> Array:
+        """Angles since t = 0, (n,), rad, continuous."""
+        ...
+
+
+@dataclass(frozen=True)
+class HermiteField:
+    """Axis of an ANCF body.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n, nodes, 2 or 3, 2)
+        r (m), r_x and, for the shear element, r_y of each node at each time.
+    length : float
+        Undeformed length of the body, m.
+    velocities : ndarray, shape like coordinates, optional
+        Their rates, per s.
+    """
+
+    coordinates: Array
+    length: float
+    velocities: Array | None = None
+
+    def position(self, place: float) -> Array:
+        """Positions at a fraction of the undeformed length, (n, 2), m."""
+        return self._axis(self.coordinates, place)
+
+    def velocity(self, place: float) -> Array:
+        """Velocities at a fraction of the undeformed length, (n, 2), m/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        return self._axis(_known(self.velocities), place)
+
+    def angle(self, place: float, t: Array) -> Array:
+        """Angle of the section since t = 0, (n,), rad: of the axis' tangent or, for the shear element, of r_y."""
+        rates = None if self.velocities is None else self._direction(self.velocities, place)
+        return continuous(self._direction(self.coordinates, place), rates, t)
+
+    def until(self, outputs: int) -> "HermiteField":
+        """The first outputs."""
+        v = self.velocities
+        return replace(
+            self, coordinates=self.coordinates[:outputs], velocities=None if v is None else v[:outputs]
+        )
+
+    def _at(self, fraction: float) -> tuple[int, float, float]:
+        """Element, place in it from 0 to 1, and its length, m."""
+        elements = self.coordinates.shape[1] - 1
+        i = min(int(fraction * elements), elements - 1)
+        return i, fraction * elements - i, self.length / elements
+
+    def _axis(self, q: Array, fraction: float) -> Array:
+        i, x, l = self._at(fraction)  # noqa: E741
+        return (
+            (1.0 - 3.0 * x**2 + 2.0 * x**3) * q[:, i, 0]
+            + l * (x - 2.0 * x**2 + x**3) * q[:, i, 1]
+            + (3.0 * x**2 - 2.0 * x**3) * q[:, i + 1, 0]
+            + l * (x**3 - x**2) * q[:, i + 1, 1]
+        )
+
+    def _direction(self, q: Array, fraction: float) -> Complex:
+        """The vector that turns with the section, as complex numbers, (n,)."""
+        i, x, l = self._at(fraction)  # noqa: E741
+        if q.shape[2] == 3:
+            vector = (1.0 - x) * q[:, i, 2] + x * q[:, i + 1, 2]
+        else:
+            vector = (
+                6.0 * (x**2 - x) / l * (q[:, i, 0] - q[:, i + 1, 0])
+                + (1.0 - 4.0 * x + 3.0 * x**2) * q[:, i, 1]
+                + (3.0 * x**2 - 2.0 * x) * q[:, i + 1, 1]
+            )
+        return _complex(vector)
+
+
+@dataclass(frozen=True)
+class LagrangeField:
+    """Axis interpolated from equally spaced nodes: elements of `order` + 1 nodes each.
+
+    Parameters
+    ----------
+    positions : ndarray, shape (n, elements * order + 1, 2)
+        m.
+    order : int
+        1 or 2.
+    velocities : ndarray, shape like positions, optional
+        m/s.
+    angles : ndarray, shape (n, elements * order + 1), optional
+        Turns of the sections, rad.
+    """
+
+    positions: Array
+    order: int = 1
+    velocities: Array | None = None
+    angles: Array | None = None
+
+    def position(self, place: float) -> Array:
+        """Positions at a fraction of the undeformed length, (n, 2), m."""
+        return self._between(self.positions, place)
+
+    def velocity(self, place: float) -> Array:
+        """Velocities at a fraction of the undeformed length, (n, 2), m/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        return self._between(_known(self.velocities), place)
+
+    def angle(self, place: float, t: Array) -> Array:
+        """Angle of the section since t = 0, (n,), rad.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        found = self._between(_known(self.angles, "angles"), place)
+        return np.asarray(found - found[:1])
+
+    def until(self, outputs: int) -> "LagrangeField":
+        """The first outputs."""
+        v, angles = self.velocities, self.angles
+        return replace(
+            self,
+            positions=self.positions[:outputs],
+            velocities=None if v is None else v[:outputs],
+            angles=None if angles is None else angles[:outputs],
+        )
+
+    def _between(self, nodal: Array, fraction: float) -> Array:
+        elements = (nodal.shape[1] - 1) // self.order
+        i = min(int(fraction * elements), elements - 1)
+        x = fraction * elements - i
+        weights = (
+            (1.0 - x, x) if self.order == 1 else ((1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1))
+        )
+        first = i * self.order
+        return sum(w * nodal[:, first + k] for k, w in enumerate(weights))  # type: ignore[return-value]
+
+
+@dataclass(frozen=True)
+class RigidField:
+    """Motion of a rigid body or a point mass.
+
+    Parameters
+    ----------
+    coordinates : ndarray, shape (n, 2, 2)
+        Place of the centre of mass, m, and the unit vector t that turns with the body, (1, 0) before the start.
+    points : mapping of str to (float, float)
+        Where its points stand from the centre, before the start, m.
+    velocities : ndarray, shape (n, 2, 2), optional
+        Rates, per s.
+    """
+
+    coordinates: Array
+    points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    velocities: Array | None = None
+
+    def position(self, place: str = "center") -> Array:
+        """Positions of a point, (n, 2), m."""
+        return self._point(self.coordinates, place)
+
+    def velocity(self, place: str = "center") -> Array:
+        """Velocities of a point, (n, 2), m/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        return self._point(_known(self.velocities), place)
+
+    def angle(self, place: str, t: Array) -> Array:
+        """Angle of the body since t = 0, (n,), rad; the same at all its points."""
+        rates = None if self.velocities is None else _complex(self.velocities[:, 1])
+        return continuous(_complex(self.coordinates[:, 1]), rates, t)
+
+    def until(self, outputs: int) -> "RigidField":
+        """The first outputs."""
+        v = self.velocities
+        return replace(
+            self, coordinates=self.coordinates[:outputs], velocities=None if v is None else v[:outputs]
+        )
+
+    def _point(self, q: Array, place: str) -> Array:
+        x, y = (0.0, 0.0) if place == "center" else self.points[place]
+        t = q[:, 1]
+        return np.asarray(q[:, 0] + x * t + y * np.stack([-t[:, 1], t[:, 0]], axis=1))
+
+
+def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
+    """Angle that a vector has turned by since the first time, (n,), rad.
+
+    From one time to the next a direction tells the turn but for whole turns. These follow from the rates, and without
+    them the turn is less than half a one.
+
+    Parameters
+    ----------
+    vectors, rates : ndarray of complex, shape (n,)
+        The vector and its rate at each time.
+    t : ndarray, shape (n,)
+        s.
+    """
+    angle = np.zeros(len(vectors))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = np.angle(vectors[1:] * np.conj(vectors[:-1]))
+        if rates is not None:
+            spin = np.imag(rates * np.conj(vectors)) / np.abs(vectors) ** 2
+            turned = 0.5 * (spin[1:] + spin[:-1]) * np.diff(t)
+            steps = steps + 2.0 * np.pi * np.round((turned - steps) / (2.0 * np.pi))
+    angle[1:] = np.cumsum(steps)
+    return angle
+
+
+def _complex(vectors: Array) -> Complex:
+    return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
+
+
+def _known(series: Array | None, what: str = "velocities") -> Array:
+    if series is None:
+        raise ResultError(
+            f"{what} are not part of this solution: its solver keeps none, or it is a static one"
+        )
+    return series

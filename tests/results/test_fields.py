@@ -1,0 +1,124 @@
+"""Velocities and angles of a solution."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.errors import ResultError, UnknownNameError
+from anctmm.results.fields import LagrangeField, RigidField, continuous
+from reference import exudyn_cable, exudyn_reissner, global_dae
+
+ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
+SPIN = 9.0
+
+
+def free_bar():
+    """A bar that flies and spins without a load: it moves almost as a rigid one."""
+    bar = at.Beam("bar", (0, 0), (0.5, 0.2), ROD, at.Material(E=5e9, density=1100.0), velocity=spinning)
+    return at.Scene("free", [bar])
+
+
+def spinning(fraction):
+    return 1.0 - SPIN * 0.2 * (fraction - 0.5), SPIN * 0.5 * (fraction - 0.5)
+
+
+def driven(element):
+    """A soft beam turned by a motor, twice around."""
+    beam = at.Beam("beam", (0, 0), (0.3, 0), ROD, RUBBER)
+    motor = at.Clamp("beam.start", angle=at.Quintic(turn=4.0 * pi, duration=1.0))
+    run = at.Discretisation(mesh=2, element=element, dt=2e-3, t_end=1.0, output_dt=0.1)
+    return at.Scene("driven", [beam], [motor]), run
+
+
+@pytest.mark.parametrize("element", ["cable", "shear"])
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve])
+def test_a_driven_section_has_the_angle_and_rate_of_its_drive(solve, element):
+    scene, run = driven(element)
+    found = solve(scene, run)
+    wanted = np.array([scene.joints[0].angle(t)[0] for t in found.t])
+    assert wanted[-1] == pytest.approx(4.0 * pi)
+    # outputs are up to 1.5 rad apart at the clamp and the tip turns faster: whole turns must not be lost
+    np.testing.assert_allclose(found.angle("beam.start"), wanted, atol=1e-12)
+    assert abs(found.angle("beam.end")[-1] - 4.0 * pi) < pi
+    np.testing.assert_allclose(found.velocity("beam.start"), 0.0, atol=1e-12)
+
+
+def test_both_roads_have_the_same_velocities():
+    scene, run = driven("shear")
+    ours, dae = at.solve(scene, run), global_dae.solve(scene, run)
+    fractions = [0.0, 0.3, 1.0]
+    assert ours.velocity("beam", fractions).shape == (len(ours.t), 3, 2)
+    np.testing.assert_allclose(ours.velocity("beam", fractions), dae.velocity("beam", fractions), atol=1e-9)
+    np.testing.assert_allclose(ours.angle("beam", fractions), dae.angle("beam", fractions), atol=1e-9)
+
+
+@pytest.mark.parametrize("solve", [at.solve, exudyn_cable.solve, exudyn_reissner.solve])
+def test_a_spinning_bar_moves_as_a_rigid_one(solve):
+    """More than half a turn from output to output: only rates tell the angle."""
+    found = solve(free_bar(), at.Discretisation(mesh=2, dt=1e-3, t_end=2.0, output_dt=0.4))
+    angle = found.angle("bar", 0.5)
+    np.testing.assert_allclose(angle, SPIN * found.t, rtol=1e-3)
+    arm = 0.5 * np.array([0.5, 0.2])
+    turned = np.stack(
+        [
+            np.cos(angle) * arm[0] - np.sin(angle) * arm[1],
+            np.sin(angle) * arm[0] + np.cos(angle) * arm[1],
+        ],
+        axis=1,
+    )
+    wanted = [1.0, 0.0] + SPIN * np.stack([-turned[:, 1], turned[:, 0]], axis=1)
+    np.testing.assert_allclose(found.velocity("bar.end"), wanted, atol=2e-2)
+
+
+@pytest.mark.parametrize("element", ["cable", "shear"])
+def test_velocities_are_the_rates_of_positions(element):
+    scene, _ = driven(element)
+    run = at.Discretisation(mesh=2, element=element, dt=1e-3, t_end=0.5, output_dt=1e-3)
+    found = at.solve(scene, run)
+    for fraction in (0.2, 0.5, 1.0):
+        position, velocity = found.position("beam", fraction), found.velocity("beam", fraction)
+        central = (position[2:] - position[:-2]) / (found.t[2:] - found.t[:-2])[:, None]
+        size = np.abs(velocity).max()
+        assert size > 0.1
+        np.testing.assert_allclose(central[20:], velocity[21:-1], atol=2e-3 * size)
+
+
+def test_whole_turns_follow_from_the_rates():
+    t = np.linspace(0.0, 3.0, 7)
+    angle = 20.0 * t + t**2
+    vectors = 2.5 * np.exp(1j * angle)
+    rates = 1j * (20.0 + 2.0 * t) * vectors
+    np.testing.assert_allclose(continuous(vectors, rates, t), angle, atol=1e-12)
+    assert abs(continuous(vectors, None, t)[-1] - angle[-1]) > 1.0  # 10 rad between outputs cannot be known
+
+
+def test_points_of_a_rigid_body():
+    angle, rate = np.array([0.0, 2.0, 4.5]), 2.0
+    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    across = np.stack([-turn[:, 1], turn[:, 0]], axis=1)
+    center = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 3.0]])
+    field = RigidField(
+        np.stack([center, turn], axis=1),
+        {"a": (0.5, -0.25)},
+        np.stack([np.ones((3, 2)), rate * across], axis=1),
+    )
+    np.testing.assert_allclose(field.position("a"), center + 0.5 * turn - 0.25 * across)
+    np.testing.assert_allclose(field.velocity("a"), 1.0 + rate * (0.5 * across + 0.25 * turn))
+    np.testing.assert_allclose(field.angle("a", np.array([0.0, 1.0, 2.25])), angle)
+    assert field.until(2).velocity().shape == (2, 2)
+
+
+def test_what_a_solution_has_not_is_said():
+    scene, _ = driven("cable")
+    rest = at.solve_static(
+        at.Scene("held", scene.bodies, [at.Clamp("beam.start")], gravity=(0, -9.81)), mesh=2
+    )
+    with pytest.raises(ResultError, match="velocities are not part of this solution"):
+        rest.velocity("beam.end")
+    assert rest.angle("beam.end")[-1] < -0.01
+    with pytest.raises(ResultError, match="angles are not part"):
+        LagrangeField(np.zeros((1, 3, 2))).angle(0.5, np.zeros(1))
+    with pytest.raises(UnknownNameError, match="'bar'"):
+        rest.angle("bar.end")
