@@ -235,6 +235,7 @@ def check(
     from rich.console import Console
 
     from studies.engine.files import check_writable
+    from studies.engine.processes import processors
     from studies.regression import check as checking
     from studies.regression.report import show, write_check
     from studies.regression.scenes import declared_in, tasks_of
@@ -249,14 +250,14 @@ def check(
     work = (
         checking.update(tasks, stored)
         if update
-        else checking.check(tasks, stored, whole=not asked and not solvers)
+        else checking.check(tasks, stored, whole=not asked and not solvers, workers=processors())
     )
     with bar(Console(stderr=True)) as progress:
-        task = progress.add_task(tasks[0].name, total=len(tasks))
-        for done, found in enumerate(work, 1):
+        task = progress.add_task("running", total=len(tasks))
+        for found in work:
             findings += found
-            following = tasks[done].name if done < len(tasks) else "writing"
-            progress.update(task, description=following, completed=min(done, len(tasks)))
+            progress.update(task, description=found[-1].name, advance=1)
+        findings = checking.in_order(findings, tasks)
         write_check(findings, out / "check")
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")

@@ -4,11 +4,13 @@ Every run is compared with its own stored history (like with like), and a peer t
 equations also with what ANC-TMM has stored, within both their tolerances.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
+from functools import partial
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,7 @@ from anctmm.errors import PluginError
 from anctmm.results.solution import Status
 from anctmm.solvers import registry
 from studies.engine.files import check_writable
+from studies.engine.processes import Lost, side_by_side
 from studies.engine.provenance import stamp
 from studies.regression.history import Baseline, Column, History, is_ours, read_baseline, write_baseline
 from studies.regression.readable import READABLE
@@ -145,8 +148,10 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
     return tuple(chosen)
 
 
-def check(tasks: Sequence[Task], baselines: Path, whole: bool = False) -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and compare, one after another.
+def check(
+    tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1
+) -> Iterator[tuple[Finding, ...]]:
+    """Run tasks and compare.
 
     Parameters
     ----------
@@ -155,10 +160,12 @@ def check(tasks: Sequence[Task], baselines: Path, whole: bool = False) -> Iterat
         Directory of the stored histories.
     whole : bool
         Whether these are all tasks there are: then a stored history that none of them asks for is a finding.
+    workers : int
+        Processes; with more than one, findings come in another order than the tasks.
 
-    Yields
-    ------
-    tuple of Finding
+    Returns
+    -------
+    iterator of tuple of Finding
         Of each task, and at last of what nobody asked for.
 
     Raises
@@ -168,12 +175,49 @@ def check(tasks: Sequence[Task], baselines: Path, whole: bool = False) -> Iterat
     """
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
+    groups = _groups(tasks) if workers > 1 else [(task,) for task in tasks]
+    jobs = [partial(_checked, group, baselines) for group in groups]
+    return _findings(groups, side_by_side(jobs, workers), _unasked(tasks, baselines) if whole else ())
+
+
+def _findings(
+    groups: Sequence[Sequence[Task]], results: Iterable[tuple[int, Any]], others: tuple[Finding, ...]
+) -> Iterator[tuple[Finding, ...]]:
+    """Findings of each task, and at last others, if there are any."""
+    for k, found in results:
+        if isinstance(found, Lost):
+            yield from ((Finding(task.name, FAILED, str(found)),) for task in groups[k])
+        else:
+            yield from found
+    if others:
+        yield others
+
+
+def _checked(tasks: Sequence[Task], baselines: Path) -> list[tuple[Finding, ...]]:
+    """Run tasks and compare, one after another."""
+    found = []
     for task in tasks:
         done = _done(task)
-        found = [_own(done, baselines), *_like(done, baselines)]
-        yield tuple(replace(f, wall_s=done.wall_s) for f in found)
-    if whole:
-        yield _unasked(tasks, baselines)
+        both = [_own(done, baselines), *_like(done, baselines)]
+        found.append(tuple(replace(f, wall_s=done.wall_s) for f in both))
+    return found
+
+
+def _groups(tasks: Sequence[Task]) -> list[tuple[Task, ...]]:
+    """Tasks that share their kernels: what compiles longest stands first, so that processes end together."""
+    groups: dict[tuple[Any, ...], list[Task]] = {}
+    for task in tasks:
+        groups.setdefault(_kernels(task), []).append(task)
+    return [tuple(groups[key]) for key in sorted(groups, key=lambda key: (key[0], -len(key[-1]), key))]
+
+
+def _kernels(task: Task) -> tuple[Any, ...]:
+    """What tells the kernels of a task, about: whether it is static, solver, integrator, damping, elements."""
+    run, static = task.run, isinstance(task.run, Static)
+    elements = run.element.values() if isinstance(run.element, Mapping) else [run.element]
+    method = "" if isinstance(run, Static) else f"{run.integrator} {run.tolerance is not None}"
+    damped = any(body.material.damping > 0.0 for body in task.scene.bodies)
+    return static, task.solver, method, damped, tuple(sorted(set(map(str, elements))))
 
 
 def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ...]]:
@@ -193,6 +237,12 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
     for task in tasks:
         done = _done(task)
         yield (replace(_renewed(done, baselines), wall_s=done.wall_s),)
+
+
+def in_order(findings: Sequence[Finding], tasks: Sequence[Task]) -> list[Finding]:
+    """Findings in the order of their tasks; what no task asks for comes last."""
+    places = {task.name: k for k, task in enumerate(tasks)}
+    return sorted(findings, key=lambda f: places.get(f.name, len(places)))
 
 
 def passed(findings: Sequence[Finding]) -> bool:
@@ -329,7 +379,7 @@ def _renewed(done: Done, baselines: Path) -> Finding:
 
 def _change(computed: History, before: Baseline | None) -> Worst | None:
     """How far a history with other settings lies from the old one, where they can be compared at all."""
-    if before is None or before.history.values.shape != computed.values.shape:
+    if before is None or not computed.values.size or before.history.values.shape != computed.values.shape:
         return None
     return _worst(computed, before) if before.history.columns == computed.columns else None
 

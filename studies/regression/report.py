@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from studies.engine.tables import Table, atomic_write, write_table
-from studies.regression.check import DIFFERS, FAILED, NOT_RUN, SAME, UNCHANGED, Finding
+from studies.regression.check import DIFFERS, FAILED, NOT_RUN, RENEWED, SAME, UNCHANGED, Finding
 from studies.regression.history import UNITS
 from studies.report.plots import (
     INK,
@@ -32,6 +32,8 @@ STYLES = {SAME: "green", UNCHANGED: "green", NOT_RUN: "yellow"}
 #: Columns with their widths: one table a run, and all of them in line.
 HEADS = {"solver": 18, "difference": 10, "tolerance": 10, "where": 16, "when": 6, "verdict": 14}
 NUMERIC = ("difference", "tolerance", "when")
+#: Verdicts of histories that have changed.
+CHANGED = (DIFFERS, RENEWED)
 #: A difference below this part of its tolerance is drawn there: a logarithmic axis has no zero.
 DRAWN = 1e-4
 
@@ -102,13 +104,17 @@ def junit(findings: Sequence[Finding]) -> str:
 
 
 def pictures(findings: Sequence[Finding]) -> list[Picture]:
-    """One picture a run with every solver's difference, and one of each history that differs."""
+    """Of each run in which a history has changed: every solver's difference, and the histories that differ.
+
+    None of what is the same: a picture takes longer than most runs.
+    """
     compared = [f for f in findings if f.worst is not None]
-    drawn = [
-        _differences(name, list(group))
-        for name, group in groupby(compared, key=lambda f: f"{f.scene}--{f.run}")
+    runs = [list(group) for _, group in groupby(compared, key=lambda f: (f.scene, f.run))]
+    changed = [group for group in runs if any(f.verdict in CHANGED for f in group)]
+    return [
+        *(_differences(f"{group[0].scene}--{group[0].run}", group) for group in changed),
+        *(_one(f) for f in compared if f.verdict == DIFFERS),
     ]
-    return drawn + [_one(f) for f in compared if f.verdict == DIFFERS]
 
 
 def _differences(name: str, findings: list[Finding]) -> Picture:

@@ -388,10 +388,24 @@ def crushed() -> at.Scene:
     return stick("small-crushed", (-40.0, -30.0), 0.0, (0.0, 0.0))
 
 
-def bare(damping: float = 0.0) -> at.Scene:
+def bare() -> at.Scene:
     """A free body: on one element its highest frequency is the element's own."""
-    beam = body("bare", A, C, replace(FIRM, damping=damping), BLOCK)
-    return _scene("small-bare-damped" if damping else "small-bare", [beam], gravity=GRAVITY)
+    return _scene("small-bare", [body("bare", A, C, FIRM, BLOCK)], gravity=GRAVITY)
+
+
+def bare_damped() -> at.Scene:
+    """The same with damping, beside a body that vibrates ten times slower: a place for elements of the other kind."""
+    bare, slow = replace(FIRM, damping=2e-4), replace(FIRM, E=3e3)
+    return _scene(
+        "small-bare-damped",
+        [body("bare", A, C, bare, BLOCK), body("beside", A, C, slow, BLOCK)],
+        gravity=GRAVITY,
+    )
+
+
+#: Elements of both kinds: the kernels that take them both with damping are compiled for another scene anyhow.
+BARE_CABLE = {"bare": "cable", "beside": "shear"}
+BARE_SHEAR = {"bare": "shear", "beside": "cable"}
 
 
 def pulse() -> at.Scene:

@@ -16,8 +16,8 @@ ELEMENTS = flexible()
 LIMITS: dict[str, tuple[Scene, Any, Any, float, float]] = {
     "cable": (small.bare(), 1, "cable", 0.5, 6.3036110e-3),
     "shear": (small.bare(), 1, "shear", 0.5, 8.3745481e-4),
-    "damped-cable": (small.bare(damping=2e-4), 1, "cable", 0.5, 5.9162894e-3),
-    "damped-shear": (small.bare(damping=2e-4), 1, "shear", 0.5, 5.2807896e-4),
+    "damped-cable": (small.bare_damped(), 1, small.BARE_CABLE, 0.5, 5.9162894e-3),
+    "damped-shear": (small.bare_damped(), 1, small.BARE_SHEAR, 0.5, 5.2807896e-4),
     "joined-cable": (small.angled_row(), 2, "cable", 0.6, 2.7966353e-3),
     "joined-shear": (small.driven_row(), 2, "shear", 0.7, 5.9354273e-4),
     "rigid": (small.rigid_row(), small.RIGID_MESH, small.RIGID, 0.5, 3.8416057e-3),
