@@ -172,9 +172,55 @@ def test_an_inaccurate_run_is_kept_whole():
     assert "came from nowhere (0.15 J of 1.15 J)" in told.status.message
     assert checked(replace(found, energy=energy), energies=False).status.ok
     lost = Energy(energy.kinetic[::-1], energy.strain, energy.potential, energy.work)
-    assert checked(replace(found, energy=lost)).status.ok  # damping of the method
+    told = checked(replace(found, energy=lost)).status
+    assert told == "inaccurate"
+    assert "vanished" in told.message
+    assert "a larger spectral_radius may do" in told.message
     undamped = at.Discretisation(mesh=2, dt=1e-2, t_end=0.1, spectral_radius=1.0)
-    assert "vanished" in checked(replace(found, energy=lost, run=undamped)).status.message
+    told = checked(replace(found, energy=lost, run=undamped)).status
+    assert "vanished" in told.message
+    assert "spectral_radius" not in told.message
+    settled = Energy(0.1 * energy.kinetic, energy.strain, np.linspace(0.0, -1.0, 11), energy.work)
+    assert checked(replace(found, energy=settled)).status == "inaccurate"  # a fall that is not followed
+    settled = Energy(energy.kinetic, np.linspace(0.0, 0.5, 11), np.linspace(0.0, -1.1, 11), energy.work)
+    assert checked(replace(found, energy=settled)).status.ok  # a load that has come to rest
+
+
+#: Runs that lose their motion to numerical dissipation: without the check all end with "ok".
+LOST = {
+    "spinning, annihilating": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 5e-3, "spectral_radius": 0.0}),
+    "spinning": (lambda: steel_bar(50.0), {"mesh": 1, "dt": 1e-2, "spectral_radius": 0.5}),
+    "vibrating": (
+        lambda: at.Scene(
+            "free", [at.Beam("bar", (0.0, 0.0), (1.0, 0.0), SQUARE, at.Material(E=1e7, density=1000.0),
+                             lambda s: (0.0, 0.1 * np.cos(2.0 * np.pi * s)))],
+        ),
+        {"mesh": 4, "dt": 0.1, "spectral_radius": 0.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "solve"), [*((what, at.solve) for what in LOST), ("vibrating", global_dae.solve)]
+)
+def test_runs_that_lose_their_motion_to_dissipation_are_inaccurate(what, solve):
+    scene, options = LOST[what]
+    found = solve(scene(), **{"t_end": 1.0, **options})
+    assert found.status == "inaccurate", found.status
+    assert "vanished" in found.status.message
+    assert f"(spectral_radius {options['spectral_radius']:g})" in found.status.message
+    fine = solve(scene(), **{"t_end": 1.0, **options, "dt": 2.0**-10, "spectral_radius": 0.9})
+    assert fine.status.ok, fine.status
+
+
+@pytest.mark.parametrize("spectral_radius", [0.0, 0.5, 0.9])
+@pytest.mark.parametrize("dt", [1e-2, 4e-2])
+def test_a_load_whose_vibration_dissipation_brings_to_rest_is_ok(spectral_radius, dt):
+    """What dissipation is for: the run ends in the static equilibrium."""
+    scene = bar([at.Clamp("bar.start")], [at.Force("bar.end", (0.0, -0.1))])
+    options = {"mesh": 4, "element": "cable"}
+    found = at.solve(scene, dt=dt, t_end=5.0, spectral_radius=spectral_radius, **options)
+    assert found.status.ok, found.status
 
 
 def test_parts_of_all_energy():
