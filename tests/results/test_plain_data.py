@@ -14,7 +14,7 @@ from samples import bar
 
 import anctmm as at
 from anctmm.discretise.discretisation import NOT_GIVEN
-from studies.engine.plain_data import NotPlain, decode, encode
+from anctmm.results.export.plain_data import NotPlain, decode, encode
 from studies.engine.store import MAGIC, Store
 
 
