@@ -9,7 +9,7 @@ from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque,
 from anctmm.model.sections import Circle, Rectangle, Section
 from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
-from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status
+from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, load
 from anctmm.solve import solve
 
 __all__ = [
@@ -40,6 +40,7 @@ __all__ = [
     "compare",
     "consistent_velocities",
     "distance",
+    "load",
     "solve",
     "solve_static",
 ]

@@ -103,6 +103,7 @@ class Record:
             cost=Cost(cpu, wall, steps, iterations, factorizations),
             status=status,
             dofs=chain.dofs,
+            static=static,
         )
         return checked(found, static=static)
 

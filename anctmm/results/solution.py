@@ -2,14 +2,27 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import cast
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import ResultError, listed
 from anctmm.model.scene import Probe, Scene
+from anctmm.results.export import saving
+from anctmm.results.export.pictures import animate, plot
+from anctmm.results.export.saving import save
+from anctmm.results.export.tables import to_dataset, to_frame
+from anctmm.results.export.vtk import to_vtk
 from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 #: One place of a beam's axis or several, as fractions of its length.
@@ -117,7 +130,7 @@ class Status:
         return hash(self.code)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solution:
     """A solver's answer.
 
@@ -137,6 +150,8 @@ class Solution:
         Unknown coordinates of the discretised scene, as the solver counts them.
     stable : ndarray of bool, shape (n,), optional
         Of statics: whether each equilibrium is stable. None where that is not known, and of motions.
+    static : bool
+        Whether it holds equilibria under growing parts of the load.
     """
 
     solver: str
@@ -149,6 +164,19 @@ class Solution:
     status: Status = field(default_factory=Status)
     dofs: int = 0
     stable: NDArray[np.bool_] | None = None
+    static: bool = False
+
+    def __repr__(self) -> str:
+        """The scene, the solver, the mesh and what came out, in a few lines."""
+        unit = "load factors" if self.static else "s"
+        span = f"{self.t[0]:g} … {self.t[-1]:g} {unit}" if len(self.t) else "none"
+        return (
+            f"Solution of scene {self.scene.name!r} by {self.solver!r}: {self.status}\n"
+            f"  bodies   {listed(self.fields) if self.fields else 'none'}\n"
+            f"  outputs  {len(self.t)}, {span}; {self.dofs} coordinates\n"
+            f"  cost     {self.cost.cpu_s:.3g} s CPU, {self.cost.steps} steps, "
+            f"{self.cost.newton_iterations} Newton corrections"
+        )
 
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
@@ -197,6 +225,30 @@ class Solution:
         path = self.position(probe)
         return path - path[:1]
 
+    def save(self, path: str | PathLike[str]) -> Path:
+        """Write the solution to a file, which `anctmm.load` reads: see `anctmm.results.export.saving.save`."""
+        return save(self, path)
+
+    def to_frame(self, probes: Iterable[Probe]) -> "pd.DataFrame":
+        """Motion of places as a table: see `anctmm.results.export.tables.to_frame`."""
+        return to_frame(self, probes)
+
+    def to_dataset(self, points: int = 21) -> "xr.Dataset":
+        """Motion of all bodies as a data set of xarray: see `anctmm.results.export.tables.to_dataset`."""
+        return to_dataset(self, points)
+
+    def to_vtk(self, folder: str | PathLike[str], points: int = 21) -> Path:
+        """Files that ParaView opens: see `anctmm.results.export.vtk.to_vtk`."""
+        return to_vtk(self, folder, points)
+
+    def plot(self, times: Sequence[float] | None = None) -> "Figure":
+        """Configurations and energies as a picture: see `anctmm.results.export.pictures.plot`."""
+        return plot(self, times)
+
+    def animate(self, path: str | PathLike[str], fps: float = 25.0) -> Path:
+        """An animation, ".html" or ".gif": see `anctmm.results.export.pictures.animate`."""
+        return animate(self, path, fps)
+
     def _each(
         self, place: Probe, fraction: Fractions | None, read: Callable[[Field, float], Array], *width: int
     ) -> Array:
@@ -224,6 +276,31 @@ class Solution:
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""
         return replace(self, cost=cost)
+
+
+def load(path: str | PathLike[str], scene: Scene | None = None) -> Solution:
+    """The solution that `Solution.save` wrote.
+
+    Parameters
+    ----------
+    path : path
+    scene : Scene, optional
+        The scene of the solution, where it holds functions of yours; without it these cannot be called.
+
+    Returns
+    -------
+    Solution
+        With every bit that was saved.
+
+    Raises
+    ------
+    ResultError
+        If the file is not there, no saved solution, damaged, of a version with other classes, or of another scene.
+    """
+    found = saving.load(path, scene)
+    if not isinstance(found, Solution):
+        raise ResultError(f"file {str(path)!r} holds a {type(found).__name__}; a solution is needed")
+    return found
 
 
 class Interrupted(KeyboardInterrupt):

@@ -112,7 +112,7 @@ def solve_static(scene: Scene, model: str = "elastica") -> Solution:
         np.array([0.0, shape.moment_work]),
     )
     fields = {scene.bodies[0].name: StaticField(shape)}
-    return Solution(f"exact-{model}", scene, None, np.array([0.0, 1.0]), fields, energy)
+    return Solution(f"exact-{model}", scene, None, np.array([0.0, 1.0]), fields, energy, static=True)
 
 
 @dataclass(frozen=True)

@@ -92,7 +92,7 @@ def load_exudyn() -> Any:
             import_module("exudyn.itemInterface")
             import_module("exudyn.advancedUtilities")
     except ImportError as error:
-        raise UnsupportedError(f"exudyn is not installed; pip install exudyn ({error})") from error
+        raise UnsupportedError(f"exudyn is not installed; pip install 'anctmm[peers]' ({error})") from error
     return exu
 
 

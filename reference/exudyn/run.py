@@ -267,7 +267,16 @@ def _solution(
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
         energy = _energy(model, history, loads)
     found = Solution(
-        beams.solver, scene, run, history.t, fields, energy, cost, status, model.mbs.systemData.ODE2Size()
+        beams.solver,
+        scene,
+        run,
+        history.t,
+        fields,
+        energy,
+        cost,
+        status,
+        model.mbs.systemData.ODE2Size(),
+        static=model.static,
     )
     return checked(found, static=model.static, energies=_knows_work(scene, run))
 

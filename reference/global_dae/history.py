@@ -200,5 +200,7 @@ def solution(
         for name, q in model.bodies.by_body(kept).items()
     }
     energy = Energy(*(column.copy() for column in energies.T))
-    found = Solution(solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs)
+    found = Solution(
+        solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs, static=rates is None
+    )
     return checked(found, static=rates is None)

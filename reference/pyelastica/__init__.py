@@ -314,7 +314,9 @@ class System:
         }
         energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
         dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
-        found = Solution(NAME, self.scene, self.run, t, fields, energy, cost, status, dofs)
+        found = Solution(
+            NAME, self.scene, self.run, t, fields, energy, cost, status, dofs, static=self.relaxed
+        )
         return checked(found, static=self.relaxed)
 
 

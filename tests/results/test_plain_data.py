@@ -1,5 +1,6 @@
 """Kept results are data: what is written comes back the same, and reading runs no code."""
 
+import json
 import pickle
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -121,8 +122,9 @@ def test_a_result_that_holds_itself_is_refused():
         encode(value)
 
 
-def described(text):
-    return len(text).to_bytes(8, "little") + text.encode()
+def described(text, table=None):
+    head = json.dumps([table or {}, text]).encode()
+    return len(head).to_bytes(8, "little") + head
 
 
 @pytest.mark.parametrize(
@@ -135,8 +137,10 @@ def described(text):
         described('{"number": ["builtins:str", 1.0]}'),
         described('{"number": ["never_imported:kind", 1.0]}'),
         described('{"call": ["os:system", "true"]}'),
-        described('{"array": ["|O", [1], 0]}'),
-        described('{"array": ["<f8", [1000], 0]}'),
+        described('{"array": "a"}'),
+        described('{"array": "a"}', {"a": ["|O", [1]]}),
+        described('{"array": "a"}', {"a": ["<f8", [1000]]}),
+        described('{"array": "a"}', {"a": 1}),
         described('{"given": 3}'),
         described("[1, 2"),
         described('{"a": 1, "b": 2}'),

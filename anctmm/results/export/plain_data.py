@@ -1,13 +1,13 @@
 """Results as bytes and back, by data alone: reading them runs no code, whoever wrote them.
 
-A text in JSON describes the result, and behind it stand its arrays. Kept are numbers, texts, containers, NumPy's
+A text in JSON describes the result, and beside it stand its arrays. Kept are numbers, texts, containers, NumPy's
 arrays, and instances of dataclasses and named tuples, whose fields are set without a call. A class is looked up among
 those that this process has loaded already: nothing is imported.
 """
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from typing import Any
 
@@ -18,67 +18,98 @@ _LENGTH = 8
 #: Kinds of numbers that an array may hold: numbers, truth values, texts and times; no objects.
 _KINDS = "biufcSUmM"
 
+Arrays = dict[str, np.ndarray]
+
 
 class NotPlain(Exception):
     """A result that is more than data, or bytes that are no result."""
 
 
-def encode(value: Any, given: Sequence[Any] = ()) -> bytes:
-    """A result as bytes.
+def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
+    """A result as a text in JSON and its arrays, by the places where they stand in it.
 
     Parameters
     ----------
     value : object
     given : sequence
-        Parts of it that `decode` will be given again, such as a scene with functions of the user's.
+        Parts of it that `rebuild` will be given again, such as a scene with functions of the user's.
 
     Raises
     ------
     NotPlain
         Naming what is no data.
     """
-    arrays: list[bytes] = []
+    arrays: Arrays = {}
     try:
-        text = json.dumps(_plain(value, given, arrays)).encode()
+        return json.dumps(_plain(value, given, arrays, ())), arrays
     except (
         RecursionError,
         ValueError,
     ) as error:  # a result that holds itself, a number of thousands of digits
         raise NotPlain(f"{type(error).__name__}: {error}") from error
-    return b"".join([len(text).to_bytes(_LENGTH, "little"), text, *arrays])
 
 
-def decode(content: bytes, given: Sequence[Any] = ()) -> Any:
-    """The result of which `encode` made these bytes.
+def rebuild(text: str | bytes, arrays: Mapping[str, np.ndarray], given: Sequence[Any] = ()) -> Any:
+    """The result that `describe` made a text and arrays of.
 
     Raises
     ------
     NotPlain
-        If they are no result, or one of a class that is not loaded or has changed.
+        If they are none, or one of a class that is not loaded or has changed.
     """
-    end = _LENGTH + int.from_bytes(content[:_LENGTH], "little")
     try:
-        return _value(json.loads(content[_LENGTH:end]), given, memoryview(content)[end:])
+        return _value(json.loads(text), given, arrays)
     except (LookupError, ValueError, TypeError, AttributeError) as error:
         raise NotPlain(f"{type(error).__name__}: {error}") from error
 
 
-def _plain(value: Any, given: Sequence[Any], arrays: list[bytes]) -> Any:
+def encode(value: Any, given: Sequence[Any] = ()) -> bytes:
+    """A result as bytes; parameters and errors as of `describe`."""
+    text, arrays = describe(value, given)
+    table = {name: [array.dtype.str, list(array.shape)] for name, array in arrays.items()}
+    head = json.dumps([table, text]).encode()
+    return b"".join([len(head).to_bytes(_LENGTH, "little"), head, *(a.tobytes() for a in arrays.values())])
+
+
+def decode(content: bytes, given: Sequence[Any] = ()) -> Any:
+    """The result of which `encode` made these bytes; errors as of `rebuild`."""
+    end = _LENGTH + int.from_bytes(content[:_LENGTH], "little")
+    arrays: Arrays = {}
+    try:
+        table, text = json.loads(content[_LENGTH:end])
+        for name, (dtype, shape) in table.items():
+            kind, count = np.dtype(dtype), int(np.prod(shape, dtype=np.int64))
+            if kind.kind not in _KINDS:
+                raise NotPlain(f"arrays of {dtype} are no data")
+            found = np.frombuffer(content, kind, count, end) if count else np.empty(0, kind)
+            arrays[name] = found.reshape(shape)
+            end += found.nbytes
+    except (LookupError, ValueError, TypeError, AttributeError) as error:
+        raise NotPlain(f"{type(error).__name__}: {error}") from error
+    return rebuild(text, arrays, given)
+
+
+def _plain(value: Any, given: Sequence[Any], arrays: Arrays, path: tuple[str, ...]) -> Any:
     """What JSON can hold of a value: itself, or a dictionary with one key, which says what it is."""
     for number, known in enumerate(given):
         if value is known or (type(value) is type(known) and is_dataclass(known) and value == known):
             return {"given": number}
     if value is None or type(value) in (bool, int, float, str):
         return value
-    inside = [_plain(v, given, arrays) for v in _items(value)]
+    inside = [_plain(v, given, arrays, (*path, name)) for name, v in _items(value)]
+    if isinstance(value, dict):
+        keys = [_plain(key, given, arrays, (*path, str(key), "key")) for key in value]
+        inside = [list(pair) for pair in zip(keys, inside, strict=True)]
     if type(value) is list:
         return inside
     if type(value) in (tuple, set, frozenset, dict):
         return {type(value).__name__: inside}
     if isinstance(value, np.ndarray | np.generic) and value.dtype.kind in _KINDS:
-        arrays.append(np.ascontiguousarray(value).tobytes())
-        whole = "array" if isinstance(value, np.ndarray) else "scalar"
-        return {whole: [value.dtype.str, list(value.shape), sum(map(len, arrays[:-1]))]}
+        name = ".".join(path) or "value"
+        while name in arrays:
+            name += "_"
+        arrays[name] = np.ascontiguousarray(value).reshape(value.shape)
+        return {"array" if isinstance(value, np.ndarray) else "scalar": name}
     if type(value) is complex:
         return {"complex": [value.real, value.imag]}
     if type(value) is bytes:
@@ -94,18 +125,20 @@ def _plain(value: Any, given: Sequence[Any], arrays: list[bytes]) -> Any:
     raise NotPlain(f"{type(value).__name__} {getattr(value, '__qualname__', '')!r} is no data")
 
 
-def _items(value: Any) -> list[Any]:
-    """What stands inside a container."""
+def _items(value: Any) -> list[tuple[str, Any]]:
+    """What stands inside a container, each with the name of its place."""
     if isinstance(value, dict):
-        return [list(pair) for pair in value.items()]
+        return [(str(key), inside) for key, inside in value.items()]
+    if isinstance(value, tuple) and hasattr(value, "_fields"):
+        return list(zip(value._fields, value, strict=True))
     if isinstance(value, list | tuple | set | frozenset):
-        return list(value)
+        return [(str(number), inside) for number, inside in enumerate(value)]
     if is_dataclass(value) and not isinstance(value, type):
-        return [getattr(value, f.name) for f in fields(value)]
+        return [(f.name, getattr(value, f.name)) for f in fields(value)]
     return []
 
 
-def _value(plain: Any, given: Sequence[Any], arrays: memoryview) -> Any:  # one branch a kind
+def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -> Any:  # one branch a kind
     if isinstance(plain, list):
         return [_value(p, given, arrays) for p in plain]
     if not isinstance(plain, dict):
@@ -118,7 +151,7 @@ def _value(plain: Any, given: Sequence[Any], arrays: memoryview) -> Any:  # one 
             make = {"tuple": tuple, "set": set, "frozenset": frozenset, "dict": dict}[kind]
             return make(_value(content, given, arrays))
         case "array" | "scalar":
-            return _array(kind == "scalar", arrays, *content)
+            return arrays[content][()] if kind == "scalar" else arrays[content].copy()
         case "complex":
             return complex(*content)
         case "bytes":
@@ -134,15 +167,6 @@ def _value(plain: Any, given: Sequence[Any], arrays: memoryview) -> Any:  # one 
         case "number":
             return float.__new__(_class(content[0], float), content[1])
     raise NotPlain(f"{kind!r} is no kind of data")
-
-
-def _array(scalar: bool, arrays: memoryview, dtype: str, shape: list[int], offset: int) -> Any:
-    kind = np.dtype(dtype)
-    if kind.kind not in _KINDS:
-        raise NotPlain(f"arrays of {dtype} are no data")
-    count = int(np.prod(shape, dtype=np.int64))
-    found = np.frombuffer(arrays, kind, count, offset) if count else np.empty(0, kind)
-    return found[0] if scalar else found.reshape(shape).copy()
 
 
 def _instance(name: str, names: list[str], values: list[Any]) -> Any:

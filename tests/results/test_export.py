@@ -1,0 +1,277 @@
+"""Solutions in files, tables and pictures."""
+
+import json
+import pickle
+import zipfile
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.errors import OutputError, ResultError
+from anctmm.results.export import tables
+from anctmm.results.export.saving import functions_of
+from reference import exudyn_reissner, global_dae
+
+ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
+
+
+def swing(t):
+    return 0.3 * t**2, 0.6 * t, 0.6
+
+
+def push(t):
+    return 0.1 * t, -0.2
+
+
+def fork(angle=None, force=(0.0, -0.5)):
+    trunk = at.Beam("trunk", (0, 0), (0, 0.3), ROD, RUBBER)
+    twig = at.Beam("twig", (0, 0.3), (0.2, 0.5), ROD, RUBBER)
+    joints = [at.Clamp("trunk.start", angle=angle), at.Weld("trunk.end", "twig.start")]
+    return at.Scene("fork", [trunk, twig], joints, [at.Force("twig.end", force)], gravity=(0, -9.81))
+
+
+@pytest.fixture(scope="module")
+def run():
+    return at.Discretisation(mesh=2, dt=2e-3, t_end=0.1, output_dt=0.01)
+
+
+@pytest.fixture(scope="module")
+def moved(run):
+    return at.solve(fork(at.Quintic(turn=1.0, duration=0.1)), run)
+
+
+def arrays_of(solution):
+    yield from [solution.t, *vars(solution.energy).values()]
+    for field in solution.fields.values():
+        yield from (x for x in vars(field).values() if isinstance(x, np.ndarray))
+
+
+def assert_same(one, two):
+    """Every bit."""
+    pairs = list(zip(arrays_of(one), arrays_of(two), strict=True))
+    assert len(pairs) > 6
+    for a, b in pairs:
+        assert (a.dtype, a.shape, a.tobytes()) == (b.dtype, b.shape, b.tobytes())
+    for name in ("solver", "scene", "run", "status", "dofs", "static"):
+        assert getattr(one, name) == getattr(two, name)
+    assert repr(one.cost) == repr(two.cost)  # NaN is not equal to itself
+
+
+def test_every_bit_comes_back(moved, tmp_path):
+    path = moved.save(tmp_path / "history")
+    assert path == tmp_path / "history.npz"
+    back = at.load(path)
+    assert_same(moved, back)
+    np.testing.assert_array_equal(back.velocity("twig", 0.3), moved.velocity("twig", 0.3))
+    assert [x.name for x in fields(at.Solution)] == list(vars(back))
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("solve", [global_dae.solve, exudyn_reissner.solve])
+def test_answers_of_other_solvers_come_back_too(solve, run, tmp_path):
+    found = solve(fork(), run)
+    assert_same(found, at.load(found.save(tmp_path / "x.npz")))
+
+
+def test_equilibria_come_back(tmp_path):
+    rest = at.solve_static(fork(), mesh=2)
+    back = at.load(rest.save(tmp_path / "rest"))
+    assert_same(rest, back)
+    assert back.static
+    assert "load factors" in repr(back)
+
+
+def test_anybody_can_read_the_arrays(moved, tmp_path):
+    with np.load(moved.save(tmp_path / "a"), allow_pickle=False) as file:
+        np.testing.assert_array_equal(file["t"], moved.t)
+        np.testing.assert_array_equal(file["energy.kinetic"], moved.energy.kinetic)
+        np.testing.assert_array_equal(file["fields.twig.coordinates"], moved.fields["twig"].coordinates)
+        about = json.loads(str(file["about"]))
+    assert (about["scene"], about["solver"], about["status"]) == ("fork", "anctmm", "ok")
+
+
+def test_functions_are_named_and_come_from_the_scene(run, tmp_path):
+    scene = fork(swing, push)
+    assert list(functions_of(scene)) == [swing, push]
+    found = at.solve(scene, run)
+    path = found.save(tmp_path / "functions")
+    back = at.load(path)
+    assert back.scene.joints[0].angle.name == "swing"
+    with pytest.raises(ResultError, match="function push was not saved"):
+        back.scene.loads[0].value(0.0)
+    np.testing.assert_array_equal(back.position("twig.end"), found.position("twig.end"))
+    assert_same(found, at.load(path, scene))
+    for other in (fork(), fork(lambda t: swing(t), push)):
+        with pytest.raises(ResultError, match=r"scene 'fork' has the functions .*needs 'swing', 'push'"):
+            at.load(path, other)
+    shorter = at.Scene("fork", scene.bodies, scene.joints, scene.loads)
+    with pytest.raises(ResultError, match="not of the one given"):
+        at.load(path, shorter)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", "no saved solution"),
+        (b"PK\x03\x04 cut", "no saved solution"),
+        (pickle.dumps({"t": 1}), "no saved solution"),
+    ],
+)
+def test_foreign_files_are_refused(content, words, tmp_path):
+    path = tmp_path / "foreign.npz"
+    path.write_bytes(content)
+    with pytest.raises(ResultError, match=words):
+        at.load(path)
+
+
+def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
+    with pytest.raises(ResultError, match=r"no saved solution.*FileNotFoundError"):
+        at.load(tmp_path / "none.npz")
+    other = tmp_path / "other.npz"
+    np.savez(other, a=np.zeros(3))
+    with pytest.raises(ResultError, match="'about'"):
+        at.load(other)
+    np.savez(other, about=np.array(json.dumps({"format": "anctmm solution 9", "functions": []})))
+    with pytest.raises(ResultError, match="'anctmm solution 9'; 'anctmm solution 1' is needed"):
+        at.load(other)
+    tree = json.dumps({"list": 1})
+    np.savez(
+        other, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})), description=tree
+    )
+    with pytest.raises(ResultError, match="no saved solution"):
+        at.load(other)
+    np.savez(
+        other, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})), description="[]"
+    )
+    with pytest.raises(ResultError, match="holds a list"):
+        at.load(other)
+    whole = moved.save(tmp_path / "whole").read_bytes()
+    cut = tmp_path / "cut.npz"
+    for length in (len(whole) // 2, len(whole) - 30):
+        cut.write_bytes(whole[:length])
+        with pytest.raises(ResultError, match="no saved solution"):
+            at.load(cut)
+    flipped = bytearray(whole)
+    flipped[len(whole) // 2] ^= 255
+    cut.write_bytes(bytes(flipped))
+    with pytest.raises(ResultError, match="no saved solution"):
+        at.load(cut)
+
+
+class Trap:
+    """Runs code when it is unpickled."""
+
+    sprung = False
+
+    def __reduce__(self):
+        return setattr, (Trap, "sprung", True)
+
+
+def test_arrays_of_objects_are_never_read(tmp_path):
+    path = tmp_path / "trap.npz"
+    np.savez(path, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})))
+    with zipfile.ZipFile(path, "a") as file:
+        file.writestr("description.npy", pickle.dumps(Trap()))
+    with pytest.raises(ResultError):
+        at.load(path)
+    assert not Trap.sprung
+
+
+@pytest.mark.parametrize(("path", "words"), [("x.pkl", "'x.pkl'"), (3, "path is 3"), (None, "path is None")])
+def test_other_paths_are_refused(moved, path, words):
+    with pytest.raises(ResultError, match=words):
+        moved.save(path)
+
+
+def test_a_folder_that_cannot_be_written_is_named(moved, tmp_path):
+    blocked = tmp_path / "file"
+    blocked.write_text("")
+    with pytest.raises(OutputError, match="cannot be written"):
+        moved.save(blocked / "x.npz")
+    with pytest.raises(OutputError, match="cannot be written to"):
+        moved.to_vtk(blocked / "x")
+
+
+def test_a_table_of_places(moved):
+    table = moved.to_frame(["twig.end", ("trunk", 0.5)])
+    assert table.index.name == "t (s)"
+    np.testing.assert_array_equal(table["twig.end y (m)"], moved.position("twig.end")[:, 1])
+    np.testing.assert_array_equal(table["trunk 0.5 vx (m/s)"], moved.velocity("trunk", 0.5)[:, 0])
+    np.testing.assert_array_equal(table["twig.end angle (rad)"], moved.angle("twig.end"))
+    np.testing.assert_array_equal(table["work (J)"], moved.energy.work)
+    rest = at.solve_static(fork(), mesh=2).to_frame(["twig.end"])
+    assert rest.index.name == "load factor"
+    assert not [name for name in rest if "vx" in name]
+    with pytest.raises(ResultError, match="a list of places is needed"):
+        moved.to_frame("twig.end")
+
+
+def test_a_data_set_survives_netcdf(moved, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    found = moved.to_dataset(points=5)
+    assert found["position"].dims == ("t", "body", "fraction", "axis")
+    np.testing.assert_array_equal(
+        found["velocity"].sel(body="twig", fraction=0.5).values, moved.velocity("twig", 0.5)
+    )
+    assert found["angle"].attrs["units"] == "rad"
+    found.to_netcdf(tmp_path / "x.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "x.nc", engine="h5netcdf") as back:
+        xarray.testing.assert_identical(back.load(), found)
+    with pytest.raises(ResultError, match="points is 1"):
+        moved.to_dataset(1)
+
+
+def test_another_library_reads_the_files_of_vtk(moved, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    listing = moved.to_vtk(tmp_path / "vtk", points=5)
+    assert listing.name == "fork.pvd"
+    grid = meshio.read(tmp_path / "vtk" / "fork_00010.vtu")
+    wanted = np.concatenate([moved.position(b, np.linspace(0, 1, 5))[10] for b in ("trunk", "twig")])
+    np.testing.assert_array_equal(grid.points[:, :2], wanted)
+    np.testing.assert_array_equal(grid.point_data["velocity"][4, :2], moved.velocity("trunk.end")[10])
+    assert listing.read_text().count("<DataSet") == len(moved.t)
+    with pytest.raises(ResultError, match=r"points is 2\.5"):
+        moved.to_vtk(tmp_path, points=2.5)
+
+
+def test_pictures(moved, tmp_path):
+    figure = moved.plot(times=[0.0, 0.05, 0.1])
+    left, right = figure.axes
+    assert (left.get_xlabel(), left.get_ylabel()) == ("x (m)", "y (m)")
+    assert right.get_ylabel() == "energy (J)"
+    assert len(left.lines) == 3 * 2
+    figure.savefig(tmp_path / "plot.png")
+    page = moved.animate(tmp_path / "motion.html")
+    assert "<script" in page.read_text()
+    from PIL import Image
+
+    with Image.open(moved.animate(tmp_path / "motion.gif")) as picture:
+        assert picture.n_frames == len(moved.t)
+    for path, words in (("x.mp4", "'x.mp4'"), ("x", "is needed")):
+        with pytest.raises(ResultError, match=words):
+            moved.animate(path)
+    with pytest.raises(ResultError, match="fps is 0"):
+        moved.animate("x.gif", fps=0)
+
+
+def test_what_is_not_installed_is_said(moved, monkeypatch):
+    def missing(name):
+        raise ImportError(f"No module named {name!r}")
+
+    monkeypatch.setattr(tables, "import_module", missing)
+    for call, extra in [
+        (lambda: moved.to_frame(["twig.end"]), "files"),
+        (moved.to_dataset, "files"),
+        (moved.plot, "plots"),
+    ]:
+        with pytest.raises(ResultError, match=rf"pip install 'anctmm\[{extra}\]'"):
+            call()
+
+
+def test_a_solution_shows_itself_in_a_few_lines(moved):
+    lines = repr(moved).splitlines()
+    assert len(lines) < 8
+    assert all(len(line) <= 100 for line in lines)
+    assert "scene 'fork' by 'anctmm': ok" in lines[0]
