@@ -417,7 +417,7 @@ def test_without_exudyn(monkeypatch):
     for peer in PEERS:
         for answer in (peer.solve(cantilever(), mesh=2), peer.solve_static(cantilever(), mesh=2)):
             assert answer.status == "unsupported"
-            assert "pip install exudyn" in answer.status.message
+            assert "pip install 'anctmm[peers]'" in answer.status.message
 
 
 def test_bad_options_raise_before_any_work():

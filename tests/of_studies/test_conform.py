@@ -52,7 +52,7 @@ def test_what_is_not_installed_is_said_and_no_rule_is_broken(monkeypatch):
         findings = list(conform(name))
         verdicts = [f.verdict for f in findings]
         assert verdicts == [HOLDS, NOT_INSTALLED, *[NOT_RUN] * len(RULES)]
-        assert "exudyn is not installed; pip install exudyn" in findings[1].measured
+        assert "exudyn is not installed; pip install 'anctmm[peers]'" in findings[1].measured
         assert not passed(findings)
         assert exit_code(findings) == 4
     console = Console(record=True, width=200)

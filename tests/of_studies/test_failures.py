@@ -597,17 +597,17 @@ PLACES = {
     "Exudyn missing": (
         lambda here: without_exudyn(here, name="exudyn-cable"),
         "unsupported",
-        ["exudyn is not installed", "pip install exudyn"],
+        ["exudyn is not installed", "pip install 'anctmm[peers]'"],
     ),
     "Exudyn missing, Reissner": (
         lambda here: without_exudyn(here, name="exudyn-reissner"),
         "unsupported",
-        ["exudyn is not installed", "pip install exudyn"],
+        ["exudyn is not installed", "pip install 'anctmm[peers]'"],
     ),
     "Exudyn missing, statics": (
         lambda here: without_exudyn(here, name="exudyn-cable", integrator="static"),
         "unsupported",
-        ["exudyn is not installed", "pip install exudyn"],
+        ["exudyn is not installed", "pip install 'anctmm[peers]'"],
     ),
     "broken package": (broken_package, "refused", ["'mine'", "ModuleNotFoundError", "'no_such_package'"]),
     "solver gone": (
