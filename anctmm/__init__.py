@@ -5,7 +5,24 @@ from anctmm.discretise.methods import GeneralizedAlpha, Zhai
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.rigid_start import consistent_velocities
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld, distance
+from anctmm.model.scene import (
+    Beam,
+    Clamp,
+    Force,
+    LineLoad,
+    Material,
+    Pin,
+    PointMass,
+    Prismatic,
+    RigidBody,
+    RotationalSpring,
+    Scene,
+    Slider,
+    Spring,
+    Torque,
+    Weld,
+    distance,
+)
 from anctmm.model.sections import Circle, Rectangle, Section
 from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
@@ -24,15 +41,22 @@ __all__ = [
     "GeneralizedAlpha",
     "History",
     "Interrupted",
+    "LineLoad",
     "Material",
     "Pin",
+    "PointMass",
+    "Prismatic",
     "Pulse",
     "Quintic",
     "Rectangle",
+    "RigidBody",
     "RigidVelocity",
+    "RotationalSpring",
     "Scene",
     "Section",
+    "Slider",
     "Solution",
+    "Spring",
     "Status",
     "Torque",
     "Weld",

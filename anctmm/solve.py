@@ -4,12 +4,14 @@ from typing import Any, assert_never
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
 from anctmm.elements.kinds import check_kinds, moved_by
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
+from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
@@ -19,7 +21,7 @@ __all__ = ["solve", "solve_static"]
 
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured.
 EXPLICIT, IMPLICIT = 150.0, 240.0
-OFFER = Offer(lacks=uncombined())
+OFFER = Offer(lacks=uncombined() | LACKING)
 
 
 @accounted
@@ -47,7 +49,8 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
     run = discretise(run, options, fixed_step=False)
-    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT)
+    refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
+    check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT)
     check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
     chain = Chain(scene, run)
     if chain.run.tolerance is not None and chain.bodies.damping is not None:

@@ -25,6 +25,13 @@ LONGEST, SHORTEST = 1e15, 1e-15
 NAME = 100
 
 
+class FrozenMapping(dict[str, Any]):
+    """A mapping that can be hashed; nobody changes it."""
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(tuple(sorted(self.items())))
+
+
 def number(name: str, value: object, error: type[AnctmmError] = PropertyError) -> float:
     """Return `value` as a finite float.
 

@@ -58,7 +58,7 @@ def list_() -> None:
     scenes = table("Scenes", "name", "bodies", "probes", "source")
     for build in BASE_SCENES:
         base = build()
-        bodies = ", ".join(b.name for b in base.scene.bodies)
+        bodies = ", ".join(b.name for b in base.scene.beams)
         scenes.add_row(base.scene.name, bodies, ", ".join(map(_probe, base.probes)), base.source)
     solvers = table("Solvers", "name", "from", "lacks")
     for name, origin in registry.origins():

@@ -15,14 +15,17 @@ from scipy.sparse import csr_array
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.mesh import body_meshes, constant_forces
 from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
 from anctmm.model.joints import Weld
+from anctmm.model.needs import refuse
+from anctmm.model.places import End
 from anctmm.model.scene import Scene
-from anctmm.model.topology import End, Junction, junctions_of
+from anctmm.model.topology import Junction, junctions_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -44,6 +47,8 @@ class Chain:
     ------
     MeshError
         If the discretisation does not fit the scene's bodies.
+    UnsupportedError
+        If the scene needs what ANC-TMM lacks.
     DiscretisationError
         If a weld joins a shear element to another kind, or rigid bodies stand in a singular position.
         If a weld joins kinds of element whose nodes have different vectors.
@@ -53,6 +58,7 @@ class Chain:
     run: Discretisation
 
     def __post_init__(self) -> None:
+        refuse(self.scene, LACKING, "ANC-TMM")
         kinds = self.run.of(self.scene)
         for joint in self.scene.joints:
             if isinstance(joint, Weld):
@@ -78,7 +84,7 @@ class Chain:
     @cached_property
     def plan(self) -> Plan:
         """Order and links of the bodies."""
-        return plan_of([body.name for body in self.scene.bodies], self.vertices)
+        return plan_of([body.name for body in self.scene.beams], self.vertices)
 
     @cached_property
     def bodies(self) -> Bodies:
@@ -182,7 +188,7 @@ class Chain:
     @property
     def length(self) -> float:
         """Length of all bodies, m: the scale of positions."""
-        return sum(body.length for body in self.scene.bodies)
+        return self.scene.length
 
     @property
     def dofs(self) -> int:

@@ -11,7 +11,7 @@ from anctmm.discretise.methods import METHODS, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import QUADRATURES, kind_of
 from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown, unknown_option
 from anctmm.model.scene import Beam, Scene, checked_scene
-from anctmm.validation import flag, one_of, positive, whole, within
+from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
 
 INTEGRATORS = tuple(METHODS)
 #: Elements of a body at most: sparse matrices number their rows by 32 bits.
@@ -161,21 +161,21 @@ class Discretisation:
         return np.where(steps == self.steps, self.t_end, steps * self.t_end / self.steps)
 
     def of(self, scene: Scene) -> dict[str, tuple[int, str]]:
-        """Number and kind of the elements of every body.
+        """Number and kind of the elements of every beam.
 
         Raises
         ------
         MeshError
-            If a mapping misses a body of the scene or names one it does not have, or a rigid body has several elements.
+            If a mapping misses a beam of the scene or names one it does not have, or a rigid one has several elements.
         UnknownOptionError
             If a kind of element is not known.
         """
-        names = [b.name for b in checked_scene(scene).bodies]
+        names = [b.name for b in checked_scene(scene).beams]
         for what in ("mesh", "element"):
             value = getattr(self, what)
             if isinstance(value, Mapping) and set(value) != set(names):
                 raise MeshError(
-                    f"{what} is {shown(dict(value))}; every body of scene {scene.name!r} and no other is needed: "
+                    f"{what} is {shown(dict(value))}; every beam of scene {scene.name!r} and no other is needed: "
                     f"{listed(names)}"
                 )
         cut = {n: (_pick(self.mesh, n), _pick(self.element, n)) for n in names}
@@ -183,13 +183,6 @@ class Discretisation:
             if kind_of(kind, f"element of body {name!r}").rigid and elements != 1:
                 raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
         return cut
-
-
-class FrozenMapping(dict[str, Any]):
-    """A mapping that can be hashed; nobody changes it."""
-
-    def __hash__(self) -> int:  # type: ignore[override]
-        return hash(tuple(sorted(self.items())))
 
 
 def discretise(

@@ -16,7 +16,8 @@ from anctmm.elements.kinds import Element, ElementKind, kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Force, Load, Scene, Torque
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import Beam, Force, LineLoad, Load, Scene, Torque
 
 Array = NDArray[np.float64]
 #: Elements up to which a body's mesh is kept for the next run: building it takes longer than the steps of a short one.
@@ -127,12 +128,12 @@ def body_meshes(
         If the discretisation does not fit the scene's bodies.
     """
     cut = run.of(scene)  # once for all bodies: it looks at all of them
-    passed = ((body.name, False) for body in scene.bodies) if passed is None else passed
+    passed = ((body.name, False) for body in scene.beams) if passed is None else passed
     return [_body_mesh(scene, run.quadrature, name, *cut[name], flipped) for name, flipped in passed]
 
 
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
-    body = beam_of(scene.body(name))
+    body = beam_of(scene.beam(name))
     # only small meshes are kept between runs, and none whose velocities a function of the user's gives
     make = _kept_mesh if elements <= KEPT and body.velocity is None else _mesh
     return make(body, quadrature, elements, kind, scene.gravity, flipped)
@@ -169,12 +170,14 @@ def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
                 found.append((body.name, side, (x, y)))
             case Force() | Torque():
                 pass
+            case LineLoad():
+                raise not_offered(load)
             case _:
                 raise unknown_kind("load", load, LOADS)
     return found
 
 
-def varying_loads(scene: Scene) -> list[Force | Torque]:
+def varying_loads(scene: Scene) -> list[Load]:
     """Loads whose generalized force changes: forces of time, and all torques, which turn with their node."""
     return [load for load in scene.loads if varies(load)]
 
@@ -192,5 +195,7 @@ def varies(load: Load) -> bool:
             return callable(load.value)
         case Torque():
             return True
+        case LineLoad():
+            raise not_offered(load)
         case _:
             raise unknown_kind("load", load, LOADS)

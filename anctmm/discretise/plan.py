@@ -14,7 +14,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from anctmm.model.topology import End, Junction
+from anctmm.model.places import End
+from anctmm.model.topology import Junction
 
 #: What leads from a body's outboard node onwards: nothing, the place alone, or the place and all gradients.
 BREAK, PIN, WELD = 0, 1, 2

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, listed
+from anctmm.model.places import End
 from anctmm.model.scene import Scene
-from anctmm.model.topology import End, Junction, Sets, junctions_of
+from anctmm.model.topology import Junction, Sets, junctions_of
 
 Array = NDArray[np.float64]
 
@@ -80,7 +81,7 @@ def _together(ends: list[End], arms: list[Array | None], held: bool) -> Iterator
 
 def _arm(scene: Scene, end: End) -> Array:
     """From the start of a body to one of its ends, m."""
-    body = scene.body(end[0])
+    body = scene.beam(end[0])
     return end[1] * (np.array(body.end) - np.array(body.start))
 
 
@@ -103,8 +104,8 @@ def _loops(junctions: Sequence[Junction], rigid: set[str]) -> list[set[str]]:
 
 def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
     """The second-order test of one loop, or of loops that are connected."""
-    first = {body.name: 3 * k for k, body in enumerate(b for b in scene.bodies if b.name in bodies)}
-    scale = max(scene.body(name).length for name in bodies)
+    first = {body.name: 3 * k for k, body in enumerate(b for b in scene.beams if b.name in bodies)}
+    scale = max(scene.beam(name).length for name in bodies)
     equations = [
         _equation(row, axis, first, scale)
         for row in rows

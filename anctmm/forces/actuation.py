@@ -16,8 +16,10 @@ from anctmm.jit.compiling import kernel
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
 from anctmm.model.loads import LOADS, tabulated
-from anctmm.model.scene import Force, Load, Scene, Torque
-from anctmm.model.topology import End, junctions_of
+from anctmm.model.needs import not_offered
+from anctmm.model.places import End
+from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
+from anctmm.model.topology import junctions_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -109,7 +111,7 @@ class Actuation:
     def loads(self) -> Loads:
         """Varying loads for kernels, with a memory of their own."""
         loads = varying_loads(self.scene)
-        nodes = np.array([self._node(load.end) for load in loads], dtype=np.int64)
+        nodes = np.array([self._node(load) for load in loads], dtype=np.int64)
         rows = [self._row(load) for load in loads]
         return Loads(nodes, np.array(rows, dtype=np.int64), np.zeros((2, len(loads), 2)))
 
@@ -129,11 +131,15 @@ class Actuation:
                 return 0
             case Torque():
                 return self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
+            case LineLoad():
+                raise not_offered(load)
             case _:
                 raise unknown_kind("load", load, LOADS)
 
-    def _node(self, end: str) -> int:
-        body, side = self.scene.body_end(end)
+    def _node(self, load: Load) -> int:
+        if isinstance(load, LineLoad):
+            raise not_offered(load)
+        body, side = self.scene.body_end(load.end)
         return self.bodies.node(body.name, side)
 
 

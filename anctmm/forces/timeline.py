@@ -19,7 +19,8 @@ from anctmm.forces.histories import (
     value_at,
 )
 from anctmm.jit.compiling import inlined
-from anctmm.model.scene import Clamp, Force, Load
+from anctmm.model.loads import load_text, width_of
+from anctmm.model.scene import Clamp, Load
 
 Array = NDArray[np.float64]
 
@@ -79,10 +80,10 @@ def timeline(clamps: Sequence[Clamp], loads: Sequence[Load], t_end: float, outpu
 
 
 def _of_load(load: Load, calendar: Calendar) -> Represented:
-    width = 2 if isinstance(load, Force) else 1
+    width = width_of(load)
     if not callable(load.value):
         return constant(np.full(width, load.value, dtype=float), calendar.t_end)
-    name = f"{'force' if width == 2 else 'torque'} on {load.end!r}"
+    name = load_text(load)
     return represent(name, load.value, width, calendar)
 
 

@@ -88,7 +88,7 @@ class Record:
         static = t is not None
         rates = {} if static else bodies.by_body(self.v[:kept])
         fields = {
-            name: HermiteField(coordinates, chain.scene.body(name).length, rates.get(name))
+            name: HermiteField(coordinates, chain.scene.beam(name).length, rates.get(name))
             for name, coordinates in bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T

@@ -5,7 +5,8 @@ from dataclasses import dataclass, fields
 from functools import cached_property
 from math import atan2, hypot
 
-from anctmm.errors import DegenerateBodyError, PropertyError, reason, shown, unknown_kind
+from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, reason, shown, unknown_kind
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
 from anctmm.model.velocities import Point, size_of, slope_of
 from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
@@ -134,6 +135,23 @@ class Beam:
         """Direction from start to end, rad."""
         return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])
 
+    @property
+    def extent(self) -> float:
+        """Its length, m: what gaps between it and others are compared with."""
+        return self.length
+
+    @property
+    def moving(self) -> bool:
+        """Whether it has a velocity at t = 0."""
+        return self.velocity is not None
+
+    def position_at(self, fraction: float) -> Point:
+        """Place at a fraction of the length in the reference, m."""
+        if fraction in (0.0, 1.0):
+            return self.end if fraction else self.start
+        (x, y), (u, v) = self.start, self.end
+        return x + fraction * (u - x), y + fraction * (v - y)
+
     def velocity_at(self, fraction: float) -> Point:
         """Initial velocity at a fraction of the length, m/s.
 
@@ -193,9 +211,9 @@ class Beam:
                 )
 
 
-Body = Beam
+Body = Beam | RigidBody | PointMass
 #: All kinds. None may be a subclass of another: solvers tell them apart by their class.
-BODIES = (Beam,)
+BODIES = (Beam, RigidBody, PointMass)
 
 
 def beam_of(body: Body) -> Beam:
@@ -209,8 +227,13 @@ def beam_of(body: Body) -> Beam:
     match body:
         case Beam():
             return body
+        case RigidBody() | PointMass():
+            raise UnknownKindError(
+                f"body {body.name!r} is a {type(body).__name__}; a Beam is needed here, which alone has ends, a length "
+                f"and elements"
+            )
         case _:
-            raise unknown_kind("body", body, (Beam,))
+            raise unknown_kind("body", body, BODIES)
 
 
 def _check_fields(name: str, thing: object, kind: type[Section] | type[Material]) -> None:

@@ -1,9 +1,7 @@
-"""Whether the joints of a scene fit each other and its bodies: no hold twice, no gap."""
+"""Whether the joints of a scene fit each other and its bodies: no hold twice, no gap, no direction where none is."""
 
 from collections import deque
-from collections.abc import Sequence
 from math import hypot
-from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -13,62 +11,22 @@ from anctmm.errors import (
     JointGapError,
     RepeatedJointError,
     SceneError,
+    UnknownKindError,
     shown,
     unknown_kind,
 )
-from anctmm.model.joints import JOINTS, SIDES, Clamp, Joint, Pin, Weld
-from anctmm.model.topology import End, Sets, end_of
+from anctmm.model.guide_checks import check_guides
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.places import End, Place, place_text
+from anctmm.model.topology import Graph, Sets
 
-Point = tuple[float, float]
 #: Relative gap up to which two ends count as one place (of the bodies' length, plus rounding of coordinates).
 GAP = 1e-9
 #: The ground, among the ends of bodies.
 GROUND: End = ("", -1)
 
 
-class Placed(Protocol):
-    """What is asked of a body here; `anctmm.model.scene.Beam` has it."""
-
-    @property
-    def name(self) -> str:
-        """Unique in its scene."""
-        ...
-
-    @property
-    def start(self) -> Point:
-        """Place of side 0, m."""
-        ...
-
-    @property
-    def end(self) -> Point:
-        """Place of side 1, m."""
-        ...
-
-    @property
-    def length(self) -> float:
-        """Undeformed length, m."""
-        ...
-
-
-class Jointed(Protocol):
-    """What is asked of a scene here."""
-
-    @property
-    def joints(self) -> Sequence[Joint]:
-        """All joints."""
-        ...
-
-    @property
-    def bodies(self) -> Sequence[Placed]:
-        """All bodies."""
-        ...
-
-    def body_end(self, end: str) -> tuple[Placed, int]:
-        """Body and side of an end's name."""
-        ...
-
-
-def check_joints(scene: Jointed) -> None:
+def check_joints(scene: Graph) -> None:
     """Refuse joints that do not fit.
 
     Raises
@@ -85,20 +43,30 @@ def check_joints(scene: Jointed) -> None:
         If two clamps, one of them driven, hold ends that are welded to each other.
     JointGapError
         If ends of one place lie apart.
+    UnknownKindError
+        If a joint holds the direction of a point mass, which has none, or the line of a guide is in no rigid body.
     """
     for joint in scene.joints:
         _check_ends(scene, joint)
     _check_repeats(scene)
     _check_places(scene)
+    check_guides(scene)
 
 
-def _check_ends(scene: Jointed, joint: Joint) -> None:
+def _check_ends(scene: Graph, joint: Joint) -> None:
     """Number of ends, their names, none twice."""
     least = fewest_ends(joint)
     if len(joint.ends) < least:
         needed = "two or more are" if least == 2 else "one or more is"
         raise SceneError(f"{shown(joint)} names {len(joint.ends)} end(s); {needed} needed")
-    known = [end_of(scene, name) for name in joint.ends]
+    places = [scene.place(name) for name in joint.ends]
+    known = [place.canonical for place in places]
+    for place in places:
+        if not place.turns and not isinstance(joint, Pin | Slider):
+            raise UnknownKindError(
+                f"{shown(joint)} holds the direction of the point mass {place.body.name!r}, which has none; "
+                f"a {'Slider' if isinstance(joint, Prismatic) else 'Pin'} does the same there"
+            )
     for name, end in zip(joint.ends, known, strict=True):
         if known.count(end) > 1:
             raise EndJoinedTwiceError(
@@ -110,7 +78,7 @@ def _check_ends(scene: Jointed, joint: Joint) -> None:
 def fewest_ends(joint: Joint) -> int:
     """Ends that a joint needs at least."""
     match joint:
-        case Pin() | Clamp():
+        case Pin() | Clamp() | Slider() | Prismatic():
             return 1
         case Weld():
             return 2
@@ -118,7 +86,7 @@ def fewest_ends(joint: Joint) -> int:
             raise unknown_kind("joint", joint, JOINTS)
 
 
-def _check_repeats(scene: Jointed) -> None:
+def _check_repeats(scene: Graph) -> None:
     """Every joint must hold something that the joints before it leave free.
 
     As ends of flexible bodies move independently, it is enough that the holds of places, drawn as edges between ends
@@ -127,7 +95,7 @@ def _check_repeats(scene: Jointed) -> None:
     places = Sets[End]()
     edges: dict[End, list[tuple[End, Joint]]] = {}
     for joint in scene.joints:
-        ends = [end_of(scene, name) for name in joint.ends] + [GROUND] * joint.grounded
+        ends = [scene.place(name).canonical for name in joint.ends] + [GROUND] * joint.grounded
         there: dict[End, End] = {}
         for end in ends:
             before = there.setdefault(places.of(end), end)
@@ -180,45 +148,33 @@ def _repeated(joint: Joint, one: End, two: End, others: list[Joint]) -> SceneErr
 
 def end_text(end: End) -> str:
     """An end as messages name it."""
-    return "the ground" if end == GROUND else repr(f"{end[0]}.{SIDES[end[1]]}")
+    return "the ground" if end == GROUND else place_text(end)
 
 
-class Met(NamedTuple):
-    """An end of a body as joints meet it: place (m), length of its body (m)."""
-
-    end: End
-    place: Point
-    length: float
-
-
-def _met(scene: Jointed, name: str) -> Met:
-    body, side = scene.body_end(name)
-    return Met((body.name, side), (body.start, body.end)[side], body.length)
-
-
-def _check_places(scene: Jointed) -> None:
+def _check_places(scene: Graph) -> None:
     """Ends of one place lie there."""
-    ends = {name: _met(scene, name) for joint in scene.joints for name in joint.ends}
+    ends = {name: scene.place(name) for joint in scene.joints for name in joint.ends}
     places = Sets[End]()
     for joint in scene.joints:
         for name in joint.ends[1:]:
-            places.unite(ends[joint.ends[0]].end, ends[name].end)
-    before: dict[End, Met] = {}
+            places.unite(ends[joint.ends[0]].canonical, ends[name].canonical)
+    before: dict[End, Place] = {}
     for joint in scene.joints:
         first, *others = (ends[name] for name in joint.ends)
         for other in others:
             _check_meeting(joint, first, other)
         # small gaps must not add up from joint to joint
-        _check_meeting(joint, before.setdefault(places.of(first.end), first), first)
+        _check_meeting(joint, before.setdefault(places.of(first.canonical), first), first)
 
 
-def _check_meeting(joint: Joint, a: Met, b: Met) -> None:
+def _check_meeting(joint: Joint, a: Place, b: Place) -> None:
     """Two ends that a joint, maybe with the help of others, holds at one place."""
-    p, q = a.place, b.place
+    p, q = a.position, b.position
     rounding = 8 * np.finfo(float).eps * max(map(abs, p + q))
-    gap, allowed = hypot(q[0] - p[0], q[1] - p[1]), GAP * min(a.length, b.length) + rounding
+    extent = min((place.body.extent for place in (a, b) if place.body.extent > 0.0), default=0.0)
+    gap, allowed = hypot(q[0] - p[0], q[1] - p[1]), GAP * extent + rounding
     if gap > allowed:
         raise JointGapError(
-            f"{shown(joint)} joins ends at {p!r} ({end_text(a.end)}) and {q!r} ({end_text(b.end)}), {gap:.3g} m apart; "
+            f"{shown(joint)} joins ends at {p!r} ({a}) and {q!r} ({b}), {gap:.3g} m apart; "
             f"at most {allowed:.3g} m is allowed"
         )

@@ -1,98 +1,100 @@
-"""Joints: what holds ends of bodies together, or to the ground."""
+"""Joints: what holds places of bodies together, or to the ground, and lines on which places move."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import final
+from math import hypot
+from typing import Any, final
 
-from anctmm.errors import PropertyError, UnknownNameError, shown
+from anctmm.errors import PropertyError, shown
 from anctmm.model.drives import Angle, breaks_of, value_at
-from anctmm.validation import flag
+from anctmm.model.places import Written, written
+from anctmm.model.velocities import Point
+from anctmm.validation import flag, text, vector
 
-#: Sides of a body, as the names of its ends have them.
-SIDES = ("start", "end")
-END_NEEDED = "allowed is 'name.start' or 'name.end'"
-
-
-def end_name(end: object) -> str:
-    """Return the name of a body's end as a plain string.
-
-    Raises
-    ------
-    UnknownNameError
-        If it is no string.
-    """
-    if not isinstance(end, str):
-        raise UnknownNameError(f"end {shown(end)} is not a body's end; {END_NEEDED}")
-    return str.__str__(end)
+Motion = Callable[[Any], tuple[Any, Any, Any]]
+"""t (s) → a value, its rate and its acceleration."""
 
 
 @final
 @dataclass(frozen=True, init=False)
 class Pin:
-    """Hinge of any number of ends, or of one end with the ground.
+    """Hinge of any number of places, or of one place with the ground.
 
     Parameters
     ----------
-    *ends : str
-        One or more. An end may be in several joints, as long as none repeats what others hold already.
+    *ends : place
+        One or more. A place may be in several joints, as long as none repeats what others hold already.
     grounded : bool
-        Whether a hinge of several ends is held in place, as by a support.
+        Whether a hinge of several places is held, as by a support.
     """
 
-    ends: tuple[str, ...]
+    ends: tuple[Written, ...]
     grounded: bool
 
-    def __init__(self, *ends: str, grounded: bool = False) -> None:
-        object.__setattr__(self, "ends", tuple(map(end_name, ends)))
+    def __init__(self, *ends: Written, grounded: bool = False) -> None:
+        object.__setattr__(self, "ends", tuple(map(written, ends)))
         object.__setattr__(self, "grounded", flag("pin grounded", grounded) or len(ends) == 1)
 
 
 @final
 @dataclass(frozen=True, init=False)
 class Weld:
-    """Rigid connection of ends: positions and all gradients, at the angles they have in the reference.
+    """Rigid connection of places: positions and all gradients, at the angles they have in the reference.
 
     Parameters
     ----------
-    *ends : str
-        Two or more. An end may be in several joints, as long as none repeats what others hold already.
+    *ends : place
+        Two or more. A place may be in several joints, as long as none repeats what others hold already.
     grounded : bool
         Whether its place is pinned to the ground, as where a continuous beam passes over a support.
+    angle : callable, optional
+        Of two places: t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², by which the second turns against the first, a driven
+        hinge; θ(0) = 0.
     """
 
-    ends: tuple[str, ...]
+    ends: tuple[Written, ...]
     grounded: bool
+    angle: Angle | None
 
-    def __init__(self, *ends: str, grounded: bool = False) -> None:
-        object.__setattr__(self, "ends", tuple(map(end_name, ends)))
+    def __init__(self, *ends: Written, grounded: bool = False, angle: Angle | None = None) -> None:
+        object.__setattr__(self, "ends", tuple(map(written, ends)))
         object.__setattr__(self, "grounded", flag("weld grounded", grounded))
+        object.__setattr__(self, "angle", angle)
+        _check_callable(f"weld of {shown(self.ends)} angle", angle, "(θ, θ', θ'')")
+        if angle is not None and len(self.ends) != 2:
+            raise PropertyError(
+                f"weld of {shown(self.ends)} has an angle and {len(self.ends)} place(s); two are needed: "
+                f"the second turns against the first"
+            )
+
+    def __repr__(self) -> str:
+        # what is absent is not written: texts and keys of scenes without it stay as they are
+        angle = f", angle={self.angle!r}" if self.angle is not None else ""
+        return f"Weld(ends={self.ends!r}, grounded={self.grounded!r}{angle})"
 
 
 @final
 @dataclass(frozen=True)
 class Clamp:
-    """An end fixed to the ground, or to a support there that turns: a driven clamp.
+    """A place fixed to the ground, or to a support there that turns: a driven clamp.
 
     Parameters
     ----------
-    end : str
+    end : place
     angle : callable, optional
         t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², from the reference direction, θ(0) = 0; fixed without it.
     """
 
-    end: str
+    end: Written
     angle: Angle | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "end", end_name(self.end))
-        if self.angle is not None and not callable(self.angle):
-            raise PropertyError(
-                f"clamp {shown(self.end)} angle is {shown(self.angle)}; "
-                f"None or a callable t -> (θ, θ', θ'') is allowed"
-            )
+        object.__setattr__(self, "end", written(self.end))
+        _check_callable(f"clamp {shown(self.end)} angle", self.angle, "(θ, θ', θ'')")
 
     @property
-    def ends(self) -> tuple[str, ...]:
-        """The one end it holds."""
+    def ends(self) -> tuple[Written, ...]:
+        """The one place it holds."""
         return (self.end,)
 
     @property
@@ -101,26 +103,130 @@ class Clamp:
         return True
 
 
-Joint = Pin | Weld | Clamp
-#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
-JOINTS = (Pin, Weld, Clamp)
+@final
+@dataclass(frozen=True)
+class Slider:
+    """A place that moves on a straight line through its reference place, and is free to turn.
 
-#: Angle of a driven clamp at t = 0 that counts as none, rad.
+    Parameters
+    ----------
+    place : place
+    direction : (float, float)
+        Of the line in the reference, of any length; kept as a unit vector.
+    body : str, optional
+        The rigid body in which the line is fixed, with which it moves and turns; the ground without it.
+    position : callable, optional
+        t (s) → (s, s', s'') in m, m/s, m/s² along the line from the reference place, s(0) = 0: driven; free without it.
+
+    Raises
+    ------
+    PropertyError
+        If the direction has no length, or the position cannot be called.
+    """
+
+    place: Written
+    direction: Point = (1.0, 0.0)
+    body: str | None = None
+    position: Motion | None = None
+
+    def __post_init__(self) -> None:
+        _check_guide(self)
+
+    @property
+    def ends(self) -> tuple[Written, ...]:
+        """The one place it guides."""
+        return (self.place,)
+
+    @property
+    def grounded(self) -> bool:
+        """Never: the place moves."""
+        return False
+
+
+@final
+@dataclass(frozen=True)
+class Prismatic:
+    """A place that moves on a straight line through its reference place, and does not turn against it.
+
+    Parameters and errors are those of `Slider`.
+    """
+
+    place: Written
+    direction: Point = (1.0, 0.0)
+    body: str | None = None
+    position: Motion | None = None
+
+    def __post_init__(self) -> None:
+        _check_guide(self)
+
+    @property
+    def ends(self) -> tuple[Written, ...]:
+        """The one place it guides."""
+        return (self.place,)
+
+    @property
+    def grounded(self) -> bool:
+        """Never: the place moves."""
+        return False
+
+
+Guide = Slider | Prismatic
+Joint = Pin | Weld | Clamp | Slider | Prismatic
+#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
+
+#: Angle (rad) or position (m) of a drive at t = 0 that counts as none.
 NO_TURN = 1e-12
 
 
-def check_angle(clamp: Clamp) -> None:
-    """Refuse a clamp whose angle gives nothing, or is not zero, at t = 0.
+def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
+    """Name of the history that drives a joint, the history and its unit; None where nothing drives it."""
+    match joint:
+        case Clamp():
+            return None if joint.angle is None else (f"clamp {shown(joint.end)} angle", joint.angle, "rad")
+        case Weld():
+            return None if joint.angle is None else (f"weld of {shown(joint.ends)} angle", joint.angle, "rad")
+        case Slider() | Prismatic():
+            name = f"{type(joint).__name__.lower()} {shown(joint.place)} position"
+            return None if joint.position is None else (name, joint.position, "m")
+        case Pin():
+            return None
+
+
+def check_drive(joint: Joint) -> None:
+    """Refuse a joint whose history gives nothing, or is not zero, at t = 0.
 
     Raises
     ------
     PropertyError
     """
-    if clamp.angle is None:
+    if (drive := drive_of(joint)) is None:
         return
-    breaks_of(f"clamp {shown(clamp.end)} angle", clamp.angle)
-    start = float(value_at(f"clamp {shown(clamp.end)} angle", clamp.angle, 0.0, 3)[0])
+    name, history, unit = drive
+    breaks_of(name, history)
+    start = float(value_at(name, history, 0.0, 3)[0])
     if abs(start) > NO_TURN:
+        verb = "turns" if unit == "rad" else "moves"
+        raise PropertyError(f"{name} is {start!r} {unit} at t = 0; 0 is needed: it {verb} from the reference")
+
+
+def _check_callable(name: str, history: object, answer: str) -> None:
+    if history is not None and not callable(history):
+        raise PropertyError(f"{name} is {shown(history)}; None or a callable t -> {answer} is allowed")
+
+
+def _check_guide(guide: Guide) -> None:
+    set_, kind = object.__setattr__, type(guide).__name__.lower()
+    set_(guide, "place", written(guide.place))
+    what = f"{kind} {shown(guide.place)}"
+    x, y = vector(f"{what} direction", guide.direction)
+    size = hypot(x, y)
+    if size == 0.0:
         raise PropertyError(
-            f"clamp {shown(clamp.end)} angle is {start!r} rad at t = 0; 0 is needed: it turns from the reference"
+            f"{what} direction is {shown(guide.direction)}; a vector of some length is needed"
         )
+    x, y = x / size, y / size
+    set_(guide, "direction", (x / hypot(x, y), y / hypot(x, y)))
+    if guide.body is not None:
+        set_(guide, "body", text(f"{what} body", guide.body))
+    _check_callable(f"{what} position", guide.position, "(s, s', s'')")

@@ -1,60 +1,108 @@
-"""Loads on ends of bodies."""
+"""Loads: forces and moments on places of bodies, and along beams."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import shown, unknown_kind
+from anctmm.errors import UnknownKindError, shown, unknown_kind
+from anctmm.model.bodies import Beam
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.joints import end_name
+from anctmm.model.places import Place, Written, written
 from anctmm.model.velocities import Point
-from anctmm.validation import number, vector
+from anctmm.validation import flag, number, text, vector
 
 
 @final
 @dataclass(frozen=True)
 class Force:
-    """Dead force on an end: constant (Fx, Fy) or t → (Fx, Fy), N."""
+    """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N.
 
-    end: str
+    Parameters
+    ----------
+    end : place
+    value : (float, float) or callable
+    follower : bool
+        Whether it turns with the place: components are then those in the reference. A dead force without it.
+    """
+
+    end: Written
     value: Point | Callable[[Any], Point]
+    follower: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "end", end_name(self.end))
+        object.__setattr__(self, "end", written(self.end))
+        object.__setattr__(self, "follower", flag(f"force on {shown(self.end)} follower", self.follower))
         if not callable(self.value):
             object.__setattr__(self, "value", vector(f"force on {shown(self.end)} (N)", self.value))
         breaks_of(f"force on {shown(self.end)}", self.value)
+
+    def __repr__(self) -> str:
+        # what is absent is not written: texts and keys of scenes without it stay as they are
+        follower = ", follower=True" if self.follower else ""
+        return f"Force(end={self.end!r}, value={self.value!r}{follower})"
 
 
 @final
 @dataclass(frozen=True)
 class Torque:
-    """Moment on an end, positive counter-clockwise: constant or t → moment, N m.
+    """Moment on a place, positive counter-clockwise: constant or t → moment, N m.
 
     It acts on the direction of the section: on r_x of a cable (whose section stays normal to its axis), on
     r_y of a shear-deformable element.
     """
 
-    end: str
+    end: Written
     value: float | Callable[[Any], float]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "end", end_name(self.end))
+        object.__setattr__(self, "end", written(self.end))
         if not callable(self.value):
             object.__setattr__(self, "value", number(f"torque on {shown(self.end)} (N m)", self.value))
         breaks_of(f"torque on {shown(self.end)}", self.value)
 
 
-Load = Force | Torque
+@final
+@dataclass(frozen=True)
+class LineLoad:
+    """Dead force along a whole beam, per undeformed length: constant (qx, qy) or t → (qx, qy), N/m."""
+
+    body: str
+    value: Point | Callable[[Any], Point]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "body", text("line load body", self.body))
+        if not callable(self.value):
+            object.__setattr__(self, "value", vector(f"line load on {shown(self.body)} (N/m)", self.value))
+        breaks_of(f"line load on {shown(self.body)}", self.value)
+
+
+Load = Force | Torque | LineLoad
 #: All kinds. None may be a subclass of another: solvers tell them apart by their class.
-LOADS = (Force, Torque)
+LOADS = (Force, Torque, LineLoad)
+
+
+class Placing(Protocol):
+    """What is asked of a scene here."""
+
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
+        ...
+
+    def beam(self, name: str) -> Beam:
+        """A beam."""
+        ...
+
+
+def load_text(load: Load) -> str:
+    """A load as messages name it."""
+    return f"load on {shown(load.body if isinstance(load, LineLoad) else load.end)}"
 
 
 def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values of loads at times: force (x, y), N, or moment and 0, N m.
+    """Values of loads at times: force (x, y), N or N/m, or moment and 0, N m.
 
     Parameters
     ----------
@@ -75,7 +123,7 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
     for i, load in enumerate(loads):
         width = width_of(load)
         if callable(load.value):
-            table[:, i, :width] = tabulate(f"load on {load.end!r}", load.value, t, width)
+            table[:, i, :width] = tabulate(load_text(load), load.value, t, width)
         else:
             table[:, i, :width] = load.value
     return table
@@ -84,7 +132,7 @@ def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float
 def width_of(load: Load) -> int:
     """Numbers that the value of a load has."""
     match load:
-        case Force():
+        case Force() | LineLoad():
             return 2
         case Torque():
             return 1
@@ -92,12 +140,29 @@ def width_of(load: Load) -> int:
             raise unknown_kind("load", load, LOADS)
 
 
-def check_load(load: Load) -> None:
-    """Refuse a load whose history gives nothing at t = 0.
+def check_load(scene: Placing, load: Load) -> None:
+    """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0.
 
     Raises
     ------
+    UnknownNameError
+        If its place is not of the scene.
+    UnknownKindError
+        If it needs a direction and its place has none, or a beam and its body is none.
     PropertyError
+        If its history gives nothing at t = 0.
     """
+    match load:
+        case Force() | Torque():
+            place = scene.place(load.end)
+            if not place.turns and (isinstance(load, Torque) or load.follower):
+                raise UnknownKindError(
+                    f"{load!r} acts on the point mass {place.body.name!r}, which does not turn; "
+                    f"a dead Force is allowed there"
+                )
+        case LineLoad():
+            scene.beam(load.body)
+        case _:
+            raise unknown_kind("load", load, LOADS)
     if callable(load.value):
-        tabulate(f"load on {shown(load.end)}", load.value, np.zeros(1), width_of(load))
+        tabulate(load_text(load), load.value, np.zeros(1), width_of(load))

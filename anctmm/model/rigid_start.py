@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import JointGapError, unknown_kind
-from anctmm.model.bodies import Beam
-from anctmm.model.joints import JOINTS, Clamp, Pin, Weld
+from anctmm.model.bodies import BODIES, Beam, Body
+from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.places import Written
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.model.start import EQUAL, turning_rate
+from anctmm.model.start import EQUAL, drive_rate
 from anctmm.model.velocities import Point, RigidVelocity
 
 Array = NDArray[np.float64]
@@ -44,43 +46,102 @@ def consistent_velocities(scene: Scene) -> Scene:
             f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: {missed:.3g} m/s "
             f"are missed; bodies that bend need velocities of their own"
         )
-    bodies = []
-    for body, (vx, vy, spin) in zip(scene.bodies, motion.reshape(-1, 3).tolist(), strict=True):
-        rigid = RigidVelocity(body.start, body.end, _center(body), spin, (vx, vy))
-        bodies.append(replace(body, velocity=rigid if vx or vy or spin else None))
-    return replace(scene, bodies=tuple(bodies))
+    motions = motion.reshape(-1, 3).tolist()
+    bodies = tuple(
+        _moved(body, (vx, vy), spin) for body, (vx, vy, spin) in zip(scene.bodies, motions, strict=True)
+    )
+    return replace(scene, bodies=bodies)
 
 
-def _center(body: Beam) -> Point:
-    return 0.5 * (body.start[0] + body.end[0]), 0.5 * (body.start[1] + body.end[1])
+def _moved(body: Body, velocity: Point, spin: float) -> Body:
+    """The body with a velocity of its centre and a spin."""
+    match body:
+        case Beam():
+            rigid = RigidVelocity(body.start, body.end, _center(body), spin, velocity)
+            return replace(body, velocity=rigid if any(velocity) or spin else None)
+        case RigidBody():
+            return replace(body, velocity=velocity, spin=spin)
+        case PointMass():
+            return replace(body, velocity=velocity)
+        case _:
+            raise unknown_kind("body", body, BODIES)
 
 
-def _root_inertias(body: Beam) -> Array:
+def _center(body: Body) -> Point:
+    match body:
+        case Beam():
+            return 0.5 * (body.start[0] + body.end[0]), 0.5 * (body.start[1] + body.end[1])
+        case RigidBody():
+            return body.center
+        case PointMass():
+            return body.position
+        case _:
+            raise unknown_kind("body", body, BODIES)
+
+
+def _root_inertias(body: Body) -> Array:
     """Roots of mass, mass and moment of inertia about the centre of a body, by its velocity and its spin."""
-    line = body.material.density * body.section.area * body.length
-    inertia = line * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
-    return np.sqrt([line, line, inertia])
+    match body:
+        case Beam():
+            mass = body.material.density * body.section.area * body.length
+            inertia = mass * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
+        case RigidBody():
+            mass, inertia = body.mass, body.inertia
+        case PointMass():
+            mass, inertia = body.mass, body.mass  # it has no spin: any inertia will do
+        case _:
+            raise unknown_kind("body", body, BODIES)
+    return np.sqrt([mass, mass, inertia])
+
+
+class _Rows:
+    """Rows of the velocities of places, by the motions (vx, vy of the centre, spin) of all bodies."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene, self.size = scene, 3 * len(scene.bodies)
+        self.first = {body.name: 3 * i for i, body in enumerate(scene.bodies)}
+
+    def at(self, body: Body, point: Point) -> Array:
+        """(3, size): velocity of a body at a point of the plane, and its spin."""
+        (cx, cy), rows, i = _center(body), np.zeros((3, self.size)), self.first[body.name]
+        rows[0, i], rows[0, i + 2] = 1.0, cy - point[1]
+        rows[1, i + 1], rows[1, i + 2] = 1.0, point[0] - cx
+        rows[2, i + 2] = 1.0
+        return rows
+
+    def of(self, written: Written) -> Array:
+        """The same of a place."""
+        place = self.scene.place(written)
+        return self.at(place.body, place.position)
+
+    def extent(self, *places: Written) -> float:
+        """The least of the bodies' extents, m, that makes a rate a velocity; 1 where there is none."""
+        extents = [self.scene.place(place).body.extent for place in places]
+        return min((extent for extent in extents if extent > 0.0), default=1.0)
+
+    def guided(self, guide: Guide) -> list[tuple[Array, float]]:
+        """Equations of a guide."""
+        place, (x, y) = self.scene.place(guide.place), guide.direction
+        rows = self.of(guide.place)
+        if guide.body is not None:
+            rows = rows - self.at(self.scene.body(guide.body), place.position)
+        found = [(x * rows[1] - y * rows[0], 0.0)]
+        if guide.position is not None:
+            found.append((x * rows[0] + y * rows[1], drive_rate(guide)))
+        if isinstance(guide, Prismatic):
+            found.append((self.extent(guide.place) * rows[2], 0.0))
+        return found
 
 
 def _rigid_constraints(scene: Scene) -> tuple[Array, Array]:
     """Joints' equations for the velocities of rigid bodies (vx, vy of the centre, spin): rows and right sides, m/s."""
-    place = {body.name: 3 * i for i, body in enumerate(scene.bodies)}
-    size = 3 * len(scene.bodies)
-
-    def of_end(name: str) -> Array:
-        """(3, size): velocity of an end, and the spin times the body's length."""
-        body, side = scene.body_end(name)
-        (x, y), (cx, cy), rows = (body.start, body.end)[side], _center(body), np.zeros((3, size))
-        i = place[body.name]
-        rows[0, i], rows[0, i + 2] = 1.0, cy - y
-        rows[1, i + 1], rows[1, i + 2] = 1.0, x - cx
-        rows[2, i + 2] = body.length
-        return rows
-
-    found: list[tuple[Array, float]] = []
+    of, found = _Rows(scene), list[tuple[Array, float]]()
+    for body in scene.bodies:
+        if isinstance(body, PointMass):
+            found.append((of.at(body, body.position)[2], 0.0))
     for joint in scene.joints:
-        rows = [of_end(end) for end in joint.ends]
-        lengths = [scene.body_end(end)[0].length for end in joint.ends]
+        rows = [of.of(end) for end in joint.ends]
+        length = of.extent(*joint.ends)
         found += [(row, 0.0) for other in rows[1:] for row in other[:2] - rows[0][:2]]
         if joint.grounded:
             found += [(row, 0.0) for row in rows[0][:2]]
@@ -88,10 +149,11 @@ def _rigid_constraints(scene: Scene) -> tuple[Array, Array]:
             case Pin():
                 pass
             case Weld():
-                spins = [row[2] / length for row, length in zip(rows, lengths, strict=True)]
-                found += [(min(lengths) * (spin - spins[0]), 0.0) for spin in spins[1:]]
+                found += [(length * (row[2] - rows[0][2]), length * drive_rate(joint)) for row in rows[1:]]
             case Clamp():
-                found.append((rows[0][2], turning_rate(joint) * lengths[0]))
+                found.append((length * rows[0][2], length * drive_rate(joint)))
+            case Slider() | Prismatic():
+                found += of.guided(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
-    return np.array([row for row, _ in found]).reshape(-1, size), np.array([rate for _, rate in found])
+    return np.array([row for row, _ in found]).reshape(-1, of.size), np.array([rate for _, rate in found])

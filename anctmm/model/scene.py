@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import islice
 from typing import Any
 
@@ -15,48 +16,60 @@ from anctmm.errors import (
     reason,
     shown,
 )
-from anctmm.model.bodies import BODIES, Beam, Material, Point, distance
+from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
 from anctmm.model.joint_checks import check_joints
-from anctmm.model.joints import END_NEEDED, JOINTS, SIDES, Clamp, Joint, Pin, Weld, check_angle, end_name
-from anctmm.model.loads import LOADS, Force, Load, Torque, check_load
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
+from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
+from anctmm.model.places import PLACE_NEEDED, Key, Place, Written, place_in, written
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.start import check_start
-from anctmm.validation import is_pair, text, vector, within
+from anctmm.validation import text, vector
 
 __all__ = [
     "Beam",
     "Clamp",
+    "Connector",
     "Force",
     "Joint",
+    "LineLoad",
     "Load",
     "Material",
     "Pin",
     "Point",
+    "PointMass",
+    "Prismatic",
     "Probe",
+    "RigidBody",
+    "RotationalSpring",
     "Scene",
+    "Slider",
+    "Spring",
     "Torque",
     "Weld",
     "checked_scene",
     "distance",
 ]
 
-Probe = str | tuple[str, float]
-#: Bodies, joints and loads, each, at most: an iterable without an end is told.
+Probe = Written
+#: Bodies, joints, connectors and loads, each, at most: an iterable without an end is told.
 MOST = 1_000_000
 
 
 @dataclass(frozen=True)
 class Scene:
-    """A planar system of beams, validated on construction.
+    """A planar system of bodies, validated on construction.
 
     Parameters
     ----------
     name : str
-    bodies : iterable of Beam
-    joints : iterable of Pin, Weld, Clamp
+    bodies : iterable of Beam, RigidBody, PointMass
+    joints : iterable of Pin, Weld, Clamp, Slider, Prismatic
         Edges of a graph, which may branch and close loops. A body without a joint is free.
-    loads : iterable of Force, Torque
+    loads : iterable of Force, Torque, LineLoad
     gravity : (float, float)
         m/s².
+    connectors : iterable of Spring, RotationalSpring
 
     Raises
     ------
@@ -65,11 +78,12 @@ class Scene:
     """
 
     name: str
-    bodies: tuple[Beam, ...]
+    bodies: tuple[Body, ...]
     joints: tuple[Joint, ...] = ()
     loads: tuple[Load, ...] = ()
     gravity: Point = (0.0, 0.0)
-    _by_name: dict[str, Beam] = field(init=False, repr=False, compare=False, hash=False)
+    connectors: tuple[Connector, ...] = ()
+    _by_name: dict[str, Body] = field(init=False, repr=False, compare=False, hash=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -78,6 +92,7 @@ class Scene:
         set_(self, "joints", _all_of("joints", self.joints, JOINTS))
         set_(self, "loads", _all_of("loads", self.loads, LOADS))
         set_(self, "gravity", vector("gravity (m/s²)", self.gravity))
+        set_(self, "connectors", _all_of("connectors", self.connectors, CONNECTORS))
         if not self.bodies:
             raise SceneError(f"scene {self.name!r} has no bodies; at least one is needed")
         set_(self, "_by_name", {b.name: b for b in self.bodies})
@@ -86,14 +101,33 @@ class Scene:
             raise DuplicateNameError(f"body name {twice!r} is used {times} times; once is allowed")
         check_joints(self)
         for joint in self.joints:
-            if isinstance(joint, Clamp):
-                check_angle(joint)
+            check_drive(joint)
+        for connector in self.connectors:
+            check_connector(self, connector)
         for load in self.loads:
-            self.body_end(load.end)
-            check_load(load)
+            check_load(self, load)
         check_start(self)
 
-    def body(self, name: str) -> Beam:
+    @property
+    def beams(self) -> tuple[Beam, ...]:
+        """Its beams: the bodies that a mesh cuts."""
+        return tuple(body for body in self.bodies if isinstance(body, Beam))
+
+    @cached_property
+    def length(self) -> float:
+        """Length that positions are compared with: of all beams, with the extents of rigid bodies, m.
+
+        Of point masses alone it is the size of the box around them and the points of the ground that hold them.
+        """
+        length = sum(body.extent for body in self.bodies)
+        if length > 0.0:
+            return length
+        points = [place for body in self.bodies for place in map(body.position_at, body.keys)]  # type: ignore[union-attr]
+        points += [c.ground for c in self.connectors if isinstance(c, Spring) and c.ground is not None]
+        spread = max(max(axis) - min(axis) for axis in zip(*points, strict=True))
+        return spread or 1.0
+
+    def body(self, name: str) -> Body:
         """The body of a name; raises UnknownNameError."""
         body = self._by_name.get(name) if isinstance(name, str) else None
         if body is None:
@@ -102,32 +136,69 @@ class Scene:
             )
         return body
 
-    def body_end(self, end: str) -> tuple[Beam, int]:
-        """Body and side (0 start, 1 end) of an end's name such as "crank.start"; raises UnknownNameError."""
-        name, dot, side = end_name(end).rpartition(".")
-        if not dot or side not in SIDES:
-            raise UnknownNameError(f"end {shown(end)} is not a body's end; {END_NEEDED}")
-        return self.body(name), SIDES.index(side)
-
-    def probe(self, probe: Probe) -> tuple[str, float]:
-        """Body and fraction of its undeformed length of a probe: "name.end" or ("name", fraction).
+    def beam(self, name: str) -> Beam:
+        """The beam of a name.
 
         Raises
         ------
         UnknownNameError
-            If it is no probe, or not of the scene.
-        PropertyError
-            If the fraction lies outside [0, 1].
+            If the scene has no body of that name.
+        UnknownKindError
+            If the body is of another kind.
         """
-        if isinstance(probe, str):
-            body, side = self.body_end(probe)
-            return body.name, float(side)
-        if not is_pair(probe):
+        return beam_of(self.body(name))
+
+    def place(self, place: Written) -> Place:
+        """What a place is: "name.start", ("name", fraction), "name.point".
+
+        Raises
+        ------
+        UnknownNameError
+            If it is no place, or not of the scene.
+        PropertyError
+            If a fraction lies outside [0, 1].
+        """
+        given: Any = written(place)
+        name, dot, key = given.rpartition(".") if isinstance(given, str) else (given[0], ".", given[1])
+        if not dot:
+            raise UnknownNameError(f"place {shown(place)} is no place of a body; {PLACE_NEEDED}")
+        body = self.body(name)
+        if (found := place_in(body, key)) is None:
+            known = ("start", "end") if isinstance(body, Beam) else body.keys
             raise UnknownNameError(
-                f"probe is {shown(probe)}; 'name.start', 'name.end' or ('name', fraction) is needed"
+                f"place {shown(place)} is not in scene {self.name!r}: "
+                f"{type(body).__name__} {name!r} has {listed(known)}; "
+                f"{PLACE_NEEDED}"
             )
-        name, fraction = probe
-        return self.body(name).name, within(f"probe fraction on {shown(name)}", fraction, 0.0, 1.0, "[]")
+        return Place(body, found)
+
+    def body_end(self, end: Written) -> tuple[Beam, int]:
+        """Beam and side (0 start, 1 end) of an end such as "crank.start", for what knows no other places.
+
+        Raises
+        ------
+        UnknownNameError
+            If it is another place, or none.
+        """
+        place = self.place(end)
+        if not isinstance(place.body, Beam) or place.interior:
+            raise UnknownNameError(
+                f"place {shown(end)} is no end of a beam; 'name.start' or 'name.end' is needed here"
+            )
+        return place.body, int(place.key)
+
+    def probe(self, probe: Probe) -> tuple[str, Key]:
+        """Body and key of a probe: of a beam the fraction of its undeformed length, of others a point's name.
+
+        Raises
+        ------
+        UnknownNameError
+            If it is no place, or not of the scene.
+        PropertyError
+            If a fraction lies outside [0, 1].
+        """
+        place = self.place(probe)
+        return place.body.name, place.key if isinstance(place.key, str) else float(place.key)
 
 
 def checked_scene(scene: object) -> Scene:

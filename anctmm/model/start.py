@@ -2,7 +2,8 @@
 
 Velocities of joined ends must be equal, and those of held ends zero. At a weld the gradients turn together, too: what
 else is given has no meaning. At a clamp the ground or the drive says what the gradient does, whatever the body's
-velocity; a difference is told by a warning, since the energy of the start then depends on the mesh.
+velocity; a difference is told by a warning, since the energy of the start then depends on the mesh. A rigid
+body has no such freedom: it must move as its joints do.
 """
 
 from cmath import phase
@@ -15,10 +16,12 @@ from warnings import warn
 import numpy as np
 
 from anctmm.errors import JointGapError, StartWarning, shown
-from anctmm.model.bodies import Beam
+from anctmm.model.bodies import Beam, Body
 from anctmm.model.drives import value_at
-from anctmm.model.joints import SIDES, Clamp, Joint
-from anctmm.model.topology import End, junctions_of
+from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Weld, drive_of
+from anctmm.model.places import Place, Written
+from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.topology import Junction, junctions_of
 from anctmm.model.velocities import Point
 
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
@@ -31,8 +34,13 @@ class Starting(Protocol):
     """What is asked of a scene here; `anctmm.model.scene.Scene` has it."""
 
     @property
-    def bodies(self) -> Sequence[Beam]:
+    def bodies(self) -> Sequence[Body]:
         """All bodies."""
+        ...
+
+    @property
+    def beams(self) -> Sequence[Beam]:
+        """Bodies that bend."""
         ...
 
     @property
@@ -40,12 +48,12 @@ class Starting(Protocol):
         """All joints."""
         ...
 
-    def body(self, name: str) -> Beam:
+    def body(self, name: str) -> Body:
         """The body of a name."""
         ...
 
-    def body_end(self, end: str) -> tuple[Beam, int]:
-        """Body and side of an end's name."""
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
         ...
 
 
@@ -57,71 +65,96 @@ def check_start(scene: Starting) -> None:
     JointGapError
         Naming the ends, the velocities or rates, and what is needed.
     """
-    moving = any(b.velocity is not None for b in scene.bodies) or any(map(turning_rate, scene.joints))
+    moving = any(b.moving for b in scene.bodies) or any(map(drive_rate, scene.joints))
     if not moving or not scene.joints:
         return
     allowed = EQUAL * _largest_speed(scene) + EPS * _wave_speed(scene)
     for junction in junctions_of(scene):
-        ends = [Moving.of(scene, end) for end in junction.ends]
+        ends = [Moving(scene.place(_as_written(end))) for end in junction.ends]
         _check_velocities(ends, junction.grounded, allowed)
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-            first, *others = (Moving.of(scene, end) for end in group)
+            first, *others = (Moving(scene.place(_as_written(end))) for end in group)
             for other in others:
-                _check_gradients(first, other, EQUAL_SLOPES / EQUAL * allowed)
+                _check_gradients(first, other, 0.0, EQUAL_SLOPES / EQUAL * allowed)
             if clamp is not None:
-                _compare_turning(clamp, first, EQUAL_SLOPES / EQUAL * allowed)
+                _compare_turning(clamp, first, drive_rate(clamp), EQUAL_SLOPES / EQUAL * allowed)
+        _check_moving_joints(scene, junction, allowed)
 
 
-def turning_rate(joint: Joint) -> float:
-    """Rate at which a driven clamp turns at t = 0, rad/s; 0 of any other joint."""
-    if not isinstance(joint, Clamp) or joint.angle is None:
+def _check_moving_joints(scene: Starting, junction: Junction, allowed: float) -> None:
+    """Driven welds and guides of a junction."""
+    for hinge in junction.hinges:
+        one, two = (Moving(scene.place(end)) for end in hinge.ends)
+        _check_gradients(one, two, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed)
+    for guide in junction.guides:
+        spin = _check_guide(scene, guide, allowed)
+        if isinstance(guide, Prismatic):
+            _compare_turning(guide, Moving(scene.place(guide.place)), spin, EQUAL_SLOPES / EQUAL * allowed, 6)
+
+
+def drive_rate(joint: Joint) -> float:
+    """Rate at t = 0 of what drives a joint, rad/s or m/s; 0 where nothing does."""
+    if (drive := drive_of(joint)) is None:
         return 0.0
-    return float(value_at(f"clamp {shown(joint.end)} angle", joint.angle, 0.0, 3)[1])
+    return float(value_at(drive[0], drive[1], 0.0, 3)[1])
 
 
 def _largest_speed(scene: Starting) -> float:
-    """Largest speed of bodies and driven clamps at t = 0, m/s."""
-    speeds = [b.speed for b in scene.bodies if b.velocity is not None]
+    """Largest speed of bodies and drives at t = 0, m/s."""
+    speeds = [b.speed for b in scene.bodies if b.moving]
     for joint in scene.joints:
-        speeds.append(abs(turning_rate(joint)) * scene.body_end(joint.ends[0])[0].length)
+        extent = scene.place(joint.ends[0]).body.extent if isinstance(joint, Clamp | Weld) else 1.0
+        speeds.append(abs(drive_rate(joint)) * extent)
     return max(speeds, default=0.0)
 
 
 def _wave_speed(scene: Starting) -> float:
     """Largest speed of axial waves, m/s: a velocity of ε times it strains a body by ε, which rounding hides."""
-    return max(sqrt(b.material.E / b.material.density) for b in scene.bodies)
+    return max((sqrt(b.material.E / b.material.density) for b in scene.beams), default=0.0)
+
+
+def _as_written(end: tuple[str, float | str]) -> Written:
+    return f"{end[0]}.{end[1]}" if isinstance(end[1], str) else end  # type: ignore[return-value]
 
 
 @dataclass(frozen=True)
 class Moving:
-    """An end of a body and how it moves at t = 0; vectors of the plane are complex numbers."""
+    """A place and how it moves at t = 0; vectors of the plane are complex numbers."""
 
-    body: Beam
-    side: int
-
-    @classmethod
-    def of(cls, scene: Starting, end: End) -> "Moving":
-        """That of an end's name."""
-        return cls(scene.body(end[0]), end[1])
+    place: Place
 
     @property
     def velocity(self) -> Point:
         """m/s."""
-        return self.body.velocity_at(float(self.side))
+        return self.place.velocity
 
     @property
     def gradient_rate(self) -> complex:
-        """Rate of the gradient r_x, 1/s."""
-        return complex(*self.body.velocity_slope_at(float(self.side))) / self.body.length
+        """Rate of the gradient r_x, or of the unit vector that turns with a rigid body, 1/s."""
+        match self.place.body:
+            case Beam() as beam:
+                return complex(*beam.velocity_slope_at(float(self.place.key))) / beam.length
+            case RigidBody() as rigid:
+                return 1j * rigid.spin
+            case PointMass():
+                return 0j
 
     @property
     def axis(self) -> complex:
-        """Direction of the body, of length 1."""
-        (x, y), (u, v) = self.body.start, self.body.end
-        return complex(u - x, v - y) / self.body.length
+        """That vector in the reference, of length 1."""
+        body = self.place.body
+        if not isinstance(body, Beam):
+            return 1.0 + 0j
+        (x, y), (u, v) = body.start, body.end
+        return complex(u - x, v - y) / body.length
+
+    @property
+    def turning(self) -> complex:
+        """Rate of stretching and i times that of turning, 1/s."""
+        return self.gradient_rate / self.axis
 
     def __str__(self) -> str:
-        return repr(f"{self.body.name}.{SIDES[self.side]}")
+        return str(self.place)
 
 
 def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> None:
@@ -139,11 +172,19 @@ def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> Non
             )
 
 
-def _check_gradients(one: Moving, two: Moving, allowed: float) -> None:
-    """Gradients that are welded are one, turned: so are their rates."""
-    turn, rates = two.axis / one.axis, (one.gradient_rate, two.gradient_rate)
-    if abs(rates[1] - turn * rates[0]) <= allowed / min(one.body.length, two.body.length):
+def _check_gradients(one: Moving, two: Moving, driven: float, allowed: float) -> None:
+    """Gradients that are welded are one, turned: so are their rates, but for what a drive adds."""
+    rates = one.gradient_rate, two.gradient_rate
+    extents = [m.place.body.extent for m in (one, two) if m.place.body.extent > 0.0]
+    slack = EQUAL_SLOPES * max(map(abs, rates)) + max((allowed / extent for extent in extents), default=0.0)
+    if abs(two.turning - one.turning - 1j * driven) <= slack:
         return
+    turn = two.axis / one.axis
+    if driven:
+        raise JointGapError(
+            f"end {two} is driven against {one} at {driven:.6g} rad/s at t = 0, and their velocities turn them at "
+            f"{two.turning.imag:.6g} and {one.turning.imag:.6g} rad/s; the difference must be that of the drive"
+        )
     turned = f", turned by {phase(turn):.6g} rad," if abs(turn - 1.0) > EQUAL else ""
     raise JointGapError(
         f"ends {one} and {two} are welded and velocities change along their bodies by {_pair(rates[0])} and "
@@ -151,17 +192,49 @@ def _check_gradients(one: Moving, two: Moving, allowed: float) -> None:
     )
 
 
-def _compare_turning(clamp: Clamp, end: Moving, allowed: float) -> None:
-    rate, given = turning_rate(clamp), end.gradient_rate / end.axis
-    if abs(given - 1j * rate) <= allowed / end.body.length:
+def _check_guide(scene: Starting, guide: Guide, allowed: float) -> float:
+    """Refuse a velocity across the line of a guide, or, driven, along it; returns the rate at which the line turns."""
+    place, line = scene.place(guide.place), complex(*guide.direction)
+    velocity, spin, moves = complex(*place.velocity), 0.0, "the ground"
+    if guide.body is not None:
+        body = scene.body(guide.body)
+        assert isinstance(body, RigidBody)  # seen by the check of joints
+        arm = complex(*place.position) - complex(*body.center)
+        spin, moves = body.spin, f"body {body.name!r}"
+        velocity -= complex(*body.velocity) + 1j * spin * arm
+    along, across = (velocity * line.conjugate()).real, (velocity * line.conjugate()).imag
+    if abs(across) > allowed:
+        raise JointGapError(
+            f"place {place} moves on a line in {moves} and its initial velocity has {across:.6g} m/s across it; "
+            f"0 is needed"
+        )
+    if guide.position is not None and abs(along - drive_rate(guide)) > allowed:
+        raise JointGapError(
+            f"place {place} is driven along a line in {moves} at {drive_rate(guide):.6g} m/s at t = 0 and its initial "
+            f"velocity along it is {along:.6g} m/s; they must be equal"
+        )
+    return spin
+
+
+def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, level: int = 5) -> None:
+    """The direction that a clamp or a prismatic joint gives to an end, turning at a rate, rad/s."""
+    given, body = end.turning, end.place.body
+    slack = allowed / body.extent if body.extent > 0.0 else EQUAL_SLOPES * max(abs(rate), abs(given))
+    if abs(given - 1j * rate) <= slack:
         return
+    name = f"{type(joint).__name__.lower()} {shown(joint.ends[0])}"
+    advice = "anctmm.consistent_velocities(scene) gives velocities that fit"
+    if isinstance(body, RigidBody):
+        raise JointGapError(
+            f"{name} turns at {rate:.6g} rad/s at t = 0 and rigid body {body.name!r} at {given.imag:.6g} rad/s; "
+            f"they must be equal; {advice}"
+        )
     warn(
-        f"clamp {shown(clamp.end)} turns at {rate:.6g} rad/s at t = 0 and body {end.body.name!r} there at "
+        f"{name} turns at {rate:.6g} rad/s at t = 0 and body {body.name!r} there at "
         f"{given.imag:.6g} rad/s, stretching by {given.real:.3g} 1/s: the clamp's node starts as the clamp does, "
-        f"and the energy of the start depends on the mesh; anctmm.consistent_velocities(scene) gives velocities "
-        f"that fit",
+        f"and the energy of the start depends on the mesh; {advice}",
         StartWarning,
-        stacklevel=5,
+        stacklevel=level,
     )
 
 

@@ -5,28 +5,19 @@ from dataclasses import dataclass
 from typing import Generic, Protocol, TypeVar
 
 from anctmm.errors import unknown_kind
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Weld
-
-End = tuple[str, int]
-"""Body and side: 0 its start, 1 its end."""
+from anctmm.model.bodies import BODIES, Beam, Body
+from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.places import End, Place, Written
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 
 T = TypeVar("T", bound=Hashable)
-
-
-class Named(Protocol):
-    """A body, as far as the graph knows it."""
-
-    @property
-    def name(self) -> str:
-        """Unique in its scene."""
-        ...
 
 
 class Graph(Protocol):
     """What a scene tells of its topology; `anctmm.model.scene.Scene` does."""
 
     @property
-    def bodies(self) -> Sequence[Named]:
+    def bodies(self) -> Sequence[Body]:
         """All bodies."""
         ...
 
@@ -35,14 +26,18 @@ class Graph(Protocol):
         """All joints."""
         ...
 
-    def body_end(self, end: str) -> tuple[Named, int]:
-        """Body and side of an end's name."""
+    def body(self, name: str) -> Body:
+        """The body of a name."""
+        ...
+
+    def place(self, place: Written) -> Place:
+        """A place of a body."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Junction:
-    """A place where ends meet: ends that are connected by pins and welds, directly or through others.
+    """A place where ends meet: places of bodies that are connected by pins and welds, directly or through others.
 
     Parameters
     ----------
@@ -52,11 +47,17 @@ class Junction:
         Whether the place is held.
     clamps : tuple of Clamp or None
         For each group the clamp, fixed or driven, that holds its direction.
+    hinges : tuple of Weld
+        Driven welds: each turns the group of its second end against that of its first.
+    guides : tuple of Slider or Prismatic
+        What guides it along lines.
     """
 
     groups: tuple[tuple[End, ...], ...]
     grounded: bool
     clamps: tuple[Clamp | None, ...]
+    hinges: tuple[Weld, ...] = ()
+    guides: tuple[Guide, ...] = ()
 
     @property
     def ends(self) -> tuple[End, ...]:
@@ -94,17 +95,17 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-def end_of(scene: Graph, name: str) -> End:
-    """Body's name and side of an end's name."""
-    body, side = scene.body_end(name)
-    return body.name, side
+def end_of(scene: Graph, place: Written) -> End:
+    """Body's name and key of a place."""
+    return scene.place(place).end
 
 
 def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     """All junctions of a scene.
 
-    Junctions, their groups and the groups' ends stand in the order of the scene's bodies, start before end. An end
-    without a joint is a junction of its own, and every end is in one junction.
+    Junctions, their groups and the groups' ends stand in the order of the scene's bodies, and of each body's places,
+    from start to end. An end of a beam without a joint is a junction of its own, and every end is in one junction;
+    other places are there if a joint names them.
 
     Parameters
     ----------
@@ -117,8 +118,14 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     places, directions = Sets[End](), Sets[End]()
     held: list[End] = []
     clamps: list[tuple[End, Clamp]] = []
+    hinges: list[tuple[End, Weld]] = []
+    guides: list[tuple[End, Guide]] = []
+    named: dict[str, set[End]] = {}
     for joint in scene.joints:
-        first, *others = (end_of(scene, name) for name in joint.ends)
+        ends = [end_of(scene, place) for place in joint.ends]
+        for end in ends:
+            named.setdefault(end[0], set()).add(end)
+        first, *others = ends
         for other in others:
             places.unite(first, other)
         if joint.grounded:
@@ -126,24 +133,52 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
         match joint:
             case Pin():
                 pass
-            case Weld():
+            case Weld(angle=None):
                 for other in others:
                     directions.unite(first, other)
+            case Weld():
+                hinges.append((first, joint))
             case Clamp():
                 clamps.append((first, joint))
+            case Slider() | Prismatic():
+                guides.append((first, joint))
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
     grounded = {places.of(end) for end in held}
     clamped = {directions.of(end): clamp for end, clamp in clamps}
-    ends = [(body.name, side) for body in scene.bodies for side in (0, 1)]
+    ends = [end for body in scene.bodies for end in _ends_of(body, named.get(body.name, set()))]
+    turned, guided = _by_set(places, hinges), _by_set(places, guides)
     junctions = []
     for members in places.among(ends):
-        groups = tuple(map(tuple, directions.among(members)))
+        groups, place = tuple(map(tuple, directions.among(members))), places.of(members[0])
         junctions.append(
             Junction(
                 groups,
-                places.of(members[0]) in grounded,
+                place in grounded,
                 tuple(clamped.get(directions.of(group[0])) for group in groups),
+                tuple(turned.get(place, ())),
+                tuple(guided.get(place, ())),
             )
         )
     return tuple(junctions)
+
+
+def _ends_of(body: Body, named: set[End]) -> list[End]:
+    """Places of a body that are in junctions, in their order."""
+    match body:
+        case Beam():
+            return sorted({(body.name, 0), (body.name, 1), *named}, key=lambda end: float(end[1]))
+        case RigidBody() | PointMass():
+            return [(body.name, key) for key in body.keys if (body.name, key) in named]
+        case _:
+            raise unknown_kind("body", body, BODIES)
+
+
+J = TypeVar("J", bound=Joint)
+
+
+def _by_set(places: Sets[End], joints: Iterable[tuple[End, J]]) -> dict[End, list[J]]:
+    found: dict[End, list[J]] = {}
+    for end, joint in joints:
+        found.setdefault(places.of(end), []).append(joint)
+    return found

@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import tabulate
-from anctmm.model.scene import Beam, Clamp, Force, Load, Scene
+from anctmm.model.loads import load_text, width_of
+from anctmm.model.scene import Beam, Clamp, Load, Scene
 
 #: Times at which drives and loads are looked at, at most: steps of the run, so that none is asked at other times.
 SEEN = 65
@@ -15,12 +16,12 @@ SEEN = 65
 
 def length_of(scene: Scene) -> float:
     """Length of all bodies, m."""
-    return sum(body.length for body in scene.bodies)
+    return scene.length
 
 
 def mass_of(scene: Scene) -> float:
     """Mass of all bodies, kg."""
-    return sum(_mass(body) for body in scene.bodies)
+    return sum(_mass(body) for body in scene.beams)
 
 
 def _mass(body: Beam) -> float:
@@ -36,8 +37,8 @@ def load_sizes(scene: Scene, run: Discretisation) -> Iterator[tuple[Load, float]
     """Each load and its largest component over a run, N or N m."""
     for load in scene.loads:
         if callable(load.value):
-            width = 2 if isinstance(load, Force) else 1
-            values = tabulate(f"load on {load.end!r}", load.value, _times(run), width)
+            width = width_of(load)
+            values = tabulate(load_text(load), load.value, _times(run), width)
         else:
             values = np.asarray(load.value, dtype=float)
         yield load, float(np.abs(values).max())

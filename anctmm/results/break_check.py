@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import breaks_of, tabulate
 from anctmm.model.joints import Clamp
-from anctmm.model.scene import Force
+from anctmm.model.loads import load_text, width_of
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
 
@@ -35,8 +35,8 @@ def break_findings(solution: Solution) -> Iterator[Finding]:
         return
     for load in scene.loads:
         if callable(load.value):
-            width = 2 if isinstance(load, Force) else 1
-            name = f"{'force' if width == 2 else 'torque'} on {load.end!r}"
+            width = width_of(load)
+            name = load_text(load)
             yield from _of_load(name, load.value, width, solution, run)
     for joint in scene.joints:
         if isinstance(joint, Clamp) and joint.angle is not None:

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.model.drives import tabulate
-from anctmm.model.topology import End, Junction, junctions_of
+from anctmm.model.places import End
+from anctmm.model.topology import Junction, junctions_of
 from anctmm.results.acting import length_of
 from anctmm.results.fields import HermiteField
 from anctmm.results.finding import Finding
@@ -32,11 +33,11 @@ ADVICE = "a smaller dt or a smaller newton_tolerance may do"
 def constraint_findings(solution: Solution, *, static: bool = False) -> Iterator[Finding]:
     """What speaks against a run of any solver; its times are load factors if `static`."""
     scene = solution.scene
-    if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.bodies}:
+    if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.beams}:
         return
     paths = {
         (body.name, side): solution.position(body.name, float(side))
-        for body in scene.bodies
+        for body in scene.beams
         for side in (0, 1)
     }
     reach = max(float(np.abs(path[0]).max()) for path in paths.values())
@@ -54,7 +55,7 @@ def _parted(
     """Ends that are not where their junction is."""
     one, *others = junction.ends
     if junction.grounded:
-        body = solution.scene.body(one[0])
+        body = solution.scene.beam(one[0])
         away = _distance(paths[one], np.array([(body.start, body.end)[one[1]]]))
         yield from _beyond(away, allowed, f"{_text(one)}, which is held, has left its place by", "m", one)
     for other in others:
@@ -90,7 +91,7 @@ def _strained(solution: Solution, paths: dict[End, Array], rounding: float) -> I
     kinds = {} if solution.run is None else solution.run.of(solution.scene)
     for name, (_, kind) in kinds.items():
         if kind_of(kind).rigid:
-            length = solution.scene.body(name).length
+            length = solution.scene.beam(name).length
             strain = np.abs(_distance(paths[name, 1], paths[name, 0]) / length - 1.0)
             what = f"rigid body {name!r} has changed its length by"
             yield from _beyond(strain, STRAINED + rounding / length, what, "of itself", (name, 0))
@@ -103,7 +104,7 @@ def _distance(a: Array, b: Array) -> Array:
 
 def _turn(solution: Solution, end: End) -> NDArray[np.complex128] | None:
     """Turn of an end's axis since the reference, of size 1, (n,); None where the field does not tell."""
-    field, body = solution.fields[end[0]], solution.scene.body(end[0])
+    field, body = solution.fields[end[0]], solution.scene.beam(end[0])
     if not isinstance(field, HermiteField):
         return None
     with np.errstate(all="ignore"):

@@ -119,7 +119,7 @@ def _shape_findings(solution: Solution) -> Iterator[Finding]:
             case HermiteField():
                 yield from _shapes_of_hermite(name, field)
             case LagrangeField():
-                yield from _shapes_of_lagrange(name, field, solution.scene.body(name).length)
+                yield from _shapes_of_lagrange(name, field, solution.scene.beam(name).length)
 
 
 def _shapes_of_hermite(name: str, field: HermiteField) -> Iterator[Finding]:

@@ -93,7 +93,7 @@ def noise(solution: Solution) -> float:
     left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
     for name, field in solution.fields.items():
         if isinstance(field, HermiteField) and field.coordinates.size:
-            body, elements = solution.scene.body(name), field.coordinates.shape[1] - 1
+            body, elements = solution.scene.beam(name), field.coordinates.shape[1] - 1
             reach = float(np.abs(field.coordinates[0, :, 0]).max())
             strain = max(ROUNDINGS * EPS * reach, left) * elements / field.length
             total += 0.5 * body.material.E * body.section.area * field.length * strain**2
@@ -108,7 +108,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     explicit = run.explicit
     vibrates = any(not kind_of(kind).rigid for _, kind in run.of(solution.scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
-    damped = any(body.material.damping > 0.0 for body in solution.scene.bodies)
+    damped = any(body.material.damping > 0.0 for body in solution.scene.beams)
     beyond, least = np.abs(balance_of(energy, damped=damped)) > noise(solution), _exchangeable(solution)
     diverged = from_nowhere(energy, NOWHERE, least, damped=damped) & beyond
     if diverged.any():

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ class Field(Protocol):
     A place is a fraction of a beam's undeformed length, from its start to its end, or the name of a rigid body's point.
     """
 
-    def position(self, place: float) -> Array:
+    def position(self, place: Any) -> Array:
         """Positions, (n, 2), m."""
         ...
 
@@ -27,11 +27,11 @@ class Field(Protocol):
 class MovingField(Field, Protocol):
     """A field that knows velocities and angles, too."""
 
-    def velocity(self, place: float) -> Array:
+    def velocity(self, place: Any) -> Array:
         """Velocities, (n, 2), m/s."""
         ...
 
-    def angle(self, place: float, t: Array) -> Array:
+    def angle(self, place: Any, t: Array) -> Array:
         """Angles since t = 0, (n,), rad, continuous."""
         ...
 

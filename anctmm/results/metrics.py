@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -98,11 +99,11 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         )
     by_probe: dict[Probe, float] = {}
     moving = bool((mine > 0).any() and (theirs > 0).any())
-    length = sum(body.length for body in solution.scene.bodies)
+    length = solution.scene.length
     largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
     for probe in probes:
         place = solution.scene.probe(probe)
-        key = probe if isinstance(probe, str) else place
+        key: Any = probe if isinstance(probe, str) else place
         if not moving:
             by_probe[key] = float("nan")
             continue

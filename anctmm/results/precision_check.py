@@ -36,7 +36,7 @@ def precision_findings(solution: Solution) -> Iterator[Finding]:
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(solution)):
         return
     length = length_of(scene)
-    reach = max(float(np.abs([body.start, body.end]).max()) for body in scene.bodies)
+    reach = max(float(np.abs([body.start, body.end]).max()) for body in scene.beams)
     moved = _largest_displacement(solution)
     if reach > FAR * length:
         roundings = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps
@@ -57,7 +57,7 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
     scene, run = solution.scene, solution.run
     assert run is not None
     forces = {
-        name: scene.body(name).material.E * scene.body(name).section.area * elements / scene.body(name).length
+        name: scene.beam(name).material.E * scene.beam(name).section.area * elements / scene.beam(name).length
         for name, (elements, kind) in run.of(scene).items()
         if not kind_of(kind).rigid
     }
@@ -82,7 +82,7 @@ def _acted_upon(solution: Solution) -> bool:
     """Whether anything moves the scene: one at rest has no digits to lose."""
     scene = solution.scene
     driven = any(isinstance(joint, Clamp) and joint.angle is not None for joint in scene.joints)
-    return bool(driven or scene.loads or any(scene.gravity) or any(body.velocity for body in scene.bodies))
+    return bool(driven or scene.loads or any(scene.gravity) or any(body.velocity for body in scene.beams))
 
 
 def _largest_displacement(solution: Solution) -> float:

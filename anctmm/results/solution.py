@@ -4,14 +4,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import ResultError, listed
-from anctmm.model.scene import Probe, Scene
+from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.export import saving
 from anctmm.results.export.pictures import animate, plot
 from anctmm.results.export.saving import save
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
-#: One place of a beam's axis or several, as fractions of its length.
-Fractions = float | Sequence[float] | Array
+#: One place of a beam's axis or several, as fractions of its length; the name of a rigid body's point.
+Fractions = float | str | Sequence[float] | Array
 
 
 @dataclass(frozen=True)
@@ -250,16 +250,28 @@ class Solution:
         return animate(self, path, fps)
 
     def _each(
-        self, place: Probe, fraction: Fractions | None, read: Callable[[Field, float], Array], *width: int
+        self, place: Probe, fraction: Fractions | None, read: Callable[[Field, Any], Array], *width: int
     ) -> Array:
         """What is read of a field at a place, or at each of several fractions."""
-        if isinstance(fraction, Sequence | np.ndarray):
+        if isinstance(fraction, Sequence | np.ndarray) and not isinstance(fraction, str):
             parts = [self._each(place, float(x), read, *width) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
-        name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
+        name, at = self.scene.probe(self._written(place, fraction))
         if not self.fields:
             return np.empty((0, *width))
         return read(self.fields[name], at)
+
+    def _written(self, place: Probe, fraction: float | str | None) -> Probe:
+        """A place as the scene knows it: also of a rigid body and its point, given apart."""
+        if fraction is None:
+            return place
+        if (
+            isinstance(fraction, str)
+            and isinstance(place, str)
+            and not isinstance(self.scene.body(place), Beam)
+        ):
+            return f"{place}.{fraction}"
+        return place, fraction  # type: ignore[return-value]
 
     def until(self, outputs: int, status: Status) -> "Solution":
         """The first outputs, with the status that says why the others are left out."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.model.needs import MECHANISMS, WITH
 from anctmm.validation import one_of
 
 #: What a solver may lack, and what that means. Whoever lacks something says so; asked for it all the same, it answers
@@ -21,12 +22,11 @@ FEATURES = {
     "varying-loads": "loads that vary in time",
     "damping": "Kelvin-Voigt damping of materials",
     **{kind.name: kind.title for kind in KINDS.values() if kind.optional},
+    **MECHANISMS,
     "energy": "energies of the history; NaN where lacking",
 }
 #: Features that need others.
 NEEDED = {"branches": "joints", "loops": "joints"}
-#: Between the features of a combination.
-WITH = " + "
 #: Continua that rest positions of our elements tend to, by element.
 LIMITS = {kind.name: kind.continuum for kind in KINDS.values() if kind.continuum}
 

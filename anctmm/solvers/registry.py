@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from anctmm.errors import PluginError, UnknownSolverError
-from anctmm.model.scene import Scene
+from anctmm.model.places import Key
+from anctmm.model.rigid_bodies import CENTER
+from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution, Status
 from anctmm.solvers.capabilities import Offer
@@ -140,7 +142,8 @@ def flaw(scene: Scene, answer: object) -> str:
     for body in scene.bodies:
         if body.name not in answer.fields:
             return f"no field of body {body.name!r}; one for every body is needed"
-        places = np.asarray(answer.fields[body.name].position(1.0))
+        end: Key = 1.0 if isinstance(body, Beam) else CENTER
+        places = np.asarray(answer.fields[body.name].position(end))
         if places.shape != (len(t), 2):
             return f"positions of body {body.name!r} of shape {places.shape}; {(len(t), 2)} is needed"
         if not np.isfinite(places).all():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from anctmm.errors import SceneError, unknown_kind
 from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, checked_scene
+from anctmm.model.scene import Beam, Clamp, Force, LineLoad, Scene, Torque, checked_scene
 from anctmm.results.solution import Energy, Solution
 from anctmm.validation import one_of
 from reference.exact.cantilever import Cantilever
@@ -41,6 +41,8 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
         raise SceneError(
             f"scene {scene.name!r} has {len(scene.bodies)} bodies ({names}); one has an exact static"
         )
+    if scene.connectors:
+        raise SceneError(f"scene {scene.name!r} has {scene.connectors[0]!r}; none has an exact static")
     beam = beam_of(scene.bodies[0])
     expected = Clamp(f"{beam.name}.start")
     if scene.joints != (expected,):
@@ -53,9 +55,18 @@ def cantilever_problem(scene: Scene) -> tuple[Beam, Cantilever]:
             raise SceneError(
                 f"load {load!r} of scene {scene.name!r} varies in time; a constant one is needed"
             )
-        if load.end == expected.end:
-            continue
         match load:
+            case Force(follower=True) | LineLoad():
+                raise SceneError(
+                    f"{load!r} of scene {scene.name!r} has no exact static; Force and Torque on the end have"
+                )
+            case Force() | Torque() if scene.place(load.end).interior:
+                raise SceneError(
+                    f"{load!r} of scene {scene.name!r} acts between the ends; Force and Torque on the end have "
+                    f"an exact static"
+                )
+            case Force() | Torque() if scene.place(load.end).key == 0:
+                pass
             case Force():
                 force += load.value
             case Torque():

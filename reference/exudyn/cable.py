@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
+from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
@@ -25,7 +26,7 @@ from reference.exudyn.run import dynamics, statics
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}),
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | frozenset(MECHANISMS),
     element="cable",
     limits={"cable": "elastica"},
 )

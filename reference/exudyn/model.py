@@ -19,8 +19,23 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, UnsupportedError, unknown_kind
 from anctmm.model.drives import Angle, Pulse, Quintic, value_at
 from anctmm.model.joints import JOINTS
-from anctmm.model.loads import LOADS, width_of
-from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Scene, Torque, Weld
+from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.needs import not_offered
+from anctmm.model.places import Written
+from anctmm.model.scene import (
+    Beam,
+    Clamp,
+    Force,
+    Joint,
+    LineLoad,
+    Load,
+    Pin,
+    Prismatic,
+    Scene,
+    Slider,
+    Torque,
+    Weld,
+)
 from anctmm.model.topology import junctions_of
 from anctmm.results.fields import Field
 
@@ -112,10 +127,10 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
 
     Ends welded to each other turn with the mean of their rates, with a clamp as the clamp does.
     """
-    velocities = {body.name: beams.velocity(body).copy() for body in scene.bodies}
+    velocities = {body.name: beams.velocity(body).copy() for body in scene.beams}
     for junction in junctions_of(scene):
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-            bodies = [scene.body(name) for name, _ in group]
+            bodies = [scene.beam(name) for name, _ in group]
             nodes = [velocities[name][-side] for name, side in group]
             to_each = [beams.welded(bodies[0], body) for body in bodies]
             if clamp is not None:
@@ -166,7 +181,7 @@ class Model:
         ground = self.mbs.AddNode(self.items.NodePointGround())
         self.ground = self.coordinate(ground, 0)
         velocities = joined_velocities(self.scene, self.beams)
-        for body in self.scene.bodies:
+        for body in self.scene.beams:
             self.nodes[body.name] = self.beams.add(self, body, velocities[body.name])
             self._add_weight(body)
         for joint in self.scene.joints:
@@ -193,7 +208,7 @@ class Model:
         """Marker of one coordinate of a node."""
         return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
 
-    def node(self, end: str) -> tuple[Beam, Any]:
+    def node(self, end: Written) -> tuple[Beam, Any]:
         """Body and node of an end."""
         body, side = self.scene.body_end(end)
         return body, self.nodes[body.name][-1 if side else 0]
@@ -204,7 +219,7 @@ class Model:
         Exudyn's explicit solvers solve with the whole mass matrix and zero the fixed coordinates afterwards,
         as if they were free while the others accelerate; the inertia keeps them still in the solve itself.
         """
-        mass = sum(b.material.density * b.section.area * b.length for b in self.scene.bodies)
+        mass = sum(b.material.density * b.section.area * b.length for b in self.scene.beams)
         for node, coordinates in self.held.items():
             diagonal = np.zeros(self.beams.width)
             diagonal[list(coordinates)] = HUGE * mass
@@ -245,6 +260,8 @@ class Model:
                     self._tie(node, other, self.beams.welded(body, other_body) if weld else np.eye(2, width))
                 if joint.grounded:
                     self._fix(self.node(joint.ends[-1])[1], range(2))
+            case Slider() | Prismatic():
+                raise not_offered(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
 
@@ -294,6 +311,8 @@ class Model:
             self.drives.append((body.name, side, index, self.mbs.AddSensor(sensor)))
 
     def _add_load(self, load: Load) -> None:
+        if isinstance(load, LineLoad):
+            raise not_offered(load)
         _, node = self.node(load.end)
         items, value = self.items, load.value
         history = value if callable(value) and not self.static else None
@@ -359,7 +378,7 @@ def _symbolic_offset(
 
 
 def _load_vector(load: Load, run: Discretisation | None) -> Callable[..., list[float]]:
-    name, history, width = f"load on {load.end!r}", cast(Callable[[Any], Any], load.value), width_of(load)
+    name, history, width = load_text(load), cast(Callable[[Any], Any], load.value), width_of(load)
 
     def plain(t: float) -> list[float]:
         value = value_at(name, history, t, width).tolist()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.errors import DiscretisationError, shown
+from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Solution
@@ -24,7 +25,7 @@ from reference.exudyn.run import dynamics, statics
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}),
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | frozenset(MECHANISMS),
     element="reissner",
     limits={"shear": "reissner"},
 )

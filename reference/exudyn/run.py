@@ -17,8 +17,9 @@ from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
-from anctmm.model.loads import LOADS, width_of
-from anctmm.model.scene import Clamp, Force, Load, Pin, Scene, Torque, Weld
+from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.needs import MECHANISMS, not_offered, refuse
+from anctmm.model.scene import Clamp, Force, LineLoad, Load, Pin, Prismatic, Scene, Slider, Torque, Weld
 from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, positive
@@ -54,6 +55,10 @@ def dynamics(
     beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] | None = None
 ) -> Solution:
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
+    try:
+        refuse(scene, MECHANISMS, "a model in Exudyn")
+    except UnsupportedError as why:
+        return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     if tolerances is None:
         tolerances = TOLERANCES[0], max(TOLERANCES[1], roundoff(beams, scene))
     if not is_pair(tolerances):
@@ -95,6 +100,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     positive("load_steps", load_steps, DiscretisationError)
     load_steps = parts_of_load(load_steps)
     try:
+        refuse(scene, MECHANISMS, "a model in Exudyn")
         check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", UnsupportedError)
         exu = load_exudyn()
     except UnsupportedError as why:
@@ -129,10 +135,10 @@ def roundoff(beams: Beams, scene: Scene) -> float:
     Positions in a scene of extent R are known to εR, which an interval of length l between nodes answers with
     a force of (EA/l + 12EI/l³) εR.
     """
-    ends = np.array([end for body in scene.bodies for end in (body.start, body.end)])
+    ends = np.array([end for body in scene.beams for end in (body.start, body.end)])
     extent = float(np.hypot(*np.ptp(ends, axis=0)))
     squares = 0.0
-    for body in scene.bodies:
+    for body in scene.beams:
         intervals = len(beams.reference(body)) - 1
         l, E = body.length / intervals, body.material.E  # noqa: E741
         squares += intervals * (E * (body.section.area / l + 12.0 * body.section.second_moment / l**3)) ** 2
@@ -163,6 +169,8 @@ def _check_explicit(scene: Scene, run: Discretisation) -> None:
                     f"Exudyn's explicit solvers cannot do {joint!r}, an algebraic joint; "
                     f'use integrator="generalized-alpha", or a scene of single beams clamped, pinned or free'
                 )
+            case Slider() | Prismatic():
+                raise not_offered(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
 
@@ -229,7 +237,7 @@ def _read(model: Model, expected: Array | None) -> History:
         rows = int(late[0]) if late.size else rows
         t = expected[:rows]
     q, v = ({n: np.stack([s[: len(t), 1:] for s in d[k]], axis=1) for n, d in data.items()} for k in (0, 1))
-    for body in model.scene.bodies:
+    for body in model.scene.beams:
         q[body.name] += model.beams.reference(body)
     return History(t, q, v, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
 
@@ -248,7 +256,7 @@ def _verdict(model: Model, run: Discretisation, history: History, message: str |
 
 def _table(load: Load, t: Array) -> Array:
     """Values of a load of time, (n, numbers of a value)."""
-    return tabulate(f"{type(load).__name__.lower()} on {load.end!r}", load.value, t, width_of(load))  # type: ignore[arg-type]
+    return tabulate(load_text(load), load.value, t, width_of(load))  # type: ignore[arg-type]
 
 
 def _constant(load: Load) -> Array:
@@ -262,7 +270,7 @@ def _solution(
     scene, beams = model.scene, model.beams
     rates: Mapping[str, Array] = {} if model.static else history.velocities
     fields = {
-        name: beams.field(scene.body(name), q, rates.get(name)) for name, q in history.coordinates.items()
+        name: beams.field(scene.beam(name), q, rates.get(name)) for name, q in history.coordinates.items()
     }
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
         energy = _energy(model, history, loads)
@@ -297,13 +305,15 @@ def _energy(model: Model, history: History, tables: dict[int, Array]) -> Energy:
     """
     n, scene = len(history.t), model.scene
     kinetic, strain, potential, work = (np.zeros(n) for _ in range(4))
-    for body in scene.bodies:
+    for body in scene.beams:
         q, v = history.coordinates[body.name], history.velocities[body.name]
         T, U = model.beams.energies(body, q, v)
         kinetic += T
         strain += U
         potential -= np.einsum("tij,ij->t", q - q[:1], model.beams.weight(body))
     for k, load in enumerate(scene.loads):
+        if isinstance(load, LineLoad):
+            raise not_offered(load)
         body, side = scene.body_end(load.end)
         node = history.coordinates[body.name][:, -1 if side else 0]
         values = tables.get(k)
@@ -323,7 +333,7 @@ def _energy(model: Model, history: History, tables: dict[int, Array]) -> Energy:
     nan = np.full(n, np.nan)
     if model.static:
         return Energy(kinetic, strain, nan, nan)
-    if any(body.material.damping for body in scene.bodies):
+    if any(body.material.damping for body in scene.beams):
         work = nan
     return Energy(kinetic, strain, potential, work)
 

@@ -9,6 +9,7 @@ from typing import Any
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
 from anctmm.errors import unknown_option
+from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
@@ -23,7 +24,7 @@ from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
-OFFER = Offer(lacks=frozenset({"rigid"}))
+OFFER = Offer(lacks=frozenset({"rigid"}) | frozenset(MECHANISMS))
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
 #: orders), and a dense matrix for each pair.
 EXPLICIT, IMPLICIT, DENSE = 1_100.0, 5_000.0, 24.0
@@ -72,7 +73,8 @@ def solve(
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
+    refuse(checked_scene(scene), OFFER.lacks, "the global solver")
+    check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
     marcher = _marcher(Model.of(scene, run), linear_algebra, stabilization)
     return marcher.run(NAMES[linear_algebra])
 
@@ -108,7 +110,8 @@ def solve_static(
         Or one of its kinds, as in `solve`.
     """
     run = discretise(run, options)
-    return equilibria(Model.of(checked_scene(scene), run), parts_of_load(load_steps), "global-dae")
+    refuse(checked_scene(scene), OFFER.lacks, "the global solver")
+    return equilibria(Model.of(scene, run), parts_of_load(load_steps), "global-dae")
 
 
 def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:

@@ -18,7 +18,8 @@ from anctmm.discretise.mesh import BodyMesh
 from anctmm.errors import DiscretisationError, unknown_kind
 from anctmm.jit.compiling import inlined
 from anctmm.model.joints import JOINTS
-from anctmm.model.scene import Clamp, Pin, Scene, Weld
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import Clamp, Pin, Prismatic, Scene, Slider, Weld
 from reference.global_dae.lu import Factors, Matrix, factorise, solve_factored
 
 Array = NDArray[np.float64]
@@ -96,6 +97,8 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
                 _refuse_mixed(joint, [meshes[body.name] for body, _ in ends])
                 rows.extend(_together(nodes, joint.grounded))
                 rows.extend(_aligned(nodes, vectors, reference))
+            case Slider() | Prismatic():
+                raise not_offered(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
     return rows

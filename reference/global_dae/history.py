@@ -196,7 +196,7 @@ def solution(
     """
     velocities = {} if rates is None else model.bodies.by_body(rates)
     fields = {
-        name: HermiteField(q, model.scene.body(name).length, velocities.get(name))
+        name: HermiteField(q, model.scene.beam(name).length, velocities.get(name))
         for name, q in model.bodies.by_body(kept).items()
     }
     energy = Energy(*(column.copy() for column in energies.T))

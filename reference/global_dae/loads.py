@@ -11,7 +11,8 @@ from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import inlined
 from anctmm.model.drives import tabulate
 from anctmm.model.loads import LOADS, tabulated
-from anctmm.model.scene import Force, Scene, Torque
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import Force, LineLoad, Scene, Torque
 from reference.global_dae.constraints import Rows, drives_of
 
 Array = NDArray[np.float64]
@@ -30,6 +31,8 @@ def varying(scene: Scene, bodies: Bodies) -> Loads:
     """Loads whose generalized force changes: forces of time, and all torques."""
     places, torques = [], []
     for load in varying_loads(scene):
+        if isinstance(load, LineLoad):
+            raise not_offered(load)
         body, side = scene.body_end(load.end)
         match load:
             case Force():

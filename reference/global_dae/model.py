@@ -95,7 +95,7 @@ class Model:
     @property
     def length(self) -> float:
         """The scene's length that tolerances refer to: of all bodies together, m."""
-        return sum(b.length for b in self.scene.bodies)
+        return self.scene.length
 
     @cached_property
     def scalar_mass(self) -> Matrix:

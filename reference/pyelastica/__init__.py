@@ -22,7 +22,19 @@ from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError,
 from anctmm.model.bodies import beam_of
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Clamp, Force, Pin, Scene, Torque, Weld, checked_scene
+from anctmm.model.needs import MECHANISMS, not_offered, refuse
+from anctmm.model.scene import (
+    Clamp,
+    Force,
+    LineLoad,
+    Pin,
+    Prismatic,
+    Scene,
+    Slider,
+    Torque,
+    Weld,
+    checked_scene,
+)
 from anctmm.results.divergence_checks import STRETCH_LIMIT, checked
 from anctmm.results.energy_check import all_energy, from_nowhere
 from anctmm.results.fields import LagrangeField
@@ -35,7 +47,16 @@ Array = NDArray[np.float64]
 NAME = "pyelastica"
 OFFER = Offer(
     lacks=frozenset(
-        {"generalized-alpha", "joints", "drives", "varying-loads", "damping", "rigid", "stability"}
+        {
+            "generalized-alpha",
+            "joints",
+            "drives",
+            "varying-loads",
+            "damping",
+            "rigid",
+            "stability",
+            *MECHANISMS,
+        }
     ),
     element="reissner",
     limits={"shear": "reissner"},
@@ -172,7 +193,7 @@ class System:
     def __post_init__(self) -> None:
         self.rods = {
             name: self.model.Rod(
-                self.scene, self.scene.body(name), count, self.shear_factor, self.clamp, self.relaxed
+                self.scene, self.scene.beam(name), count, self.shear_factor, self.clamp, self.relaxed
             )
             for name, (count, _) in self.run.of(self.scene).items()
         }
@@ -343,7 +364,8 @@ def _check_run(run: Discretisation) -> None:
 
 def _model(scene: Scene, run: Discretisation) -> ModuleType:
     """The module that needs PyElastica, once it is known that PyElastica can do the scene."""
-    for joint in checked_scene(scene).joints:
+    refuse(checked_scene(scene), OFFER.lacks, "PyElastica")
+    for joint in scene.joints:
         match joint:
             case Clamp(angle=None) | Pin(ends=(_,)):
                 pass
@@ -354,6 +376,8 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
                     f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
                     f"bodies held by the ground or free are allowed"
                 )
+            case Slider() | Prismatic():
+                raise not_offered(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
     for load in scene.loads:
@@ -361,9 +385,11 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
             case Force() | Torque():
                 if callable(load.value):
                     raise UnsupportedError(f"{load!r} varies in time; a constant load is needed")
+            case LineLoad():
+                raise not_offered(load)
             case _:
                 raise unknown_kind("load", load, LOADS)
-    for body in map(beam_of, scene.bodies):
+    for body in map(beam_of, scene.beams):
         if body.material.damping > 0.0:
             raise UnsupportedError(
                 f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"

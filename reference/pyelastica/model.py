@@ -17,7 +17,21 @@ from numpy.typing import NDArray
 from anctmm.errors import unknown_kind
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Scene, Torque, Weld
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import (
+    Beam,
+    Clamp,
+    Force,
+    Joint,
+    LineLoad,
+    Load,
+    Pin,
+    Prismatic,
+    Scene,
+    Slider,
+    Torque,
+    Weld,
+)
 
 Array = NDArray[np.float64]
 
@@ -87,6 +101,8 @@ def _hold_of(joint: Joint) -> str:
             return "pin"
         case Weld():
             raise unknown_kind("joint to the ground", joint, (Pin, Clamp))  # type: ignore[arg-type]
+        case Slider() | Prismatic():
+            raise not_offered(joint)
         case _:
             raise unknown_kind("joint", joint, JOINTS)
 
@@ -202,6 +218,8 @@ class Rod:
     def _on_ends(self) -> Iterator[tuple[int, Load]]:
         """Loads on the body, by the place of the end: 0 or −1."""
         for load in self.scene.loads:
+            if isinstance(load, LineLoad):
+                raise not_offered(load)
             body, side = self.scene.body_end(load.end)
             if body is self.body:
                 yield -1 if side else 0, load
@@ -214,6 +232,8 @@ class Rod:
                     forces[:, end] += np.asarray(load.value, dtype=float)
                 case Torque():
                     pass
+                case LineLoad():
+                    raise not_offered(load)
                 case _:
                     raise unknown_kind("load", load, LOADS)
         return forces
@@ -227,6 +247,8 @@ class Rod:
                     moments[end] += float(np.asarray(load.value, dtype=float))
                 case Force():
                     pass
+                case LineLoad():
+                    raise not_offered(load)
                 case _:
                     raise unknown_kind("load", load, LOADS)
         spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0

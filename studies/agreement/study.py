@@ -85,7 +85,7 @@ def run(options: Options, runner: Runner) -> Result:
 
 
 def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Case]:
-    sizes = (1, len(base.scene.bodies))
+    sizes = (1, len(base.scene.beams))
     fitting = [m for m in options.meshes or () if len(m) in sizes]
     for mesh in options.meshes or ():
         if len(mesh) not in (1, 3):
@@ -96,7 +96,7 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Ca
         used = element_of(solver, element)
         if used != element and (used in ELEMENTS or element == "cable"):
             continue  # asked for its own element once is enough
-        mesh = fitting[0] if fitting else MESHES[options.quick][element][len(base.scene.bodies)]
+        mesh = fitting[0] if fitting else MESHES[options.quick][element][len(base.scene.beams)]
         implicit = options.quick or _has_implicit(solver)
         cases.append(Case(
             base.scene, solver, mesh, element=element, integrator="generalized-alpha" if implicit else "zhai",

@@ -50,7 +50,7 @@ OURS, EXUDYN, DENSE, SPARSE = "anctmm", "exudyn-cable", "dense-refactor", "spars
 
 def mesh_of(base: BaseScene, mesh: Mesh) -> Any:
     """A mesh as discretisations take it."""
-    names = [body.name for body in base.scene.bodies]
+    names = [body.name for body in base.scene.beams]
     return mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
 
 
@@ -94,7 +94,7 @@ def _implicit_row(base: BaseScene, mesh: Mesh, effort: Effort, samples: Samples)
 def _race(
     base: BaseScene, mesh: Mesh, run: Discretisation, effort: Effort, samples: Samples
 ) -> dict[str, Any]:
-    elements = sum(mesh) if len(mesh) > 1 else mesh[0] * len(base.scene.bodies)
+    elements = sum(mesh) if len(mesh) > 1 else mesh[0] * len(base.scene.beams)
     runs: dict[str, list[Solution]] = {OURS: [], EXUDYN: []}
     samplers = {
         OURS: marched(lambda: solve(base.scene, run), elements, runs[OURS]),

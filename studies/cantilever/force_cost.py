@@ -75,7 +75,7 @@ def force_cost(runner: Runner, rounds: int) -> Table:
 
 def evaluations() -> dict[tuple[str, str], Callable[[int], Array]]:
     """(evaluation, form) → a call that repeats it and gives the forces, (elements, 6, 2)."""
-    element = ShearElement.of(four_bar().scene.body("coupler"), ELEMENTS)
+    element = ShearElement.of(four_bar().scene.beam("coupler"), ELEMENTS)
     invariant = InvariantShearElement(element)
     nodal = _bent(element.l)
     q = np.ascontiguousarray(nodal.reshape(len(nodal), 6).T)

@@ -68,7 +68,7 @@ def beam(load: float, slenderness: float, poisson: float) -> BaseScene:
 def small_strain(poisson: float) -> Fact:
     """Small load, L/h = 10: Timoshenko's deflection with the stiffness that Poisson locking leaves."""
     base = beam(SMALL_LOAD, 10.0, poisson)
-    (body,) = base.scene.bodies
+    (body,) = base.scene.beams
     force = SMALL_LOAD * body.material.E * body.section.second_moment / LENGTH**2
     stiffness = Rigidity.euler_bernoulli(body.section, body.material).bending
     euler = timoshenko_tip_deflection(LENGTH, force, stiffness, np.inf)

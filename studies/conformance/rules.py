@@ -21,6 +21,7 @@ from anctmm.results.solution import Solution, Status
 from anctmm.solvers.capabilities import FEATURES, features_of
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
+from studies.conformance import mechanisms
 from studies.conformance.subject import BrokenRule, Measure, Rule, Subject, whole
 
 Array = NDArray[np.float64]
@@ -107,7 +108,7 @@ def turning(scene: Scene) -> Scene:
 def damping(scene: Scene) -> Scene:
     """Of a damped material: stresses grow with the rate of strain."""
     return replace(
-        scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.bodies)
+        scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.beams)
     )
 
 
@@ -129,6 +130,7 @@ DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
         for name, kind in KINDS.items()
         if kind.optional
     },
+    **{feature: (change, {}) for feature, change in mechanisms.DEMANDS.items()},
     "statics": (as_it_is, {}),
     "zhai": (as_it_is, {"integrator": "zhai"}),
     "generalized-alpha": (as_it_is, {"integrator": "generalized-alpha"}),
@@ -474,7 +476,7 @@ def missing(s: Subject) -> str:
 
 
 def _off_reference(found: Solution, scene: Scene) -> float:
-    (body,) = scene.bodies
+    (body,) = scene.beams
     start, end = np.array(body.start), np.array(body.end)
     return max(
         float(np.abs(found.position("bar", f)[0] - ((1.0 - f) * start + f * end)).max()) / LENGTH

@@ -167,7 +167,7 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
 
 def check_mesh(scene: Scene, mesh: Mesh) -> None:
     """Refuse a mesh that fits neither all bodies nor each."""
-    names = [body.name for body in scene.bodies]
+    names = [body.name for body in scene.beams]
     if len(mesh) not in (1, len(names)):
         allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
         raise StudyError(

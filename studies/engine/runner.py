@@ -72,7 +72,7 @@ class Case:
         """The mesh as the discretisation takes it."""
         if len(self.mesh) == 1:
             return self.mesh[0]
-        names = [body.name for body in self.scene.bodies]
+        names = [body.name for body in self.scene.beams]
         if len(names) != len(self.mesh):
             raise SolverError(
                 f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "

@@ -83,7 +83,7 @@ def _furthest(moved: Solution, q: Array, scene: Scene, run: Discretisation) -> f
     """Largest distance from q of a history: positions by the scene's length, gradients as they are."""
     bodies = Chain(scene, run).bodies
     worst = 0.0
-    length = sum(b.length for b in scene.bodies)
+    length = sum(b.length for b in scene.beams)
     for name, rest in bodies.by_body(q).items():
         away: Array = np.abs(moved.fields[name].coordinates - rest)  # type: ignore[attr-defined]
         worst = max(worst, float(away[:, :, 0].max()) / length, float(away[:, :, 1:].max()))

@@ -123,7 +123,7 @@ def _tried(road: Callable[[], tuple[float, str]]) -> tuple[float, str]:
 
 
 def _tip(rest: Solution) -> tuple[float, str]:
-    name = rest.scene.bodies[-1].name
+    name = rest.scene.beams[-1].name
     return float(rest.displacement(f"{name}.end")[-1, 1]), str(rest.status)
 
 

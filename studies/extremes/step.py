@@ -18,7 +18,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import unknown_kind
 from anctmm.integrators.stability import highest_frequency, zhai_limit
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Clamp, Force, Material, Scene, Torque
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import Beam, Clamp, Force, LineLoad, Material, Scene, Torque
 from anctmm.model.sections import Rectangle
 from studies.benchmark.direct import Direct, mass_matrices, stiffness_matrices
 from studies.engine.runner import Runner
@@ -150,6 +151,8 @@ def frequencies(scene: Scene, run: Discretisation, q: Array) -> Array:
                 K += matrix.T @ _torque_stiffness(chain, load, q) @ matrix
             case Force():
                 pass
+            case LineLoad():
+                raise not_offered(load)
             case _:
                 raise unknown_kind("load", load, LOADS)
     values = eigh(K, M, eigvals_only=True)

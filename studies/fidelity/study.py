@@ -12,12 +12,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import Discretisation, FrozenMapping
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
 from anctmm.integrators.zhai import advance, integrate
 from anctmm.jit.compiling import OPTIONS
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.metrics import compare
+from anctmm.validation import FrozenMapping
 from studies.engine.runner import Case, Mesh, Outcome, Reference, Runner, mesh_label, row
 from studies.engine.study import Options, Result, refuse
 from studies.engine.tables import ACCURACY, Table, cpu_time
@@ -139,7 +140,7 @@ class Studied:
 
 def _study(setting: Setting, runner: Runner) -> Studied:
     """Every combination, measured against the richest on twice its mesh, known to that last refinement."""
-    combinations = list(product(setting.kinds, repeat=len(setting.base.scene.bodies)))
+    combinations = list(product(setting.kinds, repeat=len(setting.base.scene.beams)))
     limits = [stable_step(setting.base.scene, setting.of(kinds), kinds) for kinds in combinations]
     cases = [case_of(setting, kinds, limit) for kinds, limit in zip(combinations, limits, strict=True)]
     twice = tuple(2 * n for n in cases[0].mesh)
@@ -165,7 +166,7 @@ def _row(outcome: Outcome, reference: Reference, kinds: Sequence[str]) -> dict[s
 
 def case_of(setting: Setting, kinds: Sequence[str], limit: float) -> Case:
     """The run of a combination below its stability limit."""
-    names = [body.name for body in setting.base.scene.bodies]
+    names = [body.name for body in setting.base.scene.beams]
     element: Any = FrozenMapping(zip(names, kinds, strict=True))
     return Case(
         setting.base.scene, "anctmm", setting.of(kinds), element, "full", "zhai",
@@ -175,7 +176,7 @@ def case_of(setting: Setting, kinds: Sequence[str], limit: float) -> Case:
 
 def stable_step(scene: Scene, mesh: Mesh, kinds: Sequence[str]) -> float:
     """Largest stable explicit step of the scene about its reference, s; infinite where nothing can vibrate."""
-    names = [body.name for body in scene.bodies]
+    names = [body.name for body in scene.beams]
     cut, element = dict(zip(names, mesh, strict=True)), dict(zip(names, kinds, strict=True))
     chain = Chain(scene, Discretisation(mesh=cut, element=element, integrator="zhai"))
     return step_limit(0.5, 0.5, highest_frequency(chain), highest_rate(chain))
@@ -219,7 +220,7 @@ def lowest_frequency(body: Beam, held: bool, carried: float = 0.0) -> float:
 def _rules(setting: Setting, studied: Studied) -> pd.DataFrame:
     """Estimates of what is lost where one body alone is made poorer, beside the distances measured."""
     lines = []
-    richest, bodies = setting.kinds[0], setting.base.scene.bodies
+    richest, bodies = setting.kinds[0], setting.base.scene.beams
     masses = [b.material.density * b.section.area * b.length for b in bodies]
     for i, (body, held) in enumerate(zip(bodies, setting.held, strict=True)):
         height = sqrt(12.0 * body.section.second_moment / body.section.area)
@@ -229,7 +230,7 @@ def _rules(setting: Setting, studied: Studied) -> pd.DataFrame:
         thickness = (1.0 + 2.0 * (1.0 + body.material.poisson)) * (height / body.length) ** 2
         estimates = {"rigid": bending, "cable": bending * pi**2 / 12.0 * thickness}
         for kind in setting.kinds[1:]:
-            kinds = "/".join(kind if j == i else richest for j in range(len(setting.base.scene.bodies)))
+            kinds = "/".join(kind if j == i else richest for j in range(len(setting.base.scene.beams)))
             found = studied.frame[studied.frame["element"] == kinds].iloc[0]
             lines.append({
                 "scene": setting.base.scene.name, "body": body.name, "instead_of": richest, "kind": kind,
@@ -250,8 +251,8 @@ def _verdict(estimate: float, error: float, uncertainty: float) -> str:
 
 def _absent(setting: Setting, runner: Runner) -> pd.DataFrame:
     """A plain run beside the same with a feature: compiled functions, and CPU time."""
-    kinds = ("cable",) * len(setting.base.scene.bodies)
-    bodies = (replace(b, material=replace(b.material, damping=TAU)) for b in setting.base.scene.bodies)
+    kinds = ("cable",) * len(setting.base.scene.beams)
+    bodies = (replace(b, material=replace(b.material, damping=TAU)) for b in setting.base.scene.beams)
     damped = replace(setting.base.scene, bodies=tuple(bodies))
     present = replace(case_of(setting, kinds, stable_step(damped, setting.of(kinds), kinds)), scene=damped)
     plain = replace(present, scene=setting.base.scene)

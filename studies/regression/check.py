@@ -216,7 +216,7 @@ def _kernels(task: Task) -> tuple[Any, ...]:
     run, static = task.run, isinstance(task.run, Static)
     elements = run.element.values() if isinstance(run.element, Mapping) else [run.element]
     method = "" if isinstance(run, Static) else f"{run.integrator} {run.tolerance is not None}"
-    damped = any(body.material.damping > 0.0 for body in task.scene.bodies)
+    damped = any(body.material.damping > 0.0 for body in task.scene.beams)
     return static, task.solver, method, damped, tuple(sorted(set(map(str, elements))))
 
 

@@ -224,7 +224,10 @@ def is_ours(path: Path) -> bool:
 def _physics(task: Task) -> list[str]:
     """The scene in words; functions by their names, whose addresses say nothing."""
     scene = task.scene
-    parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads)), f"gravity {scene.gravity}"]
+    parts = [
+        *map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors)),
+        f"gravity {scene.gravity}",
+    ]
     return [re.sub(r" at 0x[0-9a-f]+", "", " ".join(part.split())) for part in parts]
 
 

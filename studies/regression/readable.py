@@ -16,7 +16,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import unknown_kind
 from anctmm.forces.actuation import Actuation
 from anctmm.model.loads import LOADS
-from anctmm.model.scene import Force, Scene, Torque
+from anctmm.model.needs import not_offered
+from anctmm.model.scene import Force, LineLoad, Scene, Torque
 from anctmm.recursion.transfer import Row, accelerations_plain, accelerations_riccati, row_of
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
@@ -78,6 +79,8 @@ def _forces(chain: Chain, t: float, q: Array, v: Array) -> Array:
     bodies, scene = chain.bodies, chain.scene
     f = bodies.weight()
     for load in scene.loads:
+        if isinstance(load, LineLoad):
+            raise not_offered(load)
         body, side = scene.body_end(load.end)
         node = bodies.node(body.name, side)
         match load:
@@ -113,7 +116,7 @@ def _solution(chain: Chain, kept: list[tuple[Array, float, float]]) -> Solution:
     run, scene = chain.run, chain.scene
     q, kinetic, strain = (np.array(x) for x in zip(*kept, strict=True))
     fields = {
-        name: HermiteField(coordinates, scene.body(name).length)
+        name: HermiteField(coordinates, scene.beam(name).length)
         for name, coordinates in chain.bodies.by_body(q).items()
     }
     potential = -np.einsum("kn,okn->o", chain.dead_load, q - chain.bodies.reference())

@@ -109,7 +109,7 @@ class Watch:
         _plain("scene name", self.scene.name)
         for name in ("probes", "solvers"):
             object.__setattr__(self, name, self._several(name, getattr(self, name)))
-        for body in self.scene.bodies:
+        for body in self.scene.beams:
             _in_a_head(body.name)
         for probe in self.probes:
             self.scene.probe(probe)

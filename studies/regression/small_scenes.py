@@ -298,7 +298,7 @@ def driven_chain(damping: float = 0.0) -> at.Scene:
     """One chain with a driven start, a pin and a body drawn backwards."""
     name = "small-driven-damped" if damping else "small-driven-chain"
     row = options_row()
-    bodies = [replace(b, material=replace(b.material, damping=damping)) for b in row.bodies]
+    bodies = [replace(b, material=replace(b.material, damping=damping)) for b in row.beams]
     return _scene(name, bodies, row.joints, row.loads, row.gravity)
 
 
@@ -331,7 +331,7 @@ def standing() -> at.Scene:
         at.Torque("beside.end", 0.005),
     ]
     joints = [at.Clamp("one.start"), *row.joints[1:], at.Clamp("four.end"), at.Clamp("beside.start")]
-    bodies = [replace(b, velocity=None) for b in row.bodies]
+    bodies = [replace(b, velocity=None) for b in row.beams]
     return _scene("small-standing", bodies, joints, loads, (1.5, -2.5))
 
 
@@ -355,7 +355,7 @@ def angled_still() -> at.Scene:
     """The angled row under a load that it can bear."""
     row = angled_row()
     loads: list[Load] = [at.Force("one.start", (0.01, 0.02)), at.Torque("three.start", 0.003)]
-    return _scene("small-angled-still", row.bodies, row.joints, loads, (0.6, -0.9))
+    return _scene("small-angled-still", row.beams, row.joints, loads, (0.6, -0.9))
 
 
 def column() -> at.Scene:

@@ -66,7 +66,7 @@ def _both(scene: Scene, mesh: Any = 2, explicitly: tuple[str, ...] = ELEMENTS) -
 def _watch(
     scene: Scene, runs: dict[str, Run], ends: str = "ok", solvers: tuple[str, ...] = ("anctmm",)
 ) -> Watch:
-    probes = [(b.name, fraction) for b in scene.bodies for fraction in (0.0, 0.3, 1.0)]
+    probes = [(b.name, fraction) for b in scene.beams for fraction in (0.0, 0.3, 1.0)]
     return Watch(scene, tuple(probes), runs, solvers, ends)
 
 

@@ -21,10 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import AnctmmError, PluginError, SolverError, unknown_kind
-from anctmm.model.joints import JOINTS
-from anctmm.model.loads import LOADS
-from anctmm.model.scene import Beam, Clamp, Force, Joint, Load, Pin, Point, Scene, Torque, Weld
+from anctmm.errors import AnctmmError, PluginError, SolverError
+from anctmm.model.bodies import Body
+from anctmm.model.scene import Beam
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
@@ -33,6 +32,7 @@ from studies.engine.timing import undisturbed
 from studies.regression.history import Baseline, History, Tolerance
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, Run, Static, Task
+from studies.regression.turned import turned
 
 Array = NDArray[np.float64]
 
@@ -124,43 +124,6 @@ def measured(task: Task, history: History) -> Baseline:
     return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), margins)
 
 
-def turned(scene: Scene, angle: float) -> Scene:
-    """The same scene in the plane turned about the origin: bodies, their velocities, forces and gravity."""
-
-    def turn(point: Point) -> Point:
-        c, s = cos(angle), sin(angle)
-        return c * point[0] - s * point[1], s * point[0] + c * point[1]
-
-    def body(b: Beam) -> Beam:
-        v = b.velocity
-        velocity = None if v is None else lambda fraction: turn(v(fraction))
-        return replace(b, start=turn(b.start), end=turn(b.end), velocity=velocity)
-
-    def load(force: Load) -> Load:
-        match force:
-            case Force(value=value):
-                return replace(force, value=(lambda t: turn(value(t))) if callable(value) else turn(value))
-            case Torque():
-                return force
-            case _:
-                raise unknown_kind("load", force, LOADS)
-
-    def joint(held: Joint) -> Joint:
-        match held:
-            case Pin() | Weld() | Clamp():
-                return held
-            case _:
-                raise unknown_kind("joint", held, JOINTS)
-
-    return Scene(
-        scene.name,
-        tuple(map(body, scene.bodies)),
-        tuple(map(joint, scene.joints)),
-        tuple(map(load, scene.loads)),
-        turn(scene.gravity),
-    )
-
-
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
     """Cause, angle by which the scene is turned, task and options of the runs that measure the sensitivity."""
     for angle in ANGLES:
@@ -200,12 +163,17 @@ def _least(task: Task) -> tuple[str, float]:
     return "one iteration's bound", max(bound, EPSILON)
 
 
+def _ends(body: Body) -> tuple[Any, ...]:
+    """Keys of the farthest places of a body."""
+    return (0.0, 1.0) if isinstance(body, Beam) else body.keys
+
+
 def _scales(task: Task, history: History) -> dict[str, float]:
     """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest."""
     if not history.columns:
         return {}
-    ends = [end for body in task.scene.bodies for end in (body.start, body.end)]
-    farthest = max(hypot(*end) for end in ends)
+    bodies = task.scene.bodies
+    farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
     energy = max((float(np.abs(history.of_quantity(q)).max()) for q in history.quantities[1:]), default=0.0)
     moved = float(np.abs(history.of_quantity("displacement")).max())
     return {q: farthest + moved if q == "displacement" else energy for q in history.quantities}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anctmm.errors import unknown_kind
 from anctmm.model.joints import JOINTS
-from anctmm.model.scene import Clamp, Pin, Scene, Weld
+from anctmm.model.scene import Clamp, Pin, Prismatic, Scene, Slider, Weld
 from anctmm.results.solution import Solution
 from studies.engine.pictures import Film
 
@@ -41,12 +41,12 @@ def film(title: str, caption: str, layers: Mapping[str, Solution]) -> Film | Non
         return None
     scene, first = next(iter(whole.values())).scene, next(iter(whole.values()))
     frames = np.unique(np.linspace(0, len(first.t) - 1, min(FRAMES, len(first.t))).round().astype(int))
-    paths = {label: [body_curve(s, b.name, frames, 0) for b in scene.bodies] for label, s in whole.items()}
+    paths = {label: [body_curve(s, b.name, frames, 0) for b in scene.beams] for label, s in whole.items()}
     corners = np.concatenate([c[:, :, :2].reshape(-1, 2) for curves in paths.values() for c in curves])
     low, high = corners.min(axis=0), corners.max(axis=0)
     size = float((high - low).max())
     fine = {
-        label: [body_curve(s, b.name, frames, SMOOTH * size) for b in scene.bodies]
+        label: [body_curve(s, b.name, frames, SMOOTH * size) for b in scene.beams]
         for label, s in whole.items()
     }
     unit = size / GRAIN
@@ -104,12 +104,12 @@ def supports(scene: Scene, unit: float) -> tuple[tuple[str, int, int], ...]:
                 sign = "clamp"
             case Pin() | Weld():
                 sign = "pin"
+            case Slider() | Prismatic():
+                continue
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
         if joint.grounded:
-            name, fraction = scene.probe(joint.ends[0])
-            body = scene.body(name)
-            x, y = (a + fraction * (b - a) for a, b in zip(body.start, body.end, strict=True))
+            x, y = scene.place(joint.ends[0]).position
             found.append((sign, round(x / unit), round(-y / unit)))
     return tuple(found)
 

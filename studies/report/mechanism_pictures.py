@@ -103,7 +103,7 @@ def deflection(solutions: Mapping[str, Solution]) -> Picture:
 
 def configurations(solution: Solution, times: tuple[float, ...]) -> Picture:
     """Fig. 8: the mechanism at a few times."""
-    bodies = [b.name for b in solution.scene.bodies]
+    bodies = [b.name for b in solution.scene.beams]
     indices = [int(np.abs(solution.t - t).argmin()) for t in times]
     colours = sequence_colours(len(times))
 

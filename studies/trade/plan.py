@@ -101,7 +101,7 @@ class Ladder:
 
         def steps(mesh: Mesh) -> tuple[float, ...]:
             base, options = self.base, {"element": element, "quadrature": quadrature}
-            names = [body.name for body in base.scene.bodies]
+            names = [body.name for body in base.scene.beams]
             by_body = mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
             limit = stable_step(base.scene, by_body, options)
             largest = base.output_dt / ceil(base.output_dt / limit)

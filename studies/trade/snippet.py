@@ -19,7 +19,9 @@ class SnippetError(AnctmmError, ValueError):
     """Something cannot be written as code."""
 
 
-def snippet(scene: Scene, run: Discretisation, solver: str, probes: tuple[tuple[str, float], ...]) -> str:
+def snippet(
+    scene: Scene, run: Discretisation, solver: str, probes: tuple[tuple[str, float | str], ...]
+) -> str:
     """A script that runs a scene and leaves `solution`.
 
     Parameters
@@ -42,8 +44,8 @@ def snippet(scene: Scene, run: Discretisation, solver: str, probes: tuple[tuple[
     lines = [
         *imports, "", f"scene = {code(scene)}", f"run = {code(run)}", f"solution = {solve}(scene, run)",
         'print(f"{solution.status}: {1e3 * solution.cost.cpu_s:.3g} ms")',
-        *(f"print({_text(body)}, {fraction:g}, solution.position({_text(body)}, {fraction:g})[-1])"
-          for body, fraction in probes),
+        *(f"print({_text(body)}, {code(key)}, solution.position({_text(body)}, {code(key)})[-1])"
+          for body, key in probes),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
 
@@ -53,8 +55,10 @@ def code(value: Any, indent: int = 0) -> str:
     if isinstance(value, Section):
         return _section(value)
     if isinstance(value, Pin | Weld):
-        grounded = value.grounded and len(value.ends) > 1
-        return _call(type(value).__name__, [*map(_text, value.ends), *(["grounded=True"] * grounded)], indent)
+        parts = [*map(code, value.ends), *(["grounded=True"] * (value.grounded and len(value.ends) > 1))]
+        if isinstance(value, Weld) and value.angle is not None:
+            parts.append(f"angle={code(value.angle)}")
+        return _call(type(value).__name__, parts, indent)
     if is_dataclass(value) and not isinstance(value, type):
         always = ALWAYS.get(type(value).__name__, ())
         shown = [f for f in fields(value) if f.init and f.repr]

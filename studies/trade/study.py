@@ -127,12 +127,12 @@ def _fitting(base: BaseScene, options: Options) -> Options:
     """The options with those meshes only that fit a scene: the two have different numbers of bodies."""
     if options.meshes is None:
         return options
-    sizes = (1, len(base.scene.bodies))
+    sizes = (1, len(base.scene.beams))
     return replace(options, meshes=tuple(m for m in options.meshes if len(m) in sizes))
 
 
 def _check_meshes(every: Sequence[Ladder], options: Options) -> None:
-    sizes = {1, *(len(ladder.base.scene.bodies) for ladder in every)}
+    sizes = {1, *(len(ladder.base.scene.beams) for ladder in every)}
     for mesh in options.meshes or ():
         if len(mesh) not in sizes:
             check_mesh(every[0].base.scene, mesh)

@@ -15,7 +15,7 @@ import anctmm as at
 from anctmm.discretise.assembly import mass_product
 from anctmm.errors import JointGapError, PropertyError, StartWarning
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene, Weld
-from anctmm.model.start import turning_rate
+from anctmm.model.start import drive_rate
 from anctmm.model.topology import end_of
 from anctmm.model.velocities import RigidVelocity
 from reference import exudyn_cable, global_dae
@@ -49,7 +49,7 @@ def kinetic_energy(scene, **options):
     bodies, v = chain.bodies, chain.initial_velocity()
     for node, clamp in driven(chain):
         x, y = bodies.reference()[2:4, node]
-        v[2:4, node] = -turning_rate(clamp) * y, turning_rate(clamp) * x
+        v[2:4, node] = -drive_rate(clamp) * y, drive_rate(clamp) * x
     p = np.zeros_like(v)
     mass_product(v, bodies.first, bodies.masses, bodies.tables().buffer, p)
     return 0.5 * float((v * p).sum())
@@ -284,4 +284,4 @@ def test_a_rigid_velocity_is_a_value_with_a_text():
     assert body.velocity_slope_at(0.3) == pytest.approx((-2.0 * 4.0, 2.0 * 3.0), rel=1e-9)
     scene = Scene("s", [body])
     assert eval(code(scene), {"at": at}) == scene
-    assert turning_rate(Clamp("b.end", turning)) == RATE
+    assert drive_rate(Clamp("b.end", turning)) == RATE

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.lacking import LACKING
 from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.errors import DiscretisationError
 from anctmm.integrators.output import Record, worst_element
@@ -17,6 +18,7 @@ from anctmm.integrators.statics.arc_length import ArcPath, Point
 from anctmm.integrators.statics.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.statics.load_path import MANY, LoadPath
 from anctmm.integrators.statics.stable_branch import downhill, stable_path
+from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.divergence_checks import inside_out
@@ -93,7 +95,8 @@ def solve_static(
             "path is 'arclength' beside branch 'stable'; one of them is allowed: the path passes stable and unstable "
             "equilibria"
         )
-    chain = Chain(checked_scene(scene), discretise(run, options))
+    refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
+    chain = Chain(scene, discretise(run, options))
     check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)
     search.newton(0.0)  # compiles

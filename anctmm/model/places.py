@@ -1,0 +1,114 @@
+"""Places of bodies: how they are written, and what they are."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from anctmm.errors import UnknownNameError, shown
+from anctmm.model.bodies import Beam, Body
+from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.velocities import Point
+from anctmm.validation import is_pair, within
+
+#: How a place is written.
+Written = str | tuple[str, float]
+#: Which place of a body: 0 and 1 a beam's start and end, another number the fraction of its length; a point's name.
+Key = float | str
+#: A body's name and the key of a place of it; the key is an int at the ends of beams.
+End = tuple[str, Any]
+#: Sides of a beam, as the names of its ends have them.
+SIDES = ("start", "end")
+PLACE_NEEDED = (
+    "allowed is 'name.start', 'name.end' or ('name', fraction) of a beam, 'name.point' of a rigid body, "
+    "'name.center' of it or of a point mass"
+)
+
+
+def written(place: object) -> Written:
+    """A place as it is written, of plain values; whether it is there is seen by the scene.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is neither a string nor a pair of a name and a fraction.
+    PropertyError
+        If the fraction lies outside [0, 1].
+    """
+    if isinstance(place, str):
+        return str.__str__(place)
+    pair: Any = place
+    if not is_pair(place) or not isinstance(pair[0], str) or isinstance(pair[1], str):
+        raise UnknownNameError(f"place {shown(place)} is no place of a body; {PLACE_NEEDED}")
+    name = str.__str__(pair[0])
+    return name, within(f"place fraction on {shown(name)}", pair[1], 0.0, 1.0, "[]")
+
+
+def place_text(place: Written | End) -> str:
+    """A place as messages name it."""
+    if isinstance(place, str):
+        return shown(place)
+    name, key = place
+    if isinstance(key, str):
+        return shown(f"{name}.{key}")
+    return shown(f"{name}.{SIDES[int(key)]}" if key in (0, 1) else (name, key))
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place of a body.
+
+    Parameters
+    ----------
+    body : Body
+    key : float or str
+        0 or 1 a beam's start or end, a number between them the fraction of its length; a point's name of another body.
+    """
+
+    body: Body
+    key: Key
+
+    @property
+    def end(self) -> End:
+        """Body's name and key."""
+        return self.body.name, self.key
+
+    @property
+    def position(self) -> Point:
+        """In the reference, m."""
+        return self.body.position_at(self.key)  # type: ignore[arg-type]
+
+    @property
+    def velocity(self) -> Point:
+        """At t = 0, m/s."""
+        return self.body.velocity_at(self.key)  # type: ignore[arg-type]
+
+    @property
+    def turns(self) -> bool:
+        """Whether there is a direction that turns with it: a point mass has none."""
+        return not isinstance(self.body, PointMass)
+
+    @property
+    def interior(self) -> bool:
+        """Whether it lies between the ends of a beam."""
+        return isinstance(self.body, Beam) and 0.0 < float(self.key) < 1.0
+
+    @property
+    def canonical(self) -> End:
+        """The same for all points of a rigid body that coincide: its first one there."""
+        if not isinstance(self.body, RigidBody):
+            return self.end
+        key = next(k for k in self.body.keys if self.body.position_at(k) == self.position)
+        return self.body.name, key
+
+    def __str__(self) -> str:
+        return place_text(self.end)
+
+
+def place_in(body: Body, key: Any) -> Key | None:
+    """Key of a place of a body, 0 and 1 for the ends of a beam; None if it has no such place."""
+    match body:
+        case Beam():
+            if isinstance(key, str):
+                return SIDES.index(key) if key in SIDES else None
+            return int(key) if key in (0.0, 1.0) else key
+        case RigidBody() | PointMass():
+            return key if isinstance(key, str) and key in body.keys else None

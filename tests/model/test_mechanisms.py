@@ -1,0 +1,351 @@
+"""Bodies, joints, connectors and loads of mechanisms: what they are, and what is refused by name."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm import errors
+from anctmm.model.connectors import ends_of, free_of
+from anctmm.model.needs import MECHANISMS, needs
+from anctmm.model.places import Place
+from anctmm.model.topology import junctions_of
+from anctmm.solvers import registry
+from studies.conformance.mechanisms import DEMANDS
+from studies.conformance.rules import cantilever
+
+ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
+QUINTIC = at.Quintic(0.1, 1.0)
+
+
+def beam(name="a", start=(0.0, 0.0), end=(1.0, 0.0), **options):
+    return at.Beam(name, start, end, ROD, RUBBER, **options)
+
+
+def plate(name="p", **options):
+    given = {"mass": 2.0, "inertia": 0.1, "center": (1.5, 0.5), "points": {"a": (1.0, 0.0), "b": (2.0, 0.0)}}
+    return at.RigidBody(name, **(given | options))
+
+
+def mass(name="m", position=(1.0, 0.0), **options):
+    return at.PointMass(name, 0.5, position, **options)
+
+
+def scene(*joints, bodies=None, **options):
+    return at.Scene("s", bodies or [beam(), plate(), mass()], joints, **options)
+
+
+# --- what they are -----------------------------------------------------------------------------------------
+
+
+def test_places_of_every_kind():
+    s = scene()
+    found = {
+        place: (s.place(place).key, s.place(place).position)
+        for place in ("a.start", "a.end", ("a", 0.0), ("a", 1), ("a", 0.25), "p.center", "p.b", "m.center")
+    }
+    assert found == {
+        "a.start": (0, (0.0, 0.0)),
+        "a.end": (1, (1.0, 0.0)),
+        ("a", 0.0): (0, (0.0, 0.0)),
+        ("a", 1): (1, (1.0, 0.0)),
+        ("a", 0.25): (0.25, (0.25, 0.0)),
+        "p.center": ("center", (1.5, 0.5)),
+        "p.b": ("b", (2.0, 0.0)),
+        "m.center": ("center", (1.0, 0.0)),
+    }
+    assert isinstance(s.place("a.end").key, int)
+    assert s.probe("p.a") == ("p", "a")
+    assert s.probe("a.end") == ("a", 1.0)
+    assert [b.name for b in s.beams] == ["a"]
+
+
+def test_points_of_a_rigid_body_move_with_it():
+    body = plate(velocity=(1.0, 2.0), spin=3.0)
+    assert body.velocity_at("b") == (1.0 - 3.0 * -0.5, 2.0 + 3.0 * 0.5)
+    assert Place(body, "b").velocity == body.velocity_at("b")
+    assert body.extent == pytest.approx(np.hypot(0.5, 0.5))
+
+
+def test_junctions_have_places_hinges_and_guides():
+    slider, hinge = at.Slider("p.b", (0.0, 2.0)), at.Weld("a.end", "p.a", angle=QUINTIC)
+    middle = at.Pin(("a", 0.5), "q.start")
+    bodies = [beam(), plate(), beam("q", (0.5, 0.0), (0.5, 1.0))]
+    junctions = junctions_of(scene(hinge, slider, middle, at.Clamp("a.start"), bodies=bodies))
+    by_end = {end: junction for junction in junctions for end in junction.ends}
+    assert set(by_end) == {("a", 0), ("a", 0.5), ("a", 1), ("p", "a"), ("p", "b"), ("q", 0), ("q", 1)}
+    assert by_end["a", 1] is by_end["p", "a"]
+    assert by_end["a", 1].groups == ((("a", 1),), (("p", "a"),))
+    assert by_end["a", 1].hinges == (hinge,)
+    assert by_end["p", "b"].guides == (slider,)
+    assert by_end["a", 0.5] is by_end["q", 0]
+    assert slider.direction == (0.0, 1.0)
+
+
+def test_connectors_know_their_ends():
+    s = scene()
+    spring = at.Spring("m.center", (1.0, 2.0), stiffness=3.0)
+    first, point = ends_of(s, spring)
+    assert (first.end, point) == (("m", "center"), (1.0, 2.0))
+    assert free_of(spring, 2.0, 0.0) == (2.0, 0.0)
+    driven = at.Spring("m.center", "a.start", stiffness=3.0, length=lambda t: (1.0 + t, 1.0))
+    assert free_of(driven, 1.0, 2.0) == (3.0, 1.0)
+    assert ends_of(s, at.RotationalSpring("a.end", stiffness=1.0))[1] is None
+    assert ends_of(s, at.Spring("a.end", ("a", 0.0), stiffness=1.0))[1].key == 0
+
+
+def test_velocities_that_fit_are_found():
+    s = scene(
+        at.Clamp("a.start", angle=lambda t: (2.0 * t, 2.0, 0.0)),
+        at.Pin("a.end", "p.a"),
+        at.Slider("p.b"),
+        bodies=[beam(), plate()],
+        connectors=(at.RotationalSpring("a.end", stiffness=1.0),),
+    )
+    fitted = at.consistent_velocities(s)
+    moved = fitted.body("p")
+    assert moved.velocity_at("a") == pytest.approx((0.0, 2.0))
+    assert moved.velocity_at("b")[1] == pytest.approx(0.0)
+    assert fitted.connectors == s.connectors
+
+
+# --- what is refused ---------------------------------------------------------------------------------------
+
+S, P, U, K = errors.SceneError, errors.PropertyError, errors.UnknownNameError, errors.UnknownKindError
+R, G, T = errors.RepeatedJointError, errors.JointGapError, errors.EndJoinedTwiceError
+C = errors.ContradictingJointsError
+
+
+def sprung(*connectors, bodies=None):
+    return lambda: scene(bodies=bodies, connectors=connectors)
+
+
+def law(value):
+    return lambda: scene(connectors=[at.Spring("m.center", (0.0, 0.0), law=value)])
+
+
+def raises(*arguments):
+    raise ValueError("no law")
+
+
+WRONG = {
+    "a body without mass": (lambda: plate(mass=0.0), P, ["rigid body 'p' mass", "0.0", "greater than 0"]),
+    "a body with negative inertia": (lambda: plate(inertia=-1.0), P, ["inertia", "-1.0", "greater than 0"]),
+    "a body without a centre": (lambda: plate(center=None), P, ["center", "None", "pair of finite numbers"]),
+    "points in a list": (lambda: plate(points=[(0, 0)]), P, ["points", "[(0, 0)]", "mapping"]),
+    "a point of three numbers": (lambda: plate(points={"a": (0, 0, 0)}), P, ["point 'a'", "pair"]),
+    "a point that is not finite": (lambda: plate(points={"a": (0, np.nan)}), P, ["point 'a'", "nan", "finite"]),
+    "a point with a dot": (lambda: plate(points={"a.b": (0, 0)}), P, ["'a.b'", "without a dot"]),
+    "a point without a name": (lambda: plate(points={"": (0, 0)}), P, ["name of a point", "''"]),
+    "a point called center": (lambda: plate(points={"center": (0, 0)}), P, ["'center'", "another"]),
+    "a spin of text": (lambda: plate(spin="fast"), P, ["spin", "'fast'", "finite number"]),
+    "a mass of infinite weight": (lambda: mass(position=(0, np.inf)), P, ["position", "inf"]),
+    "a point mass without mass": (lambda: at.PointMass("m", 0.0, (0, 0)), P, ["point mass 'm' mass", "greater"]),
+    "two bodies of one name": (
+        lambda: scene(bodies=[beam("p"), plate()]), errors.DuplicateNameError, ["'p'", "2 times"]),
+    "a body that is a dict": (lambda: scene(bodies=[{"name": "p"}]), S, ["bodies", "RigidBody", "PointMass"]),
+    "a point that is not there": (lambda: scene(at.Pin("p.c")), U, ["'p.c'", "'center', 'a', 'b'"]),
+    "an end of a rigid body": (lambda: scene(at.Pin("p.start")), U, ["'p.start'", "RigidBody 'p'", "'a'"]),
+    "a fraction of a rigid body": (lambda: scene(at.Pin(("p", 0.5))), U, ["('p', 0.5)", "RigidBody"]),
+    "the centre of a beam": (lambda: scene(at.Pin("a.center")), U, ["'a.center'", "Beam 'a'", "'start', 'end'"]),
+    "an end of a point mass": (lambda: scene(at.Pin("m.end")), U, ["'m.end'", "PointMass 'm'", "'center'"]),
+    "a fraction beyond the end": (lambda: at.Pin(("a", 1.5)), P, ["fraction", "1.5", "[0, 1]"]),
+    "a pin of three numbers": (lambda: at.Pin((1, 2, 3)), U, ["(1, 2, 3)", "'name.point'"]),
+    "a pin that parts": (lambda: scene(at.Pin("a.end", "p.b")), G, ["'a.end'", "'p.b'", "1 m apart"]),
+    "two points pinned": (lambda: scene(at.Pin("p.a", "p.b")), G, ["'p.a'", "'p.b'", "apart"]),
+    "one point by two names": (
+        lambda: scene(at.Pin("p.a", "p.c"), bodies=[plate(points={"a": (1, 0), "c": (1, 0)})]),
+        T, ["'p.a'", "2 times"]),
+    "a point pinned twice": (lambda: scene(at.Pin("p.a"), at.Pin("p.a")), R, ["Pin", "leave one out"]),
+    "a point pinned twice by two names": (
+        lambda: scene(at.Pin("p.a"), at.Pin("p.c"), bodies=[plate(points={"a": (1, 0), "c": (1, 0)})]),
+        R, ["'p.c'", "leave one out"]),
+    "a clamped point mass": (lambda: scene(at.Clamp("m.center")), K, ["'m'", "direction", "Pin"]),
+    "a welded point mass": (lambda: scene(at.Weld("a.end", "m.center")), K, ["'m'", "direction", "Pin"]),
+    "a point mass that does not turn": (lambda: scene(at.Prismatic("m.center")), K, ["'m'", "Slider"]),
+    "a driven weld of three": (
+        lambda: at.Weld("a.end", "p.a", "m.center", angle=QUINTIC), P, ["angle", "3 place(s)", "two"]),
+    "a weld turned by a number": (lambda: at.Weld("a.end", "p.a", angle=1.0), P, ["angle", "1.0", "callable"]),
+    "a weld that starts turned": (
+        lambda: scene(at.Weld("a.end", "p.a", angle=lambda t: (0.1, 0.0, 0.0))), P, ["weld", "0.1 rad", "t = 0"]),
+    "a weld whose angle has no rate": (
+        lambda: scene(at.Weld("a.end", "p.a", angle=lambda t: 0.0)), P, ["weld", "angle", "3 finite"]),
+    "a weld driven and fixed": (
+        lambda: scene(at.Weld("a.end", "p.a", angle=QUINTIC), at.Weld("a.end", "p.a")), R, ["Weld", "'p.a'"]),
+    "a line without direction": (lambda: at.Slider("a.end", (0.0, 0.0)), P, ["direction", "(0.0, 0.0)", "some length"]),
+    "a line in a text": (lambda: at.Prismatic("a.end", "x"), P, ["direction", "'x'", "pair"]),
+    "a line in space": (lambda: at.Slider("a.end", (1, 0, 0)), P, ["direction", "pair"]),
+    "a line in no body": (lambda: scene(at.Slider("a.end", body="z")), U, ["'z'", "it has 'a', 'p', 'm'"]),
+    "a line in a beam": (lambda: scene(at.Slider("p.a", body="a")), K, ["'a'", "Beam", "RigidBody"]),
+    "a line in a point mass": (lambda: scene(at.Slider("p.a", body="m")), K, ["'m'", "PointMass", "RigidBody"]),
+    "a line in the same body": (lambda: scene(at.Slider("p.a", body="p")), R, ["'p'", "same body"]),
+    "a line in a number": (lambda: at.Slider("a.end", body=3), P, ["body", "3", "string"]),
+    "a position that is a number": (lambda: at.Slider("a.end", position=0.2), P, ["position", "0.2", "callable"]),
+    "a position that starts elsewhere": (
+        lambda: scene(at.Slider("a.end", position=lambda t: (0.2, 0.0, 0.0))), P, ["position", "0.2 m", "t = 0"]),
+    "a position of two numbers": (
+        lambda: scene(at.Prismatic("a.end", position=lambda t: (0.0, 0.0))), P, ["position", "3 finite"]),
+    "a slider of a held place": (lambda: scene(at.Pin("a.end"), at.Slider("a.end")), R, ["Slider", "the ground"]),
+    "two lines in one direction": (
+        lambda: scene(at.Slider("a.end"), at.Prismatic("a.end", (-2.0, 0.0))), R, ["Slider", "independent"]),
+    "a driven line and another": (
+        lambda: scene(at.Slider("a.end", position=QUINTIC), at.Slider("a.end", (0, 1))), R, ["3 components"]),
+    "two prismatic joints": (
+        lambda: scene(at.Prismatic("a.end"), at.Prismatic("a.end", (0, 1))), R, ["direction", "Prismatic"]),
+    "a line where it is pinned": (
+        lambda: scene(at.Pin("a.end", "p.a"), at.Slider("a.end", body="p")), R, ["Slider", "body 'p'"]),
+    "a load on a point that is not there": (
+        lambda: scene(loads=[at.Force("p.c", (1, 0))]), U, ["'p.c'", "'center'"]),
+    "a torque on a point mass": (lambda: scene(loads=[at.Torque("m.center", 1.0)]), K, ["'m'", "does not turn"]),
+    "a follower force on a point mass": (
+        lambda: scene(loads=[at.Force("m.center", (1, 0), follower=True)]), K, ["'m'", "dead Force"]),
+    "a follower of text": (lambda: at.Force("a.end", (1, 0), follower="yes"), P, ["follower", "'yes'", "True"]),
+    "a line load on a rigid body": (lambda: scene(loads=[at.LineLoad("p", (0, 1))]), K, ["'p'", "RigidBody", "Beam"]),
+    "a line load on nothing": (lambda: scene(loads=[at.LineLoad("z", (0, 1))]), U, ["'z'", "it has"]),
+    "a line load of one number": (lambda: at.LineLoad("a", 3.0), P, ["line load on 'a'", "3.0", "pair"]),
+    "a line load that fails": (lambda: scene(loads=[at.LineLoad("a", raises)]), P, ["'a'", "no law"]),
+    "a spring that does nothing": (lambda: at.Spring("a.end", "p.a"), P, ["spring from 'a.end' to 'p.a'", "law"]),
+    "a negative stiffness": (lambda: at.Spring("a.end", "p.b", stiffness=-1.0), P, ["stiffness", "-1.0", "at least 0"]),
+    "a negative damping": (lambda: at.Spring("a.end", "p.b", damping=-1), P, ["damping", "-1", "at least 0"]),
+    "a stiffness of text": (lambda: at.Spring("a.end", "p.b", stiffness="k"), P, ["stiffness", "'k'", "finite"]),
+    "a preload that is not finite": (
+        lambda: at.RotationalSpring("a.end", preload=np.inf), P, ["rotational spring", "the ground", "preload", "inf"]),
+    "a law beside a stiffness": (
+        lambda: at.Spring("a.end", "p.b", stiffness=1.0, law=max), P, ["law", "stiffness", "alone"]),
+    "a law that is a number": (lambda: at.Spring("a.end", "p.b", law=3.0), P, ["law", "3.0", "callable"]),
+    "a negative length": (lambda: at.Spring("a.end", "p.b", stiffness=1, length=-1.0), P, ["length", "-1.0"]),
+    "a spring to three numbers": (lambda: at.Spring("a.end", (1, 2, 3), stiffness=1), U, ["(1, 2, 3)"]),
+    "a spring to a point far away": (
+        lambda: at.Spring("a.end", (1e20, 0), stiffness=1), P, ["point of the ground", "1e+20"]),
+    "a spring to nothing": (lambda: at.Spring("a.end", None, stiffness=1), U, ["None", "'name.point'"]),
+    "a spring to itself": (sprung(at.Spring("a.end", ("a", 1.0), stiffness=1)), R, ["'a.end'", "one place twice"]),
+    "a spring within a rigid body": (
+        sprung(at.Spring("p.a", "p.b", stiffness=1)), R, ["'p.a'", "'p.b'", "one rigid body"]),
+    "a spring between places at one point": (
+        sprung(at.Spring("a.end", "p.a", stiffness=1)), P, ["'a.end'", "'p.a'", "one point", "(1.0, 0.0)"]),
+    "a spring at a point of the ground": (
+        sprung(at.Spring("a.end", (1.0, 0.0), stiffness=1)), P, ["'a.end'", "one point"]),
+    "a spring to a place that is not there": (sprung(at.Spring("a.end", "p.z", stiffness=1)), U, ["'p.z'", "'a', 'b'"]),
+    "a rotational spring of a point mass": (
+        sprung(at.RotationalSpring("m.center", stiffness=1)), K, ["'m'", "does not turn"]),
+    "a rotational spring on one place": (
+        sprung(at.RotationalSpring("a.end", ("a", 1), stiffness=1)), R, ["one place twice"]),
+    "a rotational spring to a point": (
+        lambda: at.RotationalSpring("a.end", (1.0, 2.0), stiffness=1), U, ["(1.0, 2.0)", "no place"]),
+    "a driven length of one number": (
+        sprung(at.Spring("m.center", (0, 0), stiffness=1, length=lambda t: 1.0)), P, ["length", "2 finite"]),
+    "a driven length that is negative": (
+        sprung(at.Spring("m.center", (0, 0), stiffness=1, length=lambda t: (-1.0, 0.0))), P, ["-1.0 m", "at least 0"]),
+    "a driven angle that fails": (
+        sprung(at.RotationalSpring("a.end", stiffness=1, angle=raises)), P, ["angle", "no law"]),
+    "a law of two arguments": (law(lambda e, r: 0.0), P, ["law", "raises TypeError", "(elongation, rate, t)"]),
+    "a law that raises": (law(raises), P, ["law", "no law", "one finite number"]),
+    "a law that gives nothing": (law(lambda e, r, t: None), P, ["law", "None", "one finite number"]),
+    "a law that gives two numbers": (law(lambda e, r, t: (1.0, 2.0)), P, ["law", "(1.0, 2.0)", "one finite"]),
+    "a law that is not finite": (law(lambda e, r, t: np.nan), P, ["law", "nan", "finite"]),
+    "a connector that is a joint": (lambda: scene(connectors=[at.Pin("a.end")]), S, ["connectors", "Spring"]),
+    "a joint that is a connector": (
+        lambda: scene(at.Spring("m.center", (0, 0), stiffness=1)), S, ["joints", "Slider", "Prismatic"]),
+    "a fork of velocities": (
+        lambda: scene(at.Pin("a.end", "m.center"), bodies=[beam(), mass(velocity=(1, 0))]), G,
+        ["'a.end'", "'m.center'", "(1.0, 0.0)"]),
+    "a held point that turns": (
+        lambda: scene(at.Pin("p.a"), bodies=[plate(spin=1.0)]), G, ["'p.a'", "held", "(0, 0)"]),
+    "a clamp of a body that turns": (
+        lambda: scene(at.Clamp("p.center"), bodies=[plate(spin=1.0)]), G, ["'p.center'", "1 rad/s", "equal"]),
+    "a driven clamp of a body at rest": (
+        lambda: scene(at.Clamp("p.center", lambda t: (2 * t, 2.0, 0.0)), bodies=[plate()]), G,
+        ["2 rad/s", "0 rad/s", "consistent_velocities"]),
+    "a slider of a body that leaves the line": (
+        lambda: scene(at.Slider("m.center"), bodies=[mass(velocity=(1, 2))]), G, ["'m.center'", "2 m/s across"]),
+    "a driven slider at another speed": (
+        lambda: scene(at.Slider("m.center", position=lambda t: (t, 1.0, 0.0)), bodies=[mass()]), G,
+        ["'m.center'", "1 m/s", "equal"]),
+    "a line that turns away": (
+        lambda: scene(at.Slider("m.center", body="p"), bodies=[mass(), plate(spin=1.0)]), G, ["body 'p'", "across"]),
+    "a driven weld of bodies at rest": (
+        lambda: scene(at.Weld("p.a", "q.a", angle=lambda t: (t, 1.0, 0.0)), bodies=[plate(), plate("q")]), G,
+        ["'q.a'", "'p.a'", "1 rad/s"]),
+    "welded bodies that turn apart": (
+        lambda: scene(at.Weld("p.a", "q.a"), bodies=[plate(), plate("q", spin=1.0, velocity=(-0.5, 0.5))]), G,
+        ["'p.a'", "'q.a'", "welded"]),
+    "a prismatic joint of a body that turns": (
+        lambda: scene(at.Prismatic("p.center"), bodies=[plate(spin=1.0)]), G, ["prismatic", "1 rad/s"]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_what_does_not_fit_is_refused_by_name(name):
+    build, error, words = WRONG[name]
+    with pytest.raises(error) as caught:
+        build()
+    assert type(caught.value) is error
+    assert [word for word in words if word not in str(caught.value)] == []
+
+
+FITTING = {
+    "a plate that hangs": lambda: scene(at.Pin("p.a")),
+    "a parallelogram with a third crank": lambda: scene(
+        *(at.Pin(f"{c}.start") for c in "xyz"), *(at.Pin(f"{c}.end", f"q.{c}") for c in "xyz"),
+        bodies=[
+            *(beam(c, (k, 0), (k, 1)) for k, c in enumerate("xyz")),
+            at.RigidBody("q", 1.0, 1.0, (1.0, 1.0), {c: (k, 1) for k, c in enumerate("xyz")}),
+        ]),
+    "two lines that cross": lambda: scene(at.Slider("a.end"), at.Slider("a.end", (1, 1))),
+    "a block on a turning line": lambda: scene(at.Pin("p.b"), at.Slider("a.end", body="p")),
+    "a line in two bodies": lambda: scene(
+        at.Slider("m.center", body="p"), at.Slider("m.center", (0, 1)), bodies=[mass(), plate(), beam()]),
+    "a body that turns about its pin": lambda: scene(
+        at.Pin("p.a"), bodies=[plate(spin=2.0, velocity=(-1.0, 1.0))]),
+    "a spring of no free length": lambda: scene(connectors=[at.Spring("m.center", (0, 0), stiffness=1, length=0)]),
+    "a support under a beam": lambda: scene(at.Pin("a.start"), at.Slider(("a", 0.5)), at.Pin(("a", 0.75), "q.center"),
+        bodies=[beam(), at.PointMass("q", 1.0, (0.75, 0.0))]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FITTING)
+def test_what_fits_is_taken(name):
+    assert FITTING[name]().bodies
+
+
+# --- what roads cannot do ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("feature", DEMANDS)
+def test_every_feature_is_needed_by_its_scene(feature):
+    assert DEMANDS.keys() == MECHANISMS.keys()
+    assert feature in dict(needs(DEMANDS[feature](cantilever())))
+
+
+ROADS = ("anctmm", "global-dae", "exudyn-cable", "exudyn-reissner", "pyelastica")
+
+
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha", "static"])
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("feature", DEMANDS)
+def test_what_a_road_lacks_it_refuses_by_name(feature, road, integrator):
+    solve = registry.load(road)
+    offer = registry.offer_of(solve)
+    s = DEMANDS[feature](cantilever())
+    asked = [name for name, _ in needs(s)]
+    lacking = [
+        f
+        for f in offer.lacking([*asked, "statics" if integrator == "static" else integrator])
+        if f not in KNOWN
+    ]
+    if not lacking:
+        pytest.skip("it is offered")
+    try:
+        if integrator == "static":
+            status = registry.load_static(road, solve)(s, mesh=8).status
+        else:
+            status = solve(s, mesh=8, integrator=integrator, dt=1e-6, t_end=1e-6).status
+        assert status.code == "unsupported"
+        message = status.message
+    except errors.UnsupportedError as error:
+        message = str(error)
+    things = [thing for name, thing in needs(s) if any(name in lack.split(" + ") for lack in lacking)]
+    assert any(errors.shown(thing) in message for thing in things) or road == "pyelastica"
+
+
+#: Lacks of roads that have nothing to do with mechanisms.
+KNOWN = ("zhai", "generalized-alpha", "statics", "stability", "energy")
