@@ -3,6 +3,7 @@
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
 from anctmm.integrators.statics import solve_static
+from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.rigid_start import consistent_velocities
 from anctmm.model.scene import (
@@ -31,6 +32,7 @@ from anctmm.solve import solve
 
 __all__ = [
     "Beam",
+    "Case",
     "Circle",
     "Clamp",
     "Comparison",

@@ -58,6 +58,10 @@ class JointGapError(TopologyError):
     """The ends a joint connects are not at one place, or do not move as one."""
 
 
+class CaseError(AnctmmError, ValueError):
+    """A case, or a file of cases, cannot be used."""
+
+
 class DiscretisationError(AnctmmError, ValueError):
     """Mesh, element, integrator or step cannot be used."""
 

@@ -2,7 +2,7 @@
 
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -39,36 +39,19 @@ def main() -> None:
 
 
 @app.command("list", cls=Command)
-def list_() -> None:
-    """Scenes, solvers and studies."""
+def list_(
+    file: Annotated[str | None, typer.Argument(help="A file of yours: list its cases only.")] = None,
+) -> None:
+    """Scenes, solvers and studies; or the cases of a file."""
     from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
 
-    from anctmm.solvers import registry
-    from studies.engine.study import STUDIES
-    from studies.scenes import BASE_SCENES
+    from studies.cases import built_in, cases_in
+    from studies.command_line.listing import scenes, solvers, studies
 
-    def table(title: str, *columns: str) -> Table:
-        shown = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
-        for column in columns:
-            shown.add_column(column, overflow="fold", no_wrap=column == "name")
-        return shown
-
-    scenes = table("Scenes", "name", "bodies", "probes", "source")
-    for build in BASE_SCENES:
-        base = build()
-        bodies = ", ".join(b.name for b in base.scene.beams)
-        scenes.add_row(base.scene.name, bodies, ", ".join(map(_probe, base.probes)), base.source)
-    solvers = table("Solvers", "name", "from", "lacks")
-    for name, origin in registry.origins():
-        solvers.add_row(escape(name), escape(origin), escape(_lacks(name)))
-    studies = table("Studies", "name", "question")
-    for name, (_, question) in STUDIES.items():
-        studies.add_row(name, question)
+    shown = [scenes(cases_in(file))] if file is not None else [scenes(built_in()), solvers(), studies()]
     console = Console()
-    for shown in (scenes, solvers, studies):
-        console.print(shown, "")
+    for table in shown:
+        console.print(table, "")
 
 
 @app.command(cls=Command)
@@ -287,18 +270,3 @@ def _verdict(findings: "list[Finding]") -> Code:
     if all(f.verdict == checking.NOT_RUN for f in findings):
         return Code.NOT_RUN
     return Code.DONE if checking.passed(findings) else Code.DIFFERS
-
-
-def _lacks(solver: str) -> str:
-    """What a solver says it lacks, or why it cannot be loaded."""
-    from anctmm.errors import PluginError
-    from anctmm.solvers import registry
-
-    try:
-        return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
-    except PluginError as error:
-        return f"broken: {' '.join(str(error).split())}"
-
-
-def _probe(probe: Any) -> str:
-    return probe if isinstance(probe, str) else f"{probe[0]} at {probe[1]:g}"

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from math import pi, sqrt
 
+from anctmm.model.case import Case
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import (
     Beam,
@@ -25,28 +26,21 @@ PAPER = "Rong (2014), Multibody Syst. Dyn., doi:10.1007/s11044-013-9402-7"
 
 
 @dataclass(frozen=True)
-class BaseScene:
-    """A scene with what a study needs to know about it.
+class BaseScene(Case):
+    """A case that is built in: it also says where it comes from.
 
     Parameters
     ----------
-    scene : Scene
-    probes : tuple
-        Where histories are compared.
-    t_end, output_dt : float
-        s; zero for statics.
+    scene, probes, t_end, output_dt, note
+        As of `Case`.
     assumptions : tuple of str
         What the source leaves open and was chosen here; shown wherever results are shown.
     source : str
         Where the data come from.
     """
 
-    scene: Scene
-    probes: tuple[Probe, ...]
-    t_end: float
-    output_dt: float
-    assumptions: tuple[str, ...]
-    source: str
+    assumptions: tuple[str, ...] = ()
+    source: str = ""
 
 
 # --- four-bar (Rong 2014, Table 1) -------------------------------------------------------------------------
@@ -158,8 +152,7 @@ def cantilever_tip_force(
             material=material,
         ),
         CANTILEVER_PROBES,
-        t_end=0.0,
-        output_dt=0.0,
+        t_end=None,
         assumptions=(*CANTILEVER_ASSUMPTIONS, f"Downward dead tip force, P L²/(E I) = {load:g}."),
         source="extensible elastica",
     )
@@ -171,8 +164,7 @@ def cantilever_end_moment(moment: float = END_MOMENT) -> BaseScene:
     return BaseScene(
         _cantilever(f"cantilever-moment-{moment:.3g}", (Torque("beam.end", value),)),
         CANTILEVER_PROBES,
-        t_end=0.0,
-        output_dt=0.0,
+        t_end=None,
         assumptions=(*CANTILEVER_ASSUMPTIONS, f"End moment, M L/(E I) = {moment:.6g}."),
         source="pure bending: an arc of a circle",
     )

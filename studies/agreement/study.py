@@ -100,7 +100,7 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Ca
         implicit = options.quick or _has_implicit(solver)
         cases.append(Case(
             base.scene, solver, mesh, element=element, integrator="generalized-alpha" if implicit else "zhai",
-            dt=dt if implicit else EXPLICIT_STEP, t_end=base.t_end, output_dt=base.output_dt,
+            dt=dt if implicit else EXPLICIT_STEP, t_end=base.duration, output_dt=base.interval,
         ))  # fmt: skip
     return cases
 

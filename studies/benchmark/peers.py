@@ -86,7 +86,7 @@ def _implicit_row(base: BaseScene, mesh: Mesh, effort: Effort, samples: Samples)
     t_end = 0.2 if effort.quick else 1.0
     run = Discretisation(
         mesh=mesh_of(base, mesh), element="cable", quadrature=QUADRATURE, dt=IMPLICIT_DT, t_end=t_end,
-        output_dt=base.output_dt, newton_tolerance=NEWTON_TOLERANCE,
+        output_dt=base.interval, newton_tolerance=NEWTON_TOLERANCE,
     )  # fmt: skip
     return _race(base, mesh, run, effort, samples)
 

@@ -182,7 +182,7 @@ def settings(race: Race, code: str, quick: bool) -> list[Setting]:
     ]
     if code in race.explicit:
         marched = [_explicit(race, code, mesh, q) for mesh, q in product(race.meshes, QUADRATURES[part:])]
-        chosen += [s for s in marched if s.elements * race.base.t_end / s.dt <= MOST_EXPLICIT]
+        chosen += [s for s in marched if s.elements * race.base.duration / s.dt <= MOST_EXPLICIT]
     return chosen
 
 
@@ -190,7 +190,7 @@ def _explicit(race: Race, code: str, mesh: Mesh, quadrature: str) -> Setting:
     limit = stable_step(
         race.base.scene, mesh_of(race.base, mesh), {"element": "cable", "quadrature": quadrature}
     )
-    dt = race.base.output_dt / ceil(race.base.output_dt / limit)
+    dt = race.base.interval / ceil(race.base.interval / limit)
     return Setting(code, EXPLICIT, mesh, dt, quadrature, None)
 
 
@@ -200,7 +200,7 @@ def run_of(race: Race, setting: Setting) -> Solution:
     tolerance = setting.tolerance if setting.code == OURS else None
     run = Discretisation(
         mesh=mesh_of(base, setting.mesh), element="cable", quadrature=setting.quadrature,
-        integrator=setting.integrator, dt=setting.dt, t_end=base.t_end, output_dt=base.output_dt,
+        integrator=setting.integrator, dt=setting.dt, t_end=base.duration, output_dt=base.interval,
         check_stability=False, **({"newton_tolerance": tolerance} if tolerance else {}),
     )  # fmt: skip
     if setting.code == OURS:

@@ -159,8 +159,8 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
         for mesh in options.meshes or scheme.meshes:
             cases += product(
                 base.scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
-                quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.t_end,
-                output_dt=base.output_dt, options=scheme.options,
+                quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.duration,
+                output_dt=base.interval, options=scheme.options,
             )  # fmt: skip
     return cases
 
@@ -193,7 +193,7 @@ def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Ref
     def case(mesh: Mesh, dt: float) -> Case:
         return Case(
             base.scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
-            dt=dt, t_end=base.t_end, output_dt=base.output_dt,
+            dt=dt, t_end=base.duration, output_dt=base.interval,
         )  # fmt: skip
 
     coarser = [case(fine.mesh, fine.coarser_dt)]

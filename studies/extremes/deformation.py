@@ -175,11 +175,11 @@ def motions(quick: bool) -> list[Motion]:
     if quick:
         return found
     return [
-        Motion("four-bar", base.scene, base.probes, base.t_end, bars),
-        Motion("four-bar, moment", moment.scene, moment.probes, moment.t_end, bars),
-        Motion("falling cantilever", fall.scene, fall.probes, fall.t_end, (8, 16, 32)),
+        Motion("four-bar", base.scene, base.probes, base.duration, bars),
+        Motion("four-bar, moment", moment.scene, moment.probes, moment.duration, bars),
+        Motion("falling cantilever", fall.scene, fall.probes, fall.duration, (8, 16, 32)),
         found[0],
-        Motion("four-bar with gravity", heavy, FOUR_BAR_PROBES, base.t_end, bars),
+        Motion("four-bar with gravity", heavy, FOUR_BAR_PROBES, base.duration, bars),
         found[1],
     ]
 

@@ -170,7 +170,7 @@ def case_of(setting: Setting, kinds: Sequence[str], limit: float) -> Case:
     element: Any = FrozenMapping(zip(names, kinds, strict=True))
     return Case(
         setting.base.scene, "anctmm", setting.of(kinds), element, "full", "zhai",
-        step_under(setting.base, MARGIN * limit), setting.base.t_end, setting.base.output_dt,
+        step_under(setting.base, MARGIN * limit), setting.base.duration, setting.base.interval,
     )  # fmt: skip
 
 
@@ -184,7 +184,7 @@ def stable_step(scene: Scene, mesh: Mesh, kinds: Sequence[str]) -> float:
 
 def step_under(base: BaseScene, limit: float) -> float:
     """The largest step below a limit and a thousandth of the run that divides the interval of output, s."""
-    return base.output_dt / ceil(base.output_dt / min(limit, 1e-3 * base.t_end))
+    return base.interval / ceil(base.interval / min(limit, 1e-3 * base.duration))
 
 
 def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:

@@ -58,7 +58,7 @@ def paper_table(
     wanted = [c for c in CONTESTANTS if options.solvers is None or c.solver in options.solvers]
     if not wanted:
         return None
-    cases = {c: _case(base, c, stretch if c.stretched else base.t_end) for c in wanted}
+    cases = {c: _case(base, c, stretch if c.stretched else base.duration) for c in wanted}
     rounds = _rounds(cases, 3 if options.quick else 5, runner)
     lines = [_line(c, cases[c], rounds[c.method], base, references, runner, options.quick) for c in wanted]
     frame = _with_ratios(pd.DataFrame(lines)).reindex(columns=list(COLUMNS))
@@ -69,7 +69,7 @@ def _case(base: BaseScene, contestant: Contestant, t_end: float) -> Case:
     return Case(
         base.scene, contestant.solver, MESH, element=contestant.element, integrator=contestant.integrator,
         dt=EXPLICIT_DT if contestant.integrator == "zhai" else IMPLICIT_DT, t_end=t_end,
-        output_dt=base.output_dt,
+        output_dt=base.interval,
     )  # fmt: skip
 
 
@@ -98,7 +98,7 @@ def _line(
     """One line; its error is that of the whole run, where the dense solver's cheap twin stands in for it."""
     status = next((s.status for s in solutions if not s.status.ok), solutions[0].status)
     timing = summarise([s.cost for s in solutions]) if status.ok else Timing(np.nan, np.nan, np.nan, 0)
-    steps, full = solutions[0].cost.steps, round(base.t_end / case.dt)
+    steps, full = solutions[0].cost.steps, round(base.duration / case.dt)
     per_step = timing.cpu_s / steps if steps else float("nan")
     reference = references.get(contestant.element)
     error = _error(base, contestant, reference, runner) if reference and status.ok else float("nan")
@@ -130,7 +130,7 @@ def _line(
 def _error(base: BaseScene, contestant: Contestant, reference: Reference, runner: Runner) -> float:
     """Error over the whole run; dense and sparse linear algebra differ by rounding only."""
     solver = "global-dae" if contestant.solver == "global-dae-dense" else contestant.solver
-    solution = runner.solve(_case(base, replace(contestant, solver=solver), base.t_end)).solution
+    solution = runner.solve(_case(base, replace(contestant, solver=solver), base.duration)).solution
     return reference.error_of(solution) if solution.status.ok else float("nan")
 
 

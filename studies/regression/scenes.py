@@ -1,8 +1,6 @@
 """Which histories `anctmm check` watches: those of the base scenes, or those a user's file declares."""
 
 import re
-import runpy
-import sys
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import MISSING, dataclass, fields
 from itertools import islice
@@ -15,9 +13,10 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, parts_of_load
 from anctmm.errors import AnctmmError, reason, shown
 from anctmm.model.scene import Probe, Scene
-from anctmm.solvers.foreign_code import contained, told
+from anctmm.solvers.foreign_code import told
 from studies import scenes
 from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
+from studies.user_files import defined_in
 
 #: What a user's file must define.
 DECLARED = "WATCHED"
@@ -209,21 +208,7 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     CheckError
         If the file is not there, does not run, or declares nothing of that kind.
     """
-    if not path.is_file():
-        what = "no file" if path.exists() else "no such file"
-        raise CheckError(f"--scenes {path}: {what}; a Python file that defines {DECLARED} is needed")
-    places = list(sys.path)
-    sys.path.insert(0, str(path.resolve().parent))
-    try:
-        with contained():
-            defined = runpy.run_path(str(path))
-    except AnctmmError:
-        raise
-    except Exception as error:
-        raise CheckError(f"--scenes {path} does not run: {type(error).__name__}: {error}") from error
-    finally:
-        sys.path[:] = places
-    found = defined.get(DECLARED)
+    found = defined_in(path, DECLARED, CheckError, "--scenes")
     watches = tuple(found) if isinstance(found, list | tuple) else ()
     if not watches or not all(isinstance(w, Watch) for w in watches):
         raise CheckError(
@@ -268,8 +253,8 @@ def _mechanism(base: BaseScene) -> tuple[Watch, ...]:
             FOUR_BAR_MESH,
             element=element,
             dt=5e-3,
-            t_end=base.t_end,
-            output_dt=base.t_end / 12,
+            t_end=base.duration,
+            output_dt=base.duration / 12,
             newton_tolerance=TIGHT,
         )
 

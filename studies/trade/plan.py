@@ -104,8 +104,8 @@ class Ladder:
             names = [body.name for body in base.scene.beams]
             by_body = mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
             limit = stable_step(base.scene, by_body, options)
-            largest = base.output_dt / ceil(base.output_dt / limit)
-            work = sum(mesh) * base.t_end / largest
+            largest = base.interval / ceil(base.interval / limit)
+            work = sum(mesh) * base.duration / largest
             return tuple(largest / k for k in (1, 2) if k * work <= most)
 
         return steps

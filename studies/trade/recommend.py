@@ -235,11 +235,11 @@ def case_of(line: Mapping[Any, Any]) -> Case:
     options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
     dt = float(line["dt"])
     # a table keeps nine digits; a run of a million steps needs them all
-    step = base.output_dt / round(base.output_dt / dt) if dt > 0 else dt
+    step = base.interval / round(base.interval / dt) if dt > 0 else dt
     return Case(
         base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
         element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
-        integrator=str(line["integrator"]), dt=step, t_end=base.t_end, output_dt=base.output_dt, options=options,
+        integrator=str(line["integrator"]), dt=step, t_end=base.duration, output_dt=base.interval, options=options,
     )  # fmt: skip
 
 

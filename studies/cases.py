@@ -1,0 +1,94 @@
+"""Cases by name: those built in, and those that a Python file of a user's defines."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from anctmm.errors import CaseError, listed
+from anctmm.model.case import Case
+from anctmm.solvers.foreign_code import told
+from studies.scenes import BASE_SCENES, BaseScene
+from studies.user_files import defined_in
+
+#: What a user's file must define.
+DECLARED = "CASES"
+
+
+def built_in() -> list[BaseScene]:
+    """Cases that are built in."""
+    return [build() for build in BASE_SCENES]
+
+
+def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
+    """Cases that a Python file defines as CASES.
+
+    Raises
+    ------
+    CaseError
+        If the file is not there, does not run, defines no list of cases, or two of its scenes have one name.
+    """
+    found = defined_in(Path(path), DECLARED, CaseError, "file")
+    cases = tuple(found) if isinstance(found, list | tuple) else ()
+    if not cases or not all(isinstance(case, Case) for case in cases):
+        raise CaseError(
+            f"file {path} defines {DECLARED} = {told(found)}; a list of at least one anctmm.Case is needed"
+        )
+    names = [case.name for case in cases]
+    if twice := next((n for n in names if names.count(n) > 1), None):
+        raise CaseError(
+            f"file {path} has {names.count(twice)} cases of scenes named {twice!r}; one is allowed"
+        )
+    return cases
+
+
+def find_cases(given: str, name: str | None = None) -> tuple[Case, ...]:
+    """Cases that a user means by a file, or by a built-in scene's name or the beginning of it.
+
+    Parameters
+    ----------
+    given : str
+        A path, which ends in ".py" or names a file that is there, or a name.
+    name : str, optional
+        Of the one scene wanted; all of the file without it.
+
+    Raises
+    ------
+    CaseError
+        If there is no such file, or no such name, or the beginning fits several names.
+    """
+    if is_file(given):
+        cases = cases_in(given)
+        return cases if name is None else (_named(cases, name, f"--case of file {given}"),)
+    every = built_in()
+    case = _named(every, given, "scene", f", and files that end in .py; {given!r} is no file either")
+    return (case,) if name is None else (_named([case], name, f"--case of the built-in scene {given!r}"),)
+
+
+def find_case(given: str, name: str | None = None) -> Case:
+    """The one case that a user means; errors as of `find_cases`, and where a file has several and no name is given."""
+    cases = find_cases(given, name)
+    if len(cases) > 1:
+        raise CaseError(
+            f"file {given} has {len(cases)} cases; --case is needed, one of {listed(c.name for c in cases)}"
+        )
+    return cases[0]
+
+
+def is_file(given: str) -> bool:
+    """Whether a text means a file rather than the name of a scene."""
+    return given.endswith(".py") or os.sep in given or Path(given).is_file()
+
+
+def assumptions_of(case: Case) -> tuple[str, ...]:
+    """What stands beside a case's results."""
+    stated = case.assumptions if isinstance(case, BaseScene) else ()
+    return tuple(filter(None, (*stated, case.note)))
+
+
+def _named(cases: Sequence[Case], name: str, what: str, others: str = "") -> Case:
+    """The case of a name, or of the beginning of one."""
+    found = [c for c in cases if c.name == name] or [c for c in cases if name and c.name.startswith(name)]
+    if len(found) == 1:
+        return found[0]
+    several = f" and fits {listed(c.name for c in found)}" if found else " and is unknown"
+    raise CaseError(f"{what} is {name!r}{several}; allowed are {listed(c.name for c in cases)}{others}")

@@ -1,0 +1,50 @@
+"""Python files of users: what they define, and errors that name the file."""
+
+import runpy
+import sys
+from pathlib import Path
+from typing import Any
+
+from anctmm.errors import AnctmmError
+from anctmm.solvers.foreign_code import contained
+
+
+def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> Any:
+    """What a user's Python file gives a name to; the file may import its neighbours.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        Of what the file must define.
+    error : type of AnctmmError
+        Raised where the file cannot be used.
+    said : str
+        What the file was given as, for messages: "--scenes".
+
+    Returns
+    -------
+    object
+        None if the file does not define it.
+
+    Raises
+    ------
+    AnctmmError
+        `error`, naming the file, if it is not there or does not run; errors of this package that it raises itself are
+        passed on.
+    """
+    if not path.is_file():
+        what = "no file" if path.exists() else "no such file"
+        raise error(f"{said} {path}: {what}; a Python file that defines {name} is needed")
+    places = list(sys.path)
+    sys.path.insert(0, str(path.resolve().parent))
+    try:
+        with contained():
+            defined = runpy.run_path(str(path))
+    except AnctmmError:
+        raise
+    except Exception as raised:
+        raise error(f"{said} {path} does not run: {type(raised).__name__}: {raised}") from raised
+    finally:
+        sys.path[:] = places
+    return defined.get(name)

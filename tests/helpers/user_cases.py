@@ -1,0 +1,10 @@
+"""Files of cases as users write them: nothing in the program was tuned for their scenes."""
+
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "cases"
+DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS = (
+    str(FOLDER / f"{name}.py")
+    for name in ("double_pendulum", "portal_frame", "thrown_chain", "three_supports")
+)
+FILES = (DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS)
