@@ -4,9 +4,10 @@ from typing import Any, assert_never
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.kept_chains import chain_of, once
 from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
-from anctmm.discretise.methods import GeneralizedAlpha, Zhai
+from anctmm.discretise.methods import GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, moved_by
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
@@ -48,17 +49,8 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
     Interrupted
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
-    run = discretise(run, options, fixed_step=False)
-    refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
-    check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT)
-    check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
-    chain = Chain(scene, run)
-    if chain.run.tolerance is not None and chain.bodies.damping is not None:
-        raise StepError(
-            f"tolerance is {chain.run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of "
-            f"the error does not know damping"
-        )
-    method = chain.run.method
+    chain = chain_of(scene, discretise(run, options, fixed_step=False), _checked_chain)
+    method = once(chain, _method)
     match method:
         case Zhai():
             return zhai.integrate(chain)
@@ -66,3 +58,21 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
             implicit = generalized_alpha if chain.run.tolerance is None else step_control
             return implicit.integrate(chain)
     assert_never(method)
+
+
+def _method(chain: Chain) -> Method:
+    return chain.run.method
+
+
+def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
+    """A scene cut into elements, if ANC-TMM has what it needs, and the machine the memory."""
+    refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
+    check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT)
+    check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
+    chain = Chain(scene, run)
+    if run.tolerance is not None and chain.bodies.damping is not None:
+        raise StepError(
+            f"tolerance is {run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of the "
+            f"error does not know damping"
+        )
+    return chain

@@ -27,6 +27,7 @@ from anctmm.elements.kinds import Element
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.compiling import embedded, inlined, kernel
+from anctmm.jit.copies import writes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -35,6 +36,7 @@ Ints = NDArray[np.int64]
 FIRST_BODY = np.int64(0)
 
 
+@writes("buffer")
 class Tables(NamedTuple):
     """What kernels need of `Bodies`, under the names it has there."""
 
@@ -137,7 +139,7 @@ class Bodies:
         out = {}
         for i, mesh in enumerate(self.meshes):
             part = flat[..., : 2 * mesh.vectors, self.first[i] : self.first[i + 1]]
-            part = np.moveaxis(part, -1, -2).reshape(*flat.shape[:-2], mesh.nodes, mesh.vectors, 2)
+            part = part.swapaxes(-1, -2).reshape(*flat.shape[:-2], mesh.nodes, mesh.vectors, 2)
             out[mesh.body.name] = mesh.unflipped(part)
         return out
 

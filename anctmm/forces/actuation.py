@@ -13,6 +13,7 @@ from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import kernel
+from anctmm.jit.copies import writes
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
 from anctmm.model.loads import LOADS, tabulated
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@writes("motion", "reaction", "memory")
 class Hubs(NamedTuple):
     """Turning clamps, for kernels.
 
@@ -51,6 +53,7 @@ class Hubs(NamedTuple):
     memory: Array
 
 
+@writes("memory")
 class Loads(NamedTuple):
     """Loads whose generalized force varies, for kernels.
 

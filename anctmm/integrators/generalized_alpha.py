@@ -14,7 +14,7 @@ Known coordinates are known as positions; their velocities and accelerations fol
 in an index-3 solution of the equations with multipliers.
 """
 
-from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,9 @@ from anctmm.discretise.assembly import (
     Tables,
 )
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import (
-    Actuation,
     Hubs,
     Loads,
     hub_reactions,
@@ -47,6 +47,7 @@ from anctmm.integrators.newton_failure import stalled
 from anctmm.integrators.output import (
     Output,
     Record,
+    actuation_of,
     keep,
     run_batches,
     too_large,
@@ -65,6 +66,19 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+class System(NamedTuple):
+    """What `advance` takes, the output apart."""
+
+    state: State
+    tables: Tables
+    links: Links
+    factors: BlockFactors
+    hubs: Hubs
+    loads: Loads
+    newton: Newton
+    damping: Damping | None
+
+
 def integrate(chain: Chain) -> Solution:
     """Run a scene with the implicit integrator.
 
@@ -73,40 +87,50 @@ def integrate(chain: Chain) -> Solution:
     Solution
         With a status that names step, time and element if Newton's iteration failed.
     """
-    run, bodies = chain.run, chain.bodies
-    actuation, record = Actuation(chain.scene, bodies), Record(chain)
-    state, newton = new_state(chain), new_newton(chain)
-    single = single_will_do(chain)
-    factors, hubs, loads = block_factors(chain, single), actuation.hubs(), actuation.loads()
-    of_step = GeneralizedAlpha(run.spectral_radius).of_step(run.exact_dt)
-    system = (state, bodies.tables(), links(chain), factors, hubs, loads)
-    ends = (record.arrays(), new_damping(chain))
+    run = chain.run
+    actuation, record = once(chain, actuation_of), Record(chain)
+    system = own(chain, _system)
+    state, newton, hubs = system.state, system.newton, system.hubs
+    out, single = record.arrays(), system.factors.L.dtype == np.float32
+    of_step = once(chain, _coefficients)
 
     def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
         tables = actuation.hub_table(t), actuation.load_table(t)
-        return int(advance(begin, end, run.steps, run.stride, c, *system, newton, *ends, *tables))
+        arguments = system._replace(newton=newton)[:-1]
+        return int(advance(begin, end, run.steps, run.stride, c, *arguments, out, system.damping, *tables))
 
-    start_run = partial(
-        start,
-        state,
-        hubs,
-        actuation.hub_table(np.zeros(1))[0],
-        newton,
-        lambda once: one(-1, 0, NO_STEP, once),
-        single,
-    )
-    start_run()
+    once(chain, lambda _: one(0, 0), what=advance)  # compiles
     record.start()
-    start_run()
+    drives = actuation.hub_table(np.zeros(1))[0]
+    start(state, hubs, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
 
     def so_far(kept: int, status: Status, steps: int) -> Solution:
         return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
 
     failed = run_batches(chain, actuation.width, one, so_far)
     if failed < 0:
-        return so_far(len(run.output_steps), Status(), run.steps)
+        return so_far(len(record.q), Status(), run.steps)
     return so_far(1 + (failed - 1) // run.stride, stalled(chain, failed, state, newton), failed)
+
+
+def _system(chain: Chain) -> System:
+    """What the steps of a run start from."""
+    actuation = once(chain, actuation_of)
+    return System(
+        new_state(chain),
+        chain.bodies.tables(),
+        links(chain),
+        block_factors(chain, single_will_do(chain)),
+        actuation.hubs(),
+        actuation.loads(),
+        new_newton(chain),
+        new_damping(chain),
+    )
+
+
+def _coefficients(chain: Chain) -> Coefficients:
+    return GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
 
 
 @kernel

@@ -17,6 +17,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import set_loads
 from anctmm.jit.compiling import embedded, inlined
+from anctmm.jit.copies import writes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -25,6 +26,7 @@ Ints = NDArray[np.int64]
 PART = 1024
 
 
+@writes("q", "v", "a", "w", "q_before", "w_before", "f", "loads", "flat")
 class State(NamedTuple):
     """q, v, a and w, q and w at the start of the step, external force and dead load: each (rows, nodes).
 
@@ -61,7 +63,7 @@ class Damping(NamedTuple):
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
     q, v, dead = chain.bodies.reference(), chain.initial_velocity(), chain.dead_load
-    a, w, q_before, w_before = np.zeros((4, *q.shape))
+    a, w, q_before, w_before = (np.zeros_like(q) for _ in range(4))
     flat = tuple(x.ravel() for x in (q, v, a, w, q_before, w_before))
     return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]), flat)
 

@@ -23,6 +23,7 @@ from anctmm.forces.actuation import (
 from anctmm.integrators.implicit_step import add_damping_forces, predict, stiffened_bodies, velocities_at_end
 from anctmm.integrators.stability import element_bound
 from anctmm.jit.compiling import embedded, inlined
+from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recursion.riccati import (
     factorize,
@@ -51,6 +52,7 @@ ROUNDED = 0.1
 MANY = 5
 
 
+@writes("counts", "history")
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 

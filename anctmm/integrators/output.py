@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept_chains import light, once
+from anctmm.forces.actuation import Actuation
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import checked
@@ -54,7 +56,7 @@ class Record:
     started: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
-        self.resize(self.outputs or len(self.chain.run.output_steps))
+        self.resize(self.outputs or len(light(self.chain, _times)))
 
     def resize(self, n: int) -> None:
         """Make room for n outputs, none of which is filled."""
@@ -84,28 +86,49 @@ class Record:
         """
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
-        bodies, q = chain.bodies, self.q[:kept]
-        static = t is not None
-        rates = {} if static else bodies.by_body(self.v[:kept])
+        q, lengths, static = self.q[:kept], once(chain, _lengths), t is not None
+        rates = {} if static else chain.bodies.by_body(self.v[:kept])
         fields = {
-            name: HermiteField(coordinates, chain.scene.beam(name).length, rates.get(name))
-            for name, coordinates in bodies.by_body(q).items()
+            name: HermiteField(path, lengths[name], rates.get(name))
+            for name, path in chain.bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
-        potential = _potential(q, bodies.reference(), chain.dead_load)
+        potential = _potential(q, light(chain, _reference), chain.dead_load)
         found = Solution(
             solver="anctmm",
             scene=chain.scene,
             run=chain.run,
-            t=chain.run.times(chain.run.output_steps[:kept]) if t is None else t,
+            t=light(chain, _times)[:kept].copy() if t is None else t,
             fields=fields,
             energy=Energy(kinetic, strain, potential, work),
             cost=Cost(cpu, wall, steps, iterations, factorizations),
             status=status,
-            dofs=chain.dofs,
+            dofs=once(chain, _dofs),
             static=static,
         )
         return checked(found, static=static)
+
+
+def _times(chain: Chain) -> Array:
+    """Times of all outputs, s."""
+    return chain.run.times(chain.run.output_steps)
+
+
+def _reference(chain: Chain) -> Array:
+    return chain.bodies.reference()
+
+
+def _lengths(chain: Chain) -> dict[str, float]:
+    return {beam.name: beam.length for beam in chain.scene.beams}
+
+
+def _dofs(chain: Chain) -> int:
+    return chain.dofs
+
+
+def actuation_of(chain: Chain) -> Actuation:
+    """What acts on a chain in time."""
+    return Actuation(chain.scene, chain.bodies)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, resist
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept_chains import once, own
 from anctmm.forces.actuation import (
-    Actuation,
     Hubs,
     Loads,
     hub_reactions,
@@ -27,6 +27,7 @@ from anctmm.forces.actuation import (
 from anctmm.integrators.output import (
     Output,
     Record,
+    actuation_of,
     gradient_size,
     keep,
     run_batches,
@@ -35,6 +36,7 @@ from anctmm.integrators.output import (
 )
 from anctmm.integrators.stability import check_step, largest_step
 from anctmm.jit.compiling import kernel
+from anctmm.jit.copies import writes
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.border import (
     KEPT,
@@ -54,6 +56,7 @@ Array = NDArray[np.float64]
 EXAMINED = 5_000
 
 
+@writes()
 class Numbers(NamedTuple):
     """Last step, steps between outputs, Δt (s), ψ and φ."""
 
@@ -71,6 +74,7 @@ class Damping(NamedTuple):
     power: Array
 
 
+@writes("q", "v", "even", "odd", "f", "scratch", "flat")
 class State(NamedTuple):
     """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes).
 
@@ -85,6 +89,20 @@ class State(NamedTuple):
     dead: Array
     scratch: Array
     flat: tuple[Array, Array, Array, Array]
+
+
+class System(NamedTuple):
+    """What `advance` takes, the output apart."""
+
+    numbers: Numbers
+    state: State
+    tables: Tables
+    split: SplitFactors
+    block: BlockFactors | None
+    hubs: Hubs
+    loads: Loads
+    damping: Damping | None
+    rigid: Rigid | None
 
 
 def integrate(chain: Chain) -> Solution:
@@ -104,48 +122,48 @@ def integrate(chain: Chain) -> Solution:
     StabilityError
         If the step lies above the stability limit and the discretisation asks for the check.
     """
-    run, bodies = chain.run, chain.bodies
+    run = chain.run
     if run.check_stability:
-        check_step(chain)
-    actuation, record = Actuation(chain.scene, bodies), Record(chain)
+        once(chain, check_step)
+    actuation, record = once(chain, actuation_of), Record(chain)
+    fixed = own(chain, _system)
+    before_out, behind_out = fixed[:7], fixed[7:]
+    out, q, rigid = record.arrays(), fixed.state.q, fixed.rigid
+
+    def one(begin: int, end: int) -> int:
+        t = run.times(np.arange(begin, end))
+        tables = actuation.hub_table(t), actuation.load_table(t)
+        return int(advance(begin, end, *before_out, out, *behind_out, *tables))
+
+    once(chain, lambda _: one(0, 0), what=advance)  # compiles
+    record.start()
+    failed = run_batches(chain, actuation.width, one, record.solution)
+    if failed < 0:
+        return record.solution(len(record.q), Status(), run.steps)
+    kept = 1 + (failed - 1) // run.stride
+    before = record.q[kept - 1] if kept else chain.bodies.reference()
+    status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
+    return record.solution(kept, status, failed)
+
+
+def _system(chain: Chain) -> System:
+    """What the steps of a run start from."""
+    run, bodies, actuation = chain.run, chain.bodies, once(chain, actuation_of)
     q, v = bodies.reference(), chain.initial_velocity()
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
-    rigid = rigid_system(chain)
-    fixed = (
+    scratch = np.zeros((1, 1)) if chain.split else np.zeros_like(q)
+    flat = (q.ravel(), v.ravel(), even.ravel(), odd.ravel())
+    return System(
         Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),
-        State(
-            q,
-            v,
-            even,
-            odd,
-            dead.copy(),
-            dead,
-            np.zeros((1, 1)) if chain.split else np.zeros_like(q),
-            (q.ravel(), v.ravel(), even.ravel(), odd.ravel()),
-        ),
+        State(q, v, even, odd, dead.copy(), dead, scratch, flat),
         bodies.tables(),
         split_factors(chain) if chain.split else no_split_factors(chain),
         None if chain.split else mass_factors(chain),
         actuation.hubs(),
         actuation.loads(),
-        record.arrays(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
-        rigid,
+        rigid_system(chain),
     )
-
-    def one(begin: int, end: int) -> int:
-        t = run.times(np.arange(begin, end))
-        return int(advance(begin, end, *fixed, actuation.hub_table(t), actuation.load_table(t)))
-
-    one(0, 0)
-    record.start()
-    failed = run_batches(chain, actuation.width, one, record.solution)
-    if failed < 0:
-        return record.solution(len(run.output_steps), Status(), run.steps)
-    kept = 1 + (failed - 1) // run.stride
-    before = record.q[kept - 1] if kept else bodies.reference()
-    status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
-    return record.solution(kept, status, failed)
 
 
 def _locked(chain: Chain, step: int, q: Array, rigid: Rigid | None) -> Status | None:

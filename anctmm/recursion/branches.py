@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.plan import Kept
 from anctmm.jit.compiling import inlined
+from anctmm.jit.copies import writes
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@writes("vectors", "matrices")
 class Branches(NamedTuple):
     """Places between two nodes where the recursion does not simply go on, and the end of the row.
 

@@ -25,6 +25,7 @@ from anctmm.discretise.plan import PIN, WELD
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.actuation import Loads
 from anctmm.jit.compiling import embedded, inlined, kernel
+from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
 from anctmm.recursion.loops import (
@@ -47,6 +48,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@writes("branches")
 class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
 
@@ -67,6 +69,7 @@ class SplitFactors(NamedTuple):
     branches: Branches
 
 
+@writes("L", "G", "wide", "work", "buffer", "branches", "loops")
 class BlockFactors(NamedTuple):
     """Factored full blocks, refilled by `factorize`.
 
@@ -98,6 +101,7 @@ class BlockFactors(NamedTuple):
     loops: Loops | None
 
 
+@writes()
 class Links(NamedTuple):
     """What kernels need of a `Chain`; known: components prescribed, or found with the kept unknowns, (rows, nodes)."""
 

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import tabulate
+from anctmm.model.kept import kept
 from anctmm.model.loads import load_text, width_of
 from anctmm.model.scene import Beam, Clamp, Load, Scene
 
@@ -19,6 +20,7 @@ def length_of(scene: Scene) -> float:
     return scene.length
 
 
+@kept
 def mass_of(scene: Scene) -> float:
     """Mass of all bodies, kg."""
     return sum(_mass(body) for body in scene.beams)

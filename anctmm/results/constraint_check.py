@@ -3,21 +3,28 @@
 Solvers keep them by construction or to the tolerance of Newton's iteration; this is what sees that one did not.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.model.drives import tabulate
+from anctmm.model.joints import Clamp
+from anctmm.model.kept import kept
 from anctmm.model.places import End
-from anctmm.model.topology import Junction, junctions_of
+from anctmm.model.scene import Scene
+from anctmm.model.topology import junctions_of
 from anctmm.results.acting import length_of
-from anctmm.results.fields import HermiteField
+from anctmm.results.ends import Ends, ends_of
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Ints = NDArray[np.int64]
 
 EPS = float(np.finfo(float).eps)
 #: Distance of joined ends, of the length of all bodies, above which a joint is not kept; of angles, rad. The global DAE
@@ -30,95 +37,175 @@ ROUNDINGS = 1e3
 ADVICE = "a smaller dt or a smaller newton_tolerance may do"
 
 
-def constraint_findings(solution: Solution, *, static: bool = False) -> Iterator[Finding]:
-    """What speaks against a run of any solver; its times are load factors if `static`."""
+class Constraints(NamedTuple):
+    """What the joints of a scene keep, of ends numbered as in `Ends`.
+
+    Parameters
+    ----------
+    held, places
+        Ends whose place is held, and that place, as complex numbers.
+    joined : ndarray of int, shape (2, k)
+        Pairs of ends that share a place.
+    welded : ndarray of int, shape (2, k)
+        Pairs that turn alike.
+    clamped : ndarray of int
+        Ends whose direction is held, or driven, by `clamps`.
+    clamps : tuple of Clamp
+    undo : ndarray of complex, shape (ends, 1)
+        Turns each end's axis back to the x axis.
+    names : tuple of End
+        Of the ends.
+    """
+
+    held: Ints
+    places: Complex
+    joined: Ints
+    welded: Ints
+    clamped: Ints
+    clamps: tuple[Clamp, ...]
+    undo: Complex
+    names: tuple[End, ...]
+
+
+def constraint_findings(
+    solution: Solution, *, static: bool = False, ends: Ends | None = None
+) -> Iterator[Finding]:
+    """What speaks against a run of any solver.
+
+    Parameters
+    ----------
+    solution : Solution
+    static : bool
+        Whether its times are load factors.
+    ends : Ends, optional
+        Its ends, where they are known already.
+    """
     scene = solution.scene
     if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.beams}:
         return
-    paths = {
-        (body.name, side): solution.position(body.name, float(side))
-        for body in scene.beams
-        for side in (0, 1)
-    }
-    reach = max(float(np.abs(path[0]).max()) for path in paths.values())
+    of, (place, gradient) = constraints_of(scene), ends or ends_of(solution)
     length = length_of(scene)
-    rounding = ROUNDINGS * EPS * reach
+    rounding = ROUNDINGS * EPS * float(np.abs(place[:, 0]).max())
+    parted, turned = PARTED * length + rounding, PARTED + rounding / length
+    if of.held.size:
+        away = np.abs(place[of.held] - of.places[:, None])
+        yield from _beyond(away, parted, "m", _held(of, of.held, "held", "place"))
+    if of.joined.size:
+        apart = np.abs(place[of.joined[1]] - place[of.joined[0]])
+        yield from _beyond(apart, parted, "m", _pair(of, of.joined, "joined", "parted"))
+    if of.clamped.size or of.welded.size:
+        turn = gradient / np.abs(gradient) * of.undo
+        off = np.abs(turn[of.clamped] - _driven(of.clamps, solution, static))
+        yield from _beyond(off, turned, "rad", _held(of, of.clamped, "clamped", "direction"))
+        off = np.abs(turn[of.welded[1]] - turn[of.welded[0]])
+        yield from _beyond(off, turned, "rad", _pair(of, of.welded, "welded", "turned from each other"))
+    yield from _strained(solution, place, rounding)
+
+
+@kept
+def constraints_of(scene: Scene) -> Constraints:
+    """What the joints of a scene keep."""
+    names = tuple((body.name, side) for body in scene.beams for side in (0, 1))
+    number = {end: i for i, end in enumerate(names)}
+    held: list[int] = []
+    pairs: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
+    clamps: list[tuple[int, Clamp]] = []
     for junction in junctions_of(scene):
-        yield from _parted(solution, junction, paths, PARTED * length + rounding)
-        yield from _turned(solution, junction, PARTED + rounding / length, static)
-    yield from _strained(solution, paths, rounding)
+        if junction.grounded:
+            held.append(number[junction.ends[0]])
+        for alike, groups in zip(pairs, ((junction.ends,), junction.groups), strict=True):
+            alike += [(number[group[0]], number[end]) for group in groups for end in group[1:]]
+        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+            if clamp is not None:
+                clamps.append((number[group[0]], clamp))
+    joined, welded = (np.array(alike, dtype=np.int64).reshape(-1, 2).T for alike in pairs)
+    points = np.array([complex(*point) for body in scene.beams for point in (body.start, body.end)])
+    return Constraints(
+        np.array(held, dtype=np.int64),
+        points[held],
+        joined,
+        welded,
+        np.array([end for end, _ in clamps], dtype=np.int64),
+        tuple(clamp for _, clamp in clamps),
+        np.repeat(np.exp([-1j * body.angle for body in scene.beams]), 2)[:, None],
+        names,
+    )
 
 
-def _parted(
-    solution: Solution, junction: Junction, paths: dict[End, Array], allowed: float
-) -> Iterator[Finding]:
-    """Ends that are not where their junction is."""
-    one, *others = junction.ends
-    if junction.grounded:
-        body = solution.scene.beam(one[0])
-        away = _distance(paths[one], np.array([(body.start, body.end)[one[1]]]))
-        yield from _beyond(away, allowed, f"{_text(one)}, which is held, has left its place by", "m", one)
-    for other in others:
-        apart = _distance(paths[other], paths[one])
-        what = f"{_text(one)} and {_text(other)}, which are joined, have parted by"
-        yield from _beyond(apart, allowed, what, "m", one)
+def _driven(clamps: tuple[Clamp, ...], solution: Solution, static: bool) -> Complex:
+    """Turns that the clamps make, (clamps, n), or (clamps, 1) where all are fixed."""
+    if all(clamp.angle is None for clamp in clamps):
+        return np.ones((len(clamps), 1), dtype=np.complex128)
+    t = np.zeros(1) if static else solution.t
+    angles = np.zeros((len(clamps), t.size))
+    for row, clamp in zip(angles, clamps, strict=True):
+        if clamp.angle is not None:
+            row[:] = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)[:, 0]
+    return np.asarray(np.exp(1j * angles))
 
 
-def _turned(solution: Solution, junction: Junction, allowed: float, static: bool) -> Iterator[Finding]:
-    """Ends whose direction is not that of their group, or of its clamp."""
-    for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-        turns = {end: turn for end in group if (turn := _turn(solution, end)) is not None}
-        if len(turns) < len(group):
-            continue
-        one = group[0]
-        if clamp is not None:
-            angle = np.zeros(solution.t.size)
-            if clamp.angle is not None:
-                t = np.zeros(1) if static else solution.t
-                angle = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)[:, 0]
-            off = np.abs(turns[one] - np.exp(1j * angle))
-            yield from _beyond(
-                off, allowed, f"{_text(one)}, which is clamped, has left its direction by", "rad", one
-            )
-        for other in group[1:]:
-            off = np.abs(turns[other] - turns[one])
-            what = f"{_text(one)} and {_text(other)}, which are welded, have turned from each other by"
-            yield from _beyond(off, allowed, what, "rad", one)
-
-
-def _strained(solution: Solution, paths: dict[End, Array], rounding: float) -> Iterator[Finding]:
+def _strained(solution: Solution, place: Complex, rounding: float) -> Iterator[Finding]:
     """Rigid bodies whose length is not kept."""
-    kinds = {} if solution.run is None else solution.run.of(solution.scene)
-    for name, (_, kind) in kinds.items():
+    run = solution.run
+    kinds = {} if run is None or not _any_rigid(run.element) else run.of(solution.scene)
+    for b, (name, (_, kind)) in enumerate(kinds.items()):
         if kind_of(kind).rigid:
             length = solution.scene.beam(name).length
-            strain = np.abs(_distance(paths[name, 1], paths[name, 0]) / length - 1.0)
-            what = f"rigid body {name!r} has changed its length by"
-            yield from _beyond(strain, STRAINED + rounding / length, what, "of itself", (name, 0))
+            strain = np.abs(np.abs(place[2 * b + 1] - place[2 * b]) / length - 1.0)
+            allowed = STRAINED + rounding / length
+            yield from _beyond(strain[None], allowed, "of itself", partial(_longer, name))
 
 
-def _distance(a: Array, b: Array) -> Array:
-    with np.errstate(all="ignore"):
-        return np.asarray(np.hypot(*(a - b).T))
+def _longer(name: str, _: int) -> tuple[str, str]:
+    """Tells of a rigid body."""
+    return name, f"rigid body {name!r} has changed its length by"
 
 
-def _turn(solution: Solution, end: End) -> NDArray[np.complex128] | None:
-    """Turn of an end's axis since the reference, of size 1, (n,); None where the field does not tell."""
-    field, body = solution.fields[end[0]], solution.scene.beam(end[0])
-    if not isinstance(field, HermiteField):
-        return None
-    with np.errstate(all="ignore"):
-        gradient = field.coordinates[:, -1 if end[1] else 0, 1] @ np.array([1.0, 1.0j])
-        return np.asarray(gradient / np.abs(gradient) * np.exp(-1j * body.angle))
+def _any_rigid(element: str | Mapping[str, str]) -> bool:
+    """Whether a kind of element, or one of those of several bodies, is rigid."""
+    names = {element} if isinstance(element, str) else set(element.values())
+    return any(kind_of(name).rigid for name in names)
 
 
-def _beyond(sizes: Array, allowed: float, what: str, unit: str, end: End) -> Iterator[Finding]:
-    """The first size above what is allowed; what is no number is left to the check of divergence."""
-    with np.errstate(invalid="ignore"):
-        bad = sizes > allowed
+def _beyond(
+    sizes: Array, allowed: float, unit: str, told: Callable[[int], tuple[str, str]]
+) -> Iterator[Finding]:
+    """The first size of each row above what is allowed; what is no number is left to the check of divergence.
+
+    Parameters
+    ----------
+    sizes : ndarray, shape (m, n)
+    allowed : float
+    unit : str
+    told : callable
+        Number of a row → body, and what has happened to it.
+    """
+    bad = sizes > allowed
     if bad.any():
-        k = int(bad.argmax())
-        yield Finding(k, "failed", f"{what} {sizes[k]:.2g} {unit} at {{when}}; {ADVICE}", end[0])
+        for row in np.flatnonzero(bad.any(axis=1)):
+            k = int(bad[row].argmax())
+            body, what = told(int(row))
+            yield Finding(k, "failed", f"{what} {sizes[row, k]:.2g} {unit} at {{when}}; {ADVICE}", body)
+
+
+def _held(of: Constraints, ends: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
+    """Tells of an end that has left its place or direction."""
+
+    def told(row: int) -> tuple[str, str]:
+        end = of.names[ends[row]]
+        return end[0], f"{_text(end)}, which is {how}, has left its {what} by"
+
+    return told
+
+
+def _pair(of: Constraints, pairs: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
+    """Tells of two ends that are no longer together."""
+
+    def told(row: int) -> tuple[str, str]:
+        one, two = (of.names[end] for end in pairs[:, row])
+        return two[0], f"{_text(one)} and {_text(two)}, which are {how}, have {what} by"
+
+    return told
 
 
 def _text(end: End) -> str:

@@ -7,7 +7,7 @@ from nowhere, or a load or a drive acted between the steps) or imprecise (roundi
 looked for after the run, at the outputs: a step costs nothing.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.results.break_check import break_findings
 from anctmm.results.constraint_check import constraint_findings
+from anctmm.results.ends import ends_of
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.fields import HermiteField, LagrangeField
 from anctmm.results.finding import FATAL, Finding
@@ -26,11 +27,11 @@ Mask = NDArray[np.bool_]
 
 #: A gradient longer than this is taken as divergence: no elastic beam stretches a thousandfold.
 STRETCH_LIMIT = 1e3
-#: Elements times outputs that are looked at together: a bound of the memory this takes.
-BATCH = 100_000
+#: Elements times outputs that are looked at together: what this takes stays in the cache.
+BATCH = 20_000
 
 
-def inside_out(q: Array, length: float) -> Mask:
+def inside_out(q: Array, length: float | Array) -> Mask:
     """Whether elements are turned inside out.
 
     An element with an r_y is so where r_x × r_y ≤ 0 at a node or in its middle. An axis alone has no sides: it is so
@@ -38,30 +39,34 @@ def inside_out(q: Array, length: float) -> Mask:
 
     Parameters
     ----------
-    q : ndarray, shape (n, nodes, 2 or 3, 2)
+    q : ndarray, shape (…, nodes, 2 or 3, 2)
         r, r_x and r_y of each node.
-    length : float
+    length : float or ndarray
         Of an undeformed element, m.
 
     Returns
     -------
-    ndarray of bool, shape (n, nodes − 1)
+    ndarray of bool, shape (…, nodes − 1)
     """
-    chord = np.diff(q[:, :, 0], axis=1)
-    a, b = q[:, :-1, 1], q[:, 1:, 1]
-    found = (_dot(a, chord) < 0.0) & (_dot(b, chord) < 0.0)
-    if q.shape[2] == 3:
-        sides = _cross(q[:, :, 1], q[:, :, 2])
-        middle = _cross(1.5 * chord / length - 0.25 * (a + b), 0.5 * (q[:, :-1, 2] + q[:, 1:, 2]))
-        found |= (sides[:, :-1] <= 0.0) | (sides[:, 1:] <= 0.0) | (middle <= 0.0)
+    z = np.ascontiguousarray(q).view(np.complex128)[..., 0]  # conj(a) b = a · b + i a × b
+    chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]
+    back = np.conj(chord)
+    found = ((back * a).real < 0.0) & ((back * b).real < 0.0)
+    if q.shape[-2] == 3:
+        sides = (np.conj(z[..., 1]) * z[..., 2]).imag
+        axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
+        middle = (np.conj(axis) * across).imag
+        found |= (sides[..., :-1] <= 0.0) | (sides[..., 1:] <= 0.0) | (middle <= 0.0)
     return found  # type: ignore[no-any-return]
 
 
 def out_of_bounds(q: Array) -> Mask:
-    """Whether a gradient at either node of an element, (n, nodes − 1), is too long or not a number."""
-    with np.errstate(invalid="ignore"):
-        bad = ~(np.abs(q[:, :, 1:]).max(axis=(2, 3)) <= STRETCH_LIMIT)
-    return bad[:, :-1] | bad[:, 1:]  # type: ignore[no-any-return]
+    """Whether a gradient at either node of an element, (…, nodes − 1), is too long or not a number."""
+    bad = ~(np.abs(q[..., 1:, :]) <= STRETCH_LIMIT)
+    if not bad.any():  # as nearly always
+        return np.zeros((*q.shape[:-3], q.shape[-3] - 1), dtype=bool)
+    nodes = np.asarray(bad.any(axis=(-2, -1)))
+    return nodes[..., :-1] | nodes[..., 1:]  # type: ignore[no-any-return]
 
 
 def checked(solution: Solution, *, static: bool = False, energies: bool = True) -> Solution:
@@ -86,13 +91,15 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
-        found = [*_shape_findings(solution), *constraint_findings(solution, static=static)]
+        whole = set(solution.fields) == {body.name for body in solution.scene.beams}
+        ends = ends_of(solution) if whole and solution.t.size else None
+        found = [*_shape_findings(solution), *constraint_findings(solution, static=static, ends=ends)]
         if not static and solution.status.ok and solution.t.size:
             found += break_findings(solution)
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
         if not static and solution.status.ok and not found:
-            found += precision_findings(solution)
+            found += precision_findings(solution, ends)
     fatal = [finding for finding in found if finding.code in FATAL]
     if not found:
         return solution
@@ -114,26 +121,34 @@ def _status(solution: Solution, finding: Finding, static: bool) -> Status:
 
 def _shape_findings(solution: Solution) -> Iterator[Finding]:
     """The first output of each body that is stretched beyond all bounds or turned inside out."""
+    alike: dict[tuple[int, ...], dict[str, HermiteField]] = {}
     for name, field in solution.fields.items():
         match field:
             case HermiteField():
-                yield from _shapes_of_hermite(name, field)
+                alike.setdefault(field.coordinates.shape, {})[name] = field
             case LagrangeField():
                 yield from _shapes_of_lagrange(name, field, solution.scene.beam(name).length)
+    for fields in alike.values():
+        yield from _shapes_of_hermite(fields)
 
 
-def _shapes_of_hermite(name: str, field: HermiteField) -> Iterator[Finding]:
-    q, size = field.coordinates, max(1, BATCH // field.coordinates.shape[1])
-    for first in range(0, len(q), size):
-        part = q[first : first + size]
-        wild = out_of_bounds(part)
-        with np.errstate(invalid="ignore", over="ignore"):
-            bad = wild | inside_out(part, field.length / (q.shape[1] - 1))
+def _shapes_of_hermite(fields: Mapping[str, HermiteField]) -> Iterator[Finding]:
+    """The same of bodies with as many nodes each, as far as the first outputs that show anything."""
+    names, paths = list(fields), [field.coordinates for field in fields.values()]
+    outputs, nodes = paths[0].shape[:2]
+    lengths = np.array([[[field.length / (nodes - 1)]] for field in fields.values()])
+    size = max(1, BATCH // (nodes * len(names)))
+    for first in range(0, outputs, size):
+        q = np.stack([path[first : first + size] for path in paths])
+        wild = out_of_bounds(q)
+        bad = wild | inside_out(q, lengths)
         if bad.any():
-            k = int(bad.any(axis=1).argmax())
-            stretched = bool(wild[k].any())
-            element = int((wild if stretched else bad)[k].argmax())
-            yield Finding(first + k, "diverged", _message(stretched, name, element), name, element)
+            for body in np.flatnonzero(bad.any(axis=(1, 2))):
+                k = int(bad[body].any(axis=1).argmax())
+                stretched = bool(wild[body, k].any())
+                element = int((wild if stretched else bad)[body, k].argmax())
+                name = names[body]
+                yield Finding(first + k, "diverged", _message(stretched, name, element), name, element)
             return
 
 
@@ -159,11 +174,3 @@ def _message(wild: bool, body: str, element: int) -> str:
         f"element {element} of body {body!r} is turned inside out at {{when}}; "
         f"a finer mesh, a smaller dt or smaller loads may do"
     )
-
-
-def _dot(a: Array, b: Array) -> Array:
-    return (a * b).sum(axis=-1)  # type: ignore[no-any-return]
-
-
-def _cross(a: Array, b: Array) -> Array:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]  # type: ignore[no-any-return]

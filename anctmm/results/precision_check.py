@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
-from anctmm.model.scene import Clamp, Force
+from anctmm.model.kept import kept
+from anctmm.model.scene import Clamp, Force, Scene
 from anctmm.results.acting import length_of, load_sizes, mass_of, weight_of
+from anctmm.results.ends import Ends
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
 
@@ -30,14 +32,32 @@ EXPLICIT, IMPLICIT = 0.5, 2.0
 SEEN = 65
 
 
-def precision_findings(solution: Solution) -> Iterator[Finding]:
-    """What rounding says against a run that is whole."""
+def precision_findings(solution: Solution, ends: Ends | None = None) -> Iterator[Finding]:
+    """What rounding says against a run that is whole.
+
+    Parameters
+    ----------
+    solution : Solution
+    ends : Ends, optional
+        Its ends, where they are known already.
+    """
     run, scene = solution.run, solution.scene
-    if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(solution)):
+    if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
         return
+    if ends is not None:  # what more is moved has more digits: nothing is found then, either
+        place = ends.place
+        moved = float(np.abs(place - place[:, :1]).max())
+        if not any(True for _ in _findings(solution, moved)):
+            return
+    yield from _findings(solution, _largest_displacement(solution))
+
+
+def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
+    """The same for a largest displacement, m."""
+    run, scene = solution.run, solution.scene
+    assert run is not None
     length = length_of(scene)
-    reach = max(float(np.abs([body.start, body.end]).max()) for body in scene.beams)
-    moved = _largest_displacement(solution)
+    reach = _reach(scene)
     if reach > FAR * length:
         roundings = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps
         part = _ratio(roundings * float(np.spacing(reach)), moved)
@@ -50,6 +70,12 @@ def precision_findings(solution: Solution) -> Iterator[Finding]:
                 f"nearer to the origin has its digits",
             )
     yield from _too_stiff(solution, max(reach, length), moved)
+
+
+@kept
+def _reach(scene: Scene) -> float:
+    """Largest coordinate of an end, m."""
+    return max(float(np.abs([body.start, body.end]).max()) for body in scene.beams)
 
 
 def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Finding]:
@@ -66,6 +92,8 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
     stiffest = max(forces, key=lambda name: forces[name])
     noise = 0.5 * float(np.spacing(reach)) * forces[stiffest]
     inertia = mass_of(scene) * moved * sqrt(solution.cost.steps) / float(solution.t[-1]) ** 2
+    if _ratio(noise, max(weight_of(scene), inertia)) <= FORCED:  # loads are looked at where they matter
+        return
     part = _ratio(noise, max(_acting(solution), inertia))
     if part > FORCED:
         yield Finding(
@@ -78,9 +106,9 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
         )
 
 
-def _acted_upon(solution: Solution) -> bool:
+@kept
+def _acted_upon(scene: Scene) -> bool:
     """Whether anything moves the scene: one at rest has no digits to lose."""
-    scene = solution.scene
     driven = any(isinstance(joint, Clamp) and joint.angle is not None for joint in scene.joints)
     return bool(driven or scene.loads or any(scene.gravity) or any(body.velocity for body in scene.beams))
 

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 from inspect import signature
 from math import cos, pi, sin, sqrt
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import simpson
 
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
 from anctmm.model.drives import Quintic
@@ -256,12 +257,13 @@ def repeats(s: Subject) -> Measure:
 def leaves_input_alone(s: Subject) -> str:
     """Scene and discretisation are as before."""
     scene, run = cantilever(), s.run(t_end=0.02)
-    before = copy.deepcopy((vars(scene), vars(run)))
+    before = copy.deepcopy((scene, run))
     whole(s.solve(scene, run))
-    for thing, was in zip((scene, run), before, strict=True):
-        for name, value in vars(thing).items():
-            if value != was[name]:
-                raise BrokenRule(f"{type(thing).__name__}.{name} was {was[name]!r} and is {value!r}")
+    for thing, old, kind in zip((scene, run), before, (Scene, Discretisation), strict=True):
+        for name in (field.name for field in fields(kind)):
+            was, value = getattr(old, name), getattr(thing, name)
+            if value != was:
+                raise BrokenRule(f"{type(thing).__name__}.{name} was {was!r} and is {value!r}")
     return "nothing changed"
 
 

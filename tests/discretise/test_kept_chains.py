@@ -1,0 +1,205 @@
+"""Chains kept between runs: the answers are the same, nothing that is written is shared, users' functions are asked."""
+
+import gc
+import sys
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from samples import SOFT, SQUARE, beam
+
+import anctmm as at
+from anctmm.discretise import kept_chains
+from anctmm.discretise.kept_chains import CHAINS, NODES, own
+from anctmm.errors import MeshError, StabilityError
+from anctmm.integrators import generalized_alpha, zhai
+from anctmm.jit.copies import copier
+from anctmm.solve import _checked_chain
+
+ROW = [beam(), beam("b", (1.0, 0.0), (2.0, 0.0))]
+DRIVEN = at.Clamp("a.start", angle=at.Quintic(turn=0.3, duration=0.05))
+TORQUE = at.Torque("b.end", lambda t: 0.1 * t)
+SCENES = {
+    "hinged": at.Scene("hinged", ROW, [at.Pin("a.start"), at.Pin("a.end", "b.start")], gravity=(0.0, -9.81)),
+    "driven": at.Scene("driven", ROW, [DRIVEN, at.Weld("a.end", "b.start")], [TORQUE]),
+    "branching": at.Scene(
+        "branching", [*ROW, beam("c", (1.0, 0.0), (1.0, 1.0))], [at.Weld("a.end", "b.start", "c.start")], gravity=(1, 0)
+    ),
+    "loop": at.Scene(
+        "loop",
+        [*ROW, beam("c", (2.0, 0.0), (1.0, 1.0)), beam("d", (1.0, 1.0), (0.0, 0.0))],
+        [at.Pin(f"{one}.end", f"{two}.start") for one, two in ("ab", "bc", "cd", "da")],
+        gravity=(0.0, -1.0),
+    ),
+}  # fmt: skip
+RUNS = {
+    "zhai": at.Discretisation(mesh=2, integrator="zhai", dt=1e-4, t_end=2e-3),
+    "shear": at.Discretisation(mesh=2, element="shear", dt=1e-3, t_end=2e-2),
+    "generalized-alpha": at.Discretisation(mesh=2, dt=1e-3, t_end=2e-2),
+    "tolerance": at.Discretisation(mesh=2, tolerance=1e-3, t_end=2e-2),
+}
+
+
+@pytest.fixture(autouse=True)
+def nothing_kept():
+    kept_chains._chains.clear()
+
+
+def numbers(solution):
+    """All numbers of a solution, as bytes."""
+    arrays = [solution.t, *vars(solution.energy).values(), *(f.coordinates for f in solution.fields.values())]
+    return (
+        [np.asarray(a).tobytes() for a in arrays],
+        solution.status,
+        solution.dofs,
+        solution.cost.newton_iterations,
+    )
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("run", RUNS)
+def test_a_second_run_is_the_first_one_again(name, run):
+    first = at.solve(SCENES[name], RUNS[run])
+    assert len(kept_chains._chains) == 1
+    assert first.status.ok, first.status
+    said = numbers(first)
+    first.t[:] = -1.0  # what a user does to his answer is his own affair
+    for field in first.fields.values():
+        field.coordinates[:] = np.nan
+    for series in vars(first.energy).values():
+        series[:] = np.nan
+    assert numbers(at.solve(SCENES[name], RUNS[run])) == said
+    kept_chains._chains.clear()
+    assert numbers(at.solve(SCENES[name], RUNS[run])) == said
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize(("run", "module"), [("zhai", zhai), ("generalized-alpha", generalized_alpha)])
+def test_what_runs_share_is_never_written(name, run, module):
+    at.solve(SCENES[name], RUNS[run])
+    (chain,) = kept_chains._chains.values()
+    one, two = own(chain, module._system), own(chain, module._system)
+    shared = [
+        (a, a.copy()) for a, b in zip(arrays_of(one), arrays_of(two), strict=True) if np.shares_memory(a, b)
+    ]
+    assert shared
+    facts = [(a, a.copy()) for a in arrays_of(tuple(vars(chain).values()))]
+    at.solve(SCENES[name], RUNS[run])
+    for now, before in [*shared, *facts]:
+        assert now.tobytes() == before.tobytes()
+    fresh = own(chain, module._system)
+    for now, before in zip(arrays_of(fresh), arrays_of(one), strict=True):
+        assert now.tobytes() == before.tobytes()
+
+
+def arrays_of(thing):
+    """All arrays of nested tuples, dictionaries and lists."""
+    if isinstance(thing, np.ndarray):
+        yield thing
+    elif isinstance(thing, dict):
+        yield from arrays_of(tuple(thing.values()))
+    elif isinstance(thing, tuple | list):
+        for part in thing:
+            yield from arrays_of(part)
+
+
+def test_runs_side_by_side_do_not_meet():
+    wanted = {run: numbers(at.solve(SCENES["driven"], RUNS[run])) for run in ("zhai", "generalized-alpha")}
+    kept_chains._chains.clear()
+    found, barrier = [], threading.Barrier(4)
+
+    def work(run):
+        barrier.wait()
+        for _ in range(10):
+            found.append(numbers(at.solve(SCENES["driven"], RUNS[run])) == wanted[run])
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        threads = [threading.Thread(target=work, args=(run,)) for run in (*wanted, *wanted)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert found == [True] * 40
+
+
+def test_functions_of_the_user_are_asked_in_each_run():
+    size = [1.0]
+    load = at.Force("bar.end", lambda t: (0.0, size[0]))
+    bar = at.Beam("bar", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
+    scene = at.Scene("bar", [bar], [at.Clamp("bar.start")], [load])
+    one = at.solve(scene, RUNS["zhai"]).position("bar", 1.0)[-1, 1]
+    size[0] = 2.0
+    assert at.solve(scene, RUNS["zhai"]).position("bar", 1.0)[-1, 1] == pytest.approx(2.0 * one, rel=1e-6)
+
+    speed = [1.0]
+    moving = at.Scene("moving", [replace(bar, velocity=lambda s: (speed[0], 0.0))])
+    assert at.solve(moving, RUNS["zhai"]).energy.kinetic[0] == pytest.approx(0.5 * 0.4, rel=1e-6)
+    speed[0] = 2.0
+    assert at.solve(moving, RUNS["zhai"]).energy.kinetic[0] == pytest.approx(2.0 * 0.4, rel=1e-6)
+
+
+def test_equal_scenes_and_other_runs_are_told_apart():
+    scene = SCENES["hinged"]
+    same = replace(scene)
+    assert same == scene
+    assert at.solve(same, RUNS["zhai"]).scene is same
+    assert at.solve(scene, RUNS["zhai"]).scene is scene
+    assert len(at.solve(scene, replace(RUNS["zhai"], t_end=1e-3)).t) == 11
+    assert len(at.solve(scene, RUNS["zhai"]).t) == 21
+
+
+def test_what_is_refused_is_refused_again():
+    run = replace(RUNS["zhai"], dt=1e-2, t_end=0.1)
+    for _ in range(2):
+        with pytest.raises(StabilityError):
+            at.solve(SCENES["hinged"], run)
+    for _ in range(2):
+        with pytest.raises(MeshError):
+            at.solve(SCENES["hinged"], replace(RUNS["zhai"], mesh={"nobody": 2}))
+
+
+def test_few_and_small_ones_are_kept():
+    scene, long = SCENES["hinged"], replace(RUNS["zhai"], mesh=NODES, check_stability=False)
+    kept_chains.chain_of(scene, long, _checked_chain)
+    assert not kept_chains._chains
+    kept_chains.chain_of(scene, replace(RUNS["zhai"], dt=1e-6, t_end=0.1), _checked_chain)
+    assert not kept_chains._chains
+    for k in range(CHAINS + 3):
+        kept_chains.chain_of(scene, replace(RUNS["zhai"], mesh=k + 1), _checked_chain)
+        assert 1 <= len(kept_chains._chains) <= CHAINS
+
+
+def test_a_copy_shares_nothing_but_what_shared_before():
+    whole = np.arange(24.0).reshape(4, 6)
+    one = np.array([1.0 + 2.0j])
+    turned = np.asfortranarray(np.arange(6.0).reshape(2, 3))
+    thing = (
+        whole,
+        (whole.ravel(), whole[1:3, 2:], whole[:, ::2], turned, turned.T, one.real, np.zeros((0, 3))),
+        3,
+        None,
+        whole,
+    )
+    copy = copier(thing)()
+    for old, new in zip(arrays_of(thing), arrays_of(copy), strict=True):
+        assert np.array_equal(old, new)
+        assert (old.shape, old.strides, old.dtype) == (new.shape, new.strides, new.dtype)
+        assert not np.shares_memory(old, new)
+    assert copy[2:4] == (3, None)
+    copy[0][2, 4] = -1.0
+    assert copy[1][0][16] == copy[1][1][1, 2] == copy[1][2][2, 2] == copy[4][2, 4] == -1.0
+    copy[1][3][1, 2] = -2.0
+    assert copy[1][4][2, 1] == -2.0
+
+
+def test_nothing_stays_of_scenes_long_gone():
+    counted = sum(isinstance(thing, at.Scene) for thing in gc.get_objects())
+    for k in range(3 * CHAINS):
+        at.solve(replace(SCENES["hinged"], name=f"s{k}"), RUNS["zhai"])
+    gc.collect()
+    assert sum(isinstance(thing, at.Scene) for thing in gc.get_objects()) <= counted + CHAINS + 1
