@@ -10,8 +10,10 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
 from anctmm.model.scene import Scene
 
-#: Bytes of a number, and of energies and time of an output, which keeps coordinates and velocities.
+#: Bytes of a number, and of energies and time of an output.
 NUMBER, ENERGIES = 8, 64
+#: What an output keeps of each coordinate: itself, its velocity and its acceleration.
+HISTORIES = 3
 #: Runs that take less are not looked at: every machine has so much.
 SMALL = 1 << 26
 #: Part of the free memory that a run that is advised instead would take.
@@ -42,7 +44,7 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    system, output = size * (each + pair * size), 2 * size * NUMBER + ENERGIES
+    system, output = size * (each + pair * size), HISTORIES * size * NUMBER + ENERGIES
     total = system + kept * output
     if total <= SMALL:
         return

@@ -174,7 +174,7 @@ def advance(
             if unfinished:
                 finish(flat_v, flat_a, flat_w, flat_before, coefficients)
             unfinished = False
-            keep(step, stride, q, v, tables, out)
+            keep(step, stride, q, v, w, tables, out)
         if step == steps:
             break
         begin_step(unfinished, flat, coefficients)

@@ -27,12 +27,13 @@ TOGETHER = 1 << 17
 
 
 class Output(NamedTuple):
-    """What kernels fill: coordinates and velocities, (outputs, rows, nodes), kinetic and strain energy and work,
-    (outputs, 3), and the work done until now, (1,).
+    """What kernels fill: coordinates, velocities and accelerations, (outputs, rows, nodes), kinetic and strain energy
+    and work, (outputs, 3), and the work done until now, (1,).
     """
 
     q: Array
     v: Array
+    a: Array
     energy: Array
     work: Array
 
@@ -52,6 +53,7 @@ class Record:
     outputs: int | None = None
     q: Array = field(init=False)
     v: Array = field(init=False)
+    a: Array = field(init=False)
     energy: Array = field(init=False)
     started: tuple[float, float] = field(init=False)
 
@@ -61,12 +63,12 @@ class Record:
     def resize(self, n: int) -> None:
         """Make room for n outputs, none of which is filled."""
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
-        self.v = np.empty_like(self.q)
+        self.v, self.a = np.empty_like(self.q), np.empty_like(self.q)
         self.energy = np.zeros((n, 3))
 
     def arrays(self) -> Output:
         """What kernels fill."""
-        return Output(self.q, self.v, self.energy, np.zeros(1))
+        return Output(self.q, self.v, self.a, self.energy, np.zeros(1))
 
     def start(self) -> None:
         """Start the clocks."""
@@ -87,9 +89,9 @@ class Record:
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
         q, lengths, static = self.q[:kept], once(chain, _lengths), t is not None
-        rates = {} if static else chain.bodies.by_body(self.v[:kept])
+        rates, second = ({}, {}) if static else (chain.bodies.by_body(x[:kept]) for x in (self.v, self.a))
         fields = {
-            name: HermiteField(path, lengths[name], rates.get(name))
+            name: HermiteField(path, lengths[name], rates.get(name), second.get(name))
             for name, path in chain.bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
@@ -200,12 +202,12 @@ def too_large(q: Array, limit: float) -> bool:
 
 
 @kernel
-def keep(step: int, stride: int, q: Array, v: Array, tables: Tables, out: Output) -> None:
+def keep(step: int, stride: int, q: Array, v: Array, a: Array, tables: Tables, out: Output) -> None:
     """Keep the state of an output step; the last step of a run has the last place."""
     place = step // stride if step % stride == 0 else len(out.q) - 1
     for k in range(q.shape[0]):  # a loop: assigning a whole array compiles seconds longer
         for i in range(q.shape[1]):
-            out.q[place, k, i], out.v[place, k, i] = q[k, i], v[k, i]
+            out.q[place, k, i], out.v[place, k, i], out.a[place, k, i] = q[k, i], v[k, i], a[k, i]
     out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
     out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 2] = out.work[0]

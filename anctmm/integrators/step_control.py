@@ -299,7 +299,7 @@ def advance(
                     newton.history[:] = 0.0  # no step was refused
                     code = STUCK
                     break
-                keep(number, 1, q, v, tables, out)
+                keep(number, 1, q, v, w, tables, out)
                 kept += 1
             if number == outputs or t >= end:
                 break

@@ -288,7 +288,7 @@ def advance(
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
-            keep(step, numbers.stride, q, v, tables, out)
+            keep(step, numbers.stride, q, v, now, tables, out)
         if step == 0:
             update(flat_q, flat_v, flat_even, flat_even, numbers)
         elif step < numbers.steps:

@@ -46,13 +46,14 @@ class HermiteField:
         r (m), r_x and, for the shear element, r_y of each node at each time.
     length : float
         Undeformed length of the body, m.
-    velocities : ndarray, shape like coordinates, optional
-        Their rates, per s.
+    velocities, accelerations : ndarray, shape like coordinates, optional
+        Their rates, per s and s².
     """
 
     coordinates: Array
     length: float
     velocities: Array | None = None
+    accelerations: Array | None = None
 
     def position(self, place: float) -> Array:
         """Positions at a fraction of the undeformed length, (n, 2), m."""
@@ -75,9 +76,9 @@ class HermiteField:
 
     def until(self, outputs: int) -> "HermiteField":
         """The first outputs."""
-        v = self.velocities
+        q, v, a = self.coordinates, self.velocities, self.accelerations
         return replace(
-            self, coordinates=self.coordinates[:outputs], velocities=None if v is None else v[:outputs]
+            self, coordinates=q[:outputs], velocities=_first(v, outputs), accelerations=_first(a, outputs)
         )
 
     def _at(self, fraction: float) -> tuple[int, float, float]:
@@ -157,13 +158,8 @@ class LagrangeField:
 
     def until(self, outputs: int) -> "LagrangeField":
         """The first outputs."""
-        v, angles = self.velocities, self.angles
-        return replace(
-            self,
-            positions=self.positions[:outputs],
-            velocities=None if v is None else v[:outputs],
-            angles=None if angles is None else angles[:outputs],
-        )
+        v, angles = _first(self.velocities, outputs), _first(self.angles, outputs)
+        return replace(self, positions=self.positions[:outputs], velocities=v, angles=angles)
 
     def _between(self, nodal: Array, fraction: float) -> Array:
         elements = (nodal.shape[1] - 1) // self.order
@@ -186,13 +182,14 @@ class RigidField:
         Place of the centre of mass, m, and the unit vector t that turns with the body, (1, 0) before the start.
     points : mapping of str to (float, float)
         Where its points stand from the centre, before the start, m.
-    velocities : ndarray, shape (n, 2, 2), optional
-        Rates, per s.
+    velocities, accelerations : ndarray, shape (n, 2, 2), optional
+        Rates, per s and s².
     """
 
     coordinates: Array
     points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     velocities: Array | None = None
+    accelerations: Array | None = None
 
     def position(self, place: str = "center") -> Array:
         """Positions of a point, (n, 2), m."""
@@ -215,9 +212,9 @@ class RigidField:
 
     def until(self, outputs: int) -> "RigidField":
         """The first outputs."""
-        v = self.velocities
+        q, v, a = self.coordinates, self.velocities, self.accelerations
         return replace(
-            self, coordinates=self.coordinates[:outputs], velocities=None if v is None else v[:outputs]
+            self, coordinates=q[:outputs], velocities=_first(v, outputs), accelerations=_first(a, outputs)
         )
 
     def _point(self, q: Array, place: str) -> Array:
@@ -252,6 +249,10 @@ def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
 
 def _complex(vectors: Array) -> Complex:
     return np.asarray(vectors[..., 0] + 1j * vectors[..., 1])
+
+
+def _first(series: Array | None, outputs: int) -> Array | None:
+    return None if series is None else series[:outputs]
 
 
 def _known(series: Array | None, what: str = "velocities") -> Array:

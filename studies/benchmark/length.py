@@ -173,7 +173,7 @@ def memory(long: Long) -> dict[str, float]:
         solution = long.runner()(2)
         peak = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
-    stored = sum(f.coordinates.nbytes + f.velocities.nbytes for f in solution.fields.values())  # type: ignore[attr-defined]
+    stored = sum(3 * f.coordinates.nbytes for f in solution.fields.values())  # type: ignore[attr-defined]
     rss = (grown - stored) / long.count if long.count >= RESIDENT_FROM else float("nan")
     return {"bytes": (peak - stored) / long.count, "rss": rss, "build_s": build}
 
