@@ -35,6 +35,10 @@ class MovingField(Field, Protocol):
         """Angles since t = 0, (n,), rad, continuous."""
         ...
 
+    def spin(self, place: float) -> Array:
+        """Rates of the angles, (n,), rad/s."""
+        ...
+
 
 @dataclass(frozen=True)
 class HermiteField:
@@ -73,6 +77,17 @@ class HermiteField:
         """Angle of the section since t = 0, (n,), rad: of the axis' tangent or, for the shear element, of r_y."""
         rates = None if self.velocities is None else self._direction(self.velocities, place)
         return continuous(self._direction(self.coordinates, place), rates, t)
+
+    def spin(self, place: float) -> Array:
+        """Rate of the section's angle, (n,), rad/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        rates = self._direction(_known(self.velocities), place)
+        return spin_of(self._direction(self.coordinates, place), rates)
 
     def until(self, outputs: int) -> "HermiteField":
         """The first outputs."""
@@ -210,6 +225,16 @@ class RigidField:
         rates = None if self.velocities is None else _complex(self.velocities[:, 1])
         return continuous(_complex(self.coordinates[:, 1]), rates, t)
 
+    def spin(self, place: str = "center") -> Array:
+        """Rate of the body's angle, (n,), rad/s.
+
+        Raises
+        ------
+        ResultError
+            If the solver keeps none.
+        """
+        return spin_of(_complex(self.coordinates[:, 1]), _complex(_known(self.velocities)[:, 1]))
+
     def until(self, outputs: int) -> "RigidField":
         """The first outputs."""
         q, v, a = self.coordinates, self.velocities, self.accelerations
@@ -240,11 +265,16 @@ def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):
         steps = np.angle(vectors[1:] * np.conj(vectors[:-1]))
         if rates is not None:
-            spin = np.imag(rates * np.conj(vectors)) / np.abs(vectors) ** 2
+            spin = spin_of(vectors, rates)
             turned = 0.5 * (spin[1:] + spin[:-1]) * np.diff(t)
             steps = steps + 2.0 * np.pi * np.round((turned - steps) / (2.0 * np.pi))
     angle[1:] = np.cumsum(steps)
     return angle
+
+
+def spin_of(vectors: Complex, rates: Complex) -> Array:
+    """Rate at which a vector turns, (n,), rad/s."""
+    return np.asarray(np.imag(rates * np.conj(vectors)) / np.abs(vectors) ** 2)
 
 
 def _complex(vectors: Array) -> Complex:

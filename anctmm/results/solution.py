@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import ResultError, listed
+from anctmm.model.connectors import Connector
+from anctmm.model.joints import Joint
 from anctmm.model.scene import Beam, Probe, Scene
 from anctmm.results.export import saving
 from anctmm.results.export.pictures import animate, plot
@@ -18,6 +20,9 @@ from anctmm.results.export.saving import save
 from anctmm.results.export.tables import to_dataset, to_frame
 from anctmm.results.export.vtk import to_vtk
 from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
+from anctmm.results.internal_forces.actions import tension_of
+from anctmm.results.internal_forces.reactions import reaction
+from anctmm.results.internal_forces.section_forces import section_force
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -219,6 +224,36 @@ class Solution:
             If the solver keeps no angles.
         """
         return self._each(place, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t))
+
+    def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
+        """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters and errors as of `velocity`."""
+        return self._each(place, fraction, lambda field, at: cast(MovingField, field).spin(at))
+
+    def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
+        """N, Q, M of the part of a beam beyond a section on the part before it, (n, 3), N, N, N m; of k fractions
+        (n, k, 3). Along the tangent, along the normal (the tangent turned by +90°), counter-clockwise: see
+        `anctmm.results.internal_forces.section_forces`. Parameters as of `position`.
+
+        Raises
+        ------
+        ResultError
+            If the solution is not one of ANCF elements with accelerations, or the body is rigid.
+        """
+        if isinstance(fraction, Sequence | np.ndarray):
+            parts = [self.section_force(place, float(x)) for x in fraction]
+            return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, 3))
+        name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
+        return section_force(self, name, float(at))
+
+    def reaction(self, joint: Joint) -> Array:
+        """What a joint exerts on its first place, in fixed axes, (n, 3), N, N, N m: of a driven clamp the last one is
+        the torque of its drive. See `anctmm.results.internal_forces.reactions.reaction`.
+        """
+        return reaction(self, joint)
+
+    def tension(self, connector: Connector) -> Array:
+        """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,)."""
+        return tension_of(self, connector)
 
     def displacement(self, probe: Probe) -> Array:
         """Displacements of a probe from its place at the first output, (n, 2), m."""

@@ -1,0 +1,226 @@
+"""Reactions of joints: what they exert on the places that they hold, from the equilibrium of the bodies.
+
+What holds an end of a beam is known (`section_forces`), what holds a rigid body is m r̈ and I θ̈ less what else acts on
+it. Joints that share a place or a rigid body are found together. Unknown is what each joint exerts on each of its
+places. The equations: at each place or body these sum up to what holds it; over the places of a joint they sum up to 0
+where it is not held by the ground; what a joint leaves free has no force or moment.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import ResultError, UnknownNameError, shown, unknown_kind
+from anctmm.model.bodies import Beam
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.places import Place
+from anctmm.model.topology import Sets
+from anctmm.results.fields import RigidField
+from anctmm.results.internal_forces.actions import actions_on
+from anctmm.results.internal_forces.section_forces import HeldElement, cross, element_count
+
+Array = NDArray[np.float64]
+
+#: Of the largest singular value: what counts as none; of a unit of a reaction: the part that cannot be known.
+NONE, UNKNOWN = 1e-10, 1e-6
+
+
+def reaction(solution: Any, joint: Joint) -> Array:
+    """What a joint exerts on its first place, (n, 3): N, N, N m, in fixed axes.
+
+    Parameters
+    ----------
+    solution : Solution
+    joint : Pin, Weld, Clamp, Slider or Prismatic
+        Of the scene.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Force along x and y, and the moment, counter-clockwise.
+
+    Raises
+    ------
+    UnknownNameError
+        If the joint is not of the scene.
+    ResultError
+        If the solution does not have what reactions are found from, or the joints repeat each other among rigid
+        bodies, so that equilibrium alone does not tell their forces.
+    """
+    scene = solution.scene
+    if joint not in scene.joints:
+        raise UnknownNameError(f"joint {shown(joint)} is not in scene {scene.name!r}")
+    number = scene.joints.index(joint)
+    system = _System(solution, _together(scene, number))
+    return system.found(system.column(number, 0))
+
+
+def _together(scene: Any, number: int) -> list[int]:
+    """Joints that share a place or a rigid body, directly or through others, with one."""
+    sets = Sets[tuple[str, Any]]()
+    for k, joint in enumerate(scene.joints):
+        for holder in _holders(scene, joint):
+            sets.unite(("joint", k), holder)
+    root = sets.of(("joint", number))
+    return [k for k in range(len(scene.joints)) if sets.of(("joint", k)) == root]
+
+
+def _holders(scene: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
+    """Beam's places and rigid bodies that a joint acts on."""
+    for place in map(scene.place, joint.ends):
+        yield place.end if isinstance(place.body, Beam) else (place.body.name, "")
+    if isinstance(joint, Slider | Prismatic) and joint.body is not None:
+        yield joint.body, ""
+
+
+@dataclass
+class _System:
+    """Linear equations of the unknown reactions of some joints, at all outputs.
+
+    A moment counts in units of the scene's length, so that all unknowns are forces.
+    """
+
+    solution: Any
+    joints: Sequence[int]
+    columns: dict[tuple[int, int], int] = field(init=False)
+    rows: list[tuple[list[tuple[int, Array]], Array]] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        scene = self.solution.scene
+        self.length, self.outputs = scene.length, len(self.solution.t)
+        pairs = [(k, p) for k in self.joints for p in range(len(scene.joints[k].ends))]
+        self.columns = {pair: 3 * c for c, pair in enumerate(pairs)}
+        holders: dict[tuple[str, Any], list[tuple[int, int]]] = {}
+        for k in self.joints:
+            joint = scene.joints[k]
+            for p, holder in enumerate(_holders(scene, joint)):
+                holders.setdefault(holder, []).append((k, p))
+            self._joint(k, joint)
+        for (name, key), held in holders.items():
+            if key == "":
+                self._body(name, held)
+            else:
+                self._end(scene.place((name, key) if not isinstance(key, str) else f"{name}.{key}"), held)
+
+    def column(self, number: int, place: int) -> int:
+        """First unknown of a joint's place."""
+        return self.columns[number, place]
+
+    def found(self, column: int) -> Array:
+        """Force and moment of three unknowns, (n, 3)."""
+        size = 3 * len(self.columns)
+        matrix = np.zeros((self.outputs, len(self.rows), size))
+        right = np.zeros((self.outputs, len(self.rows)))
+        for r, (terms, value) in enumerate(self.rows):
+            for c, factor in terms:
+                matrix[:, r, c] += factor
+            right[:, r] = value
+        out = np.empty((self.outputs, 3))
+        for n in range(self.outputs):
+            _, sizes, V = np.linalg.svd(matrix[n])
+            free = V[int((sizes > NONE * sizes[0]).sum()) :]
+            if np.abs(free[:, column : column + 3]).max(initial=0.0) > UNKNOWN:
+                raise ResultError(
+                    "joints of rigid bodies repeat each other here: equilibrium does not tell how they share their "
+                    "forces; a body that bends is needed among them"
+                )
+            out[n] = np.linalg.lstsq(matrix[n], right[n], rcond=NONE)[0][column : column + 3]
+        return out * [1.0, 1.0, self.length]
+
+    def _add(self, terms: list[tuple[int, Any]], value: Any = 0.0) -> None:
+        self.rows.append(
+            ([(c, np.asarray(f, dtype=float)) for c, f in terms], np.asarray(value, dtype=float))
+        )
+
+    def _sum(self, pairs: Sequence[tuple[int, int]], component: int, value: Any = 0.0) -> None:
+        self._add([(self.columns[pair] + component, 1.0) for pair in pairs], value)
+
+    def _joint(self, k: int, joint: Joint) -> None:
+        """What a joint leaves free, and that it keeps nothing for itself."""
+        pairs = [(k, p) for p in range(len(joint.ends))]
+        match joint:
+            case Pin():
+                for pair in pairs:
+                    self._sum([pair], 2)
+            case Weld():
+                self._sum(pairs, 2)
+            case Clamp():
+                return
+            case Slider() | Prismatic():
+                if joint.position is None:
+                    direction = self._direction(joint)
+                    self._add([(self.columns[k, 0] + c, direction[:, c]) for c in (0, 1)])
+                if isinstance(joint, Slider):
+                    self._sum(pairs, 2)
+                return
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
+        if not joint.grounded:
+            self._sum(pairs, 0)
+            self._sum(pairs, 1)
+
+    def _direction(self, guide: Slider | Prismatic) -> Array:
+        """Of a guide's line at each output, (n, 2)."""
+        x, y = guide.direction
+        angle = np.zeros(self.outputs) if guide.body is None else self.solution.angle(f"{guide.body}.center")
+        return np.stack(
+            [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)], axis=1
+        )
+
+    def _end(self, place: Place, held: Sequence[tuple[int, int]]) -> None:
+        """At a place of a beam: what holds it is known."""
+        name, key = place.body.name, float(place.key)
+        count = element_count(self.solution, name)
+        node = round(key * count)
+        parts = [
+            HeldElement(self.solution, name, node - 1 + s).at_node(1 - s)
+            for s in (0, 1)
+            if 0 <= node - 1 + s < count
+        ]
+        force, moment = (sum(part[k] for part in parts) for k in (0, 1))
+        for c in (0, 1):
+            self._sum(held, c, force[:, c])  # type: ignore[index]
+        self._sum(held, 2, moment / self.length)
+
+    def _body(self, name: str, held: Sequence[tuple[int, int]]) -> None:
+        """Of a rigid body or a point mass: m r̈ and I θ̈, less what else acts on it."""
+        solution = self.solution
+        scene, moved = solution.scene, solution.fields[name]
+        body = scene.body(name)
+        if not isinstance(moved, RigidField) or (moved.accelerations is None and not solution.static):
+            raise ResultError(
+                f"reactions at {name!r} need accelerations, which solver {solution.solver!r} does not keep"
+            )
+        a = np.zeros_like(moved.coordinates) if moved.accelerations is None else moved.accelerations
+        factor = solution.t if solution.static else np.ones(self.outputs)
+        force = body.mass * a[:, 0] - body.mass * np.outer(factor, scene.gravity)
+        inertia = getattr(body, "inertia", 0.0)
+        moment = inertia * cross(moved.coordinates[:, -1], a[:, -1])
+        center = moved.position("center")
+        for action in actions_on(solution, name):
+            force -= action.force
+            moment -= action.moment + cross(moved.position(str(action.place.key)) - center, action.force)
+        terms: list[list[tuple[int, Any]]] = [[], [], []]
+        for k, p in held:
+            joint = scene.joints[k]
+            ends = joint.ends
+            sign, end = (1.0, p) if p < len(ends) else (-1.0, 0)  # a guide's body gets the opposite
+            arm = solution.position(ends[end]) - center
+            column = self.columns[k, end]
+            for c in (0, 1):
+                terms[c].append((column + c, sign))
+            terms[2] += [
+                (column, -sign * arm[:, 1] / self.length),
+                (column + 1, sign * arm[:, 0] / self.length),
+                (column + 2, sign),
+            ]
+        for c in (0, 1):
+            self._add(terms[c], force[:, c])
+        if inertia:
+            self._add(terms[2], moment / self.length)
+        else:
+            for k, p in held:
+                self._sum([(k, p)], 2)

@@ -1,0 +1,202 @@
+"""Section forces, reactions and torques of drives, against exact statics, momentum and energy."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.errors import ResultError, UnknownNameError
+from reference import exudyn_reissner
+from reference.exact.scenes import cantilever_static
+
+ROD = at.Rectangle(0.02, 0.02)
+RUBBER = at.Material(E=5e6, density=1100.0)
+G = np.array([0.3, -9.81])
+
+
+def cross(a, b):
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def weight(beam):
+    return beam.material.density * beam.section.area * beam.length * G
+
+
+def momenta(solution):
+    """Momentum, and angular momentum about the origin, of all beams, by Gauss' rule over each element."""
+    x, w = np.polynomial.legendre.leggauss(4)
+    p, h = 0.0, 0.0
+    for beam in solution.scene.beams:
+        count = solution.fields[beam.name].coordinates.shape[1] - 1
+        for e in range(count):
+            places = (e + 0.5 * (x + 1.0)) / count
+            mass = beam.material.density * beam.section.area * beam.length / count * 0.5 * w
+            r, v = solution.position(beam.name, places), solution.velocity(beam.name, places)
+            p = p + np.einsum("k,nkc->nc", mass, v)
+            h = h + np.einsum("k,nk->n", mass, cross(r, v))
+    return p, h
+
+
+def integral(series, t):
+    """By trapezoids, from the first output to each."""
+    parts = 0.5 * (series[1:] + series[:-1]).T * np.diff(t)
+    return np.concatenate([np.zeros((1, *series.shape[1:])), np.cumsum(parts.T, axis=0)])
+
+
+@pytest.mark.parametrize(("elements", "allowed", "between"), [(16, 1e-6, 3e-5), (64, 1e-8, 5e-7)])
+def test_a_cantilever_has_the_section_forces_of_the_exact_elastica(elements, allowed, between):
+    """Force and moment everywhere; between nodes the direction of an element's axis is only of third order."""
+    beam = at.Beam("beam", (0, 0), (0.5, 0), ROD, RUBBER)
+    force = np.array(
+        [0.0, -0.9]
+    )  # a clamp holds the stretch too: it costs orders where N does not vanish there
+    scene = at.Scene("elastica", [beam], [at.Clamp("beam.start")], [at.Force("beam.end", force)])
+    rest, exact = at.solve_static(scene, mesh=elements), cantilever_static(scene)
+    for fraction in (0.0, 0.013, 0.25, 0.5, 0.777, 0.875, 1.0):
+        angle = exact.angle(fraction)
+        tangent = np.array([np.cos(angle), np.sin(angle)])
+        N, Q, M = rest.section_force("beam", fraction)[-1]
+        node = (fraction * elements) % 1.0 == 0.0
+        wanted = np.array([tangent @ force, cross(tangent, force)])
+        assert np.abs(np.array([N, Q]) - wanted).max() < 0.9 * (allowed if node else between)
+        assert abs(np.hypot(N, Q) - 0.9) < 1e-9
+        arm = exact.position(1.0) - exact.position(fraction)
+        assert abs(M - cross(arm, force)) < 0.45 * allowed
+    reaction = rest.reaction(scene.joints[0])[-1]
+    np.testing.assert_allclose(reaction[:2], -force, atol=1e-9)
+    assert reaction[2] == pytest.approx(-cross(exact.position(1.0), force), abs=0.45 * allowed)
+
+
+def swing(element="cable", integrator="generalized-alpha", damping=0.0, dt=1e-3):
+    """A driven arm with a forearm on a pin, in a skew gravity, and a force at the elbow."""
+    soft = at.Material(E=5e6, density=1100.0, damping=damping)
+    arm = at.Beam("arm", (0, 0), (0.3, 0.1), ROD, soft)
+    fore = at.Beam("fore", (0.3, 0.1), (0.5, -0.2), ROD, soft)
+    motor = at.Clamp("arm.start", angle=at.Quintic(turn=pi / 2, duration=0.2))
+    elbow = at.Pin("arm.end", "fore.start")
+    scene = at.Scene("swing", [arm, fore], [motor, elbow], [at.Force("arm.end", (0.0, 0.7))], gravity=G)
+    run = at.Discretisation(mesh=2, element=element, integrator=integrator, dt=dt, t_end=0.2)
+    return scene, at.solve(scene, run)
+
+
+@pytest.mark.parametrize(
+    ("element", "integrator", "dt"),
+    [("cable", "generalized-alpha", 1e-3), ("shear", "generalized-alpha", 1e-3), ("cable", "zhai", 2e-4)],
+)
+@pytest.mark.parametrize("damping", [0.0, 2e-3])
+def test_reactions_are_the_rates_of_the_momenta(element, integrator, dt, damping):
+    if integrator == "zhai" and damping:
+        pytest.skip("the same kernels of damping")
+    scene, found = swing(element, integrator, damping, dt)
+    assert found.status.ok
+    arm, fore = scene.bodies
+    force, t = np.array([0.0, 0.7]), found.t
+    reaction = found.reaction(scene.joints[0])
+    p, h = momenta(found)
+    brought = integral(reaction[:, :2] + weight(arm) + weight(fore) + force, t)
+    np.testing.assert_allclose(p - p[0], brought, atol=2e-3 * np.abs(brought).max())
+    if element == "cable":  # without rotary inertia
+        middles = [middle_of(found, beam) for beam in (arm, fore)]
+        turning = sum(cross(m, weight(b)) for m, b in zip(middles, (arm, fore), strict=True))
+        turned = integral(turning + cross(found.position("arm.end"), force) + reaction[:, 2], t)
+        np.testing.assert_allclose(h - h[0], turned, atol=2e-3 * np.abs(turned).max())
+
+
+def middle_of(solution, beam):
+    """Centre of mass of a beam, (n, 2)."""
+    x, w = np.polynomial.legendre.leggauss(4)
+    count = solution.fields[beam.name].coordinates.shape[1] - 1
+    places = np.concatenate([(e + 0.5 * (x + 1.0)) / count for e in range(count)])
+    return np.einsum("k,nkc->nc", np.tile(0.5 * w / count, count), solution.position(beam.name, places))
+
+
+@pytest.mark.parametrize("element", ["cable", "shear"])
+def test_the_torque_of_a_drive_does_its_work(element):
+    scene, found = swing(element)
+    torque, t = found.reaction(scene.joints[0])[:, 2], found.t
+    speed = np.array([scene.joints[0].angle(x)[1] for x in t])
+    done = integral(torque * speed, t)
+    np.testing.assert_allclose(done, found.energy.work, atol=2e-3 * np.abs(found.energy.work).max())
+
+
+@pytest.mark.parametrize("element", ["cable", "shear"])
+def test_a_section_is_in_equilibrium_from_both_sides(element):
+    """What lies before a section holds it as well: its momentum, weight and the reaction at its start."""
+    _, found = swing(element)
+    arm = found.scene.bodies[0]
+    held = found.reaction(found.scene.joints[0])
+    start = found.section_force("arm", 0.0)
+    tangent = np.stack([np.cos(found.angle("arm.start")), np.sin(found.angle("arm.start"))], axis=1)
+    direction = np.array([0.3, 0.1]) / np.hypot(0.3, 0.1)
+    turned = np.stack(
+        [tangent[:, 0] * direction[0] - tangent[:, 1] * direction[1],
+         tangent[:, 1] * direction[0] + tangent[:, 0] * direction[1]], axis=1
+    )  # fmt: skip
+    np.testing.assert_allclose(np.einsum("nc,nc->n", turned, -held[:, :2]), start[:, 0], atol=1e-9)
+    np.testing.assert_allclose(-held[:, 2], start[:, 2], atol=1e-10)
+    # continuous over the node between two elements, where nothing acts
+    size = np.abs(found.section_force("arm", 0.5)).max(axis=0)
+    for side in (-1e-7, 1e-7):
+        near = found.section_force("arm", 0.5 + side)
+        np.testing.assert_allclose(near, found.section_force("arm", 0.5), atol=1e-4 * size.max())
+    assert arm.length > 0.0
+
+
+def test_forces_jump_where_a_force_acts():
+    trunk = at.Beam("trunk", (0, 0), (0.3, 0), ROD, RUBBER)
+    twig = at.Beam("twig", (0.3, 0), (0.5, 0), ROD, RUBBER)
+    force = np.array([0.2, -0.6])
+    joint = at.Weld("trunk.end", "twig.start")
+    scene = at.Scene(
+        "jump", [trunk, twig], [at.Clamp("trunk.start"), joint], [at.Force("trunk.end", force)], gravity=G
+    )
+    rest = at.solve_static(scene, mesh=4)
+    angle = rest.angle("trunk.end")[-1]
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    before, after = rest.section_force("trunk.end")[-1], rest.section_force("twig.start")[-1]
+    np.testing.assert_allclose(before[:2] - after[:2], turn @ force, atol=1e-9)
+    assert before[2] == pytest.approx(after[2], abs=1e-9)
+    assert np.abs(rest.section_force("twig.end")[-1]).max() < 1e-9
+    np.testing.assert_allclose(rest.reaction(joint)[-1, :2], weight(twig), atol=1e-8)
+
+
+def test_joints_of_several_ends_keep_nothing_for_themselves():
+    names, ends = ["a", "b", "c"], [(-0.2, 0.1), (0.25, 0.15), (0.05, -0.3)]
+    beams = [at.Beam(n, (0, 0), e, ROD, RUBBER) for n, e in zip(names, ends, strict=True)]
+    total = 0.0
+    for order in (("a", "b", "c"), ("b", "c", "a"), ("c", "a", "b")):
+        pins = [at.Weld(*(f"{n}.start" for n in order)), at.Pin("a.end"), at.Clamp("b.end"), at.Pin("c.end")]
+        rest = at.solve_static(at.Scene("star", beams, pins, gravity=G), mesh=2)
+        total = total + rest.reaction(pins[0])[-1]
+        ground = sum(rest.reaction(joint)[-1, :2] for joint in pins[1:])
+        np.testing.assert_allclose(ground, -sum(map(weight, beams)), atol=1e-8)
+        assert rest.reaction(pins[1])[-1, 2] == pytest.approx(0.0, abs=1e-9)
+    np.testing.assert_allclose(total, 0.0, atol=1e-8)
+
+
+def test_an_end_in_a_weld_and_a_pin():
+    """Each joint has its own part: the pin no moment, the weld what its second body needs."""
+    names, ends = ["a", "b", "c"], [(-0.2, 0.1), (0.25, 0.15), (0.05, -0.3)]
+    beams = [at.Beam(n, (0, 0), e, ROD, RUBBER) for n, e in zip(names, ends, strict=True)]
+    weld, pin = at.Weld("a.start", "b.start"), at.Pin("a.start", "c.start")
+    scene = at.Scene("mixed", beams, [weld, pin, at.Clamp("a.end")], gravity=G)
+    found = at.solve(scene, mesh=1, dt=1e-3, t_end=0.05)
+    other = at.Scene("mixed", beams, [weld, at.Pin("c.start", "a.start"), at.Clamp("a.end")], gravity=G)
+    again = at.solve(other, mesh=1, dt=1e-3, t_end=0.05)
+    np.testing.assert_allclose(found.reaction(pin), -again.reaction(other.joints[1]), atol=1e-7)
+    assert np.abs(found.reaction(pin)[:, 2]).max() < 1e-9
+    size = np.abs(found.reaction(weld)[:, 2]).max()
+    np.testing.assert_allclose(
+        found.reaction(weld)[:, 2], found.section_force("b.start")[:, 2], atol=1e-7 * size
+    )
+
+
+def test_what_cannot_be_known_is_refused_by_name():
+    scene, found = swing()
+    with pytest.raises(UnknownNameError, match=r"joint .*'nowhere.end'.* is not in scene 'swing'"):
+        found.reaction(at.Pin("nowhere.end"))
+    reissner = exudyn_reissner.solve(scene, mesh=2, dt=1e-3, t_end=0.01)
+    with pytest.raises(ResultError, match="not known by solver 'exudyn-reissner': ANCF elements are needed"):
+        reissner.section_force("arm.end")
+    assert found.section_force("arm", [0.0, 0.5, 1.0]).shape == (len(found.t), 3, 3)
