@@ -4,8 +4,9 @@
 
 Each fault of `planted_faults.toml` changes one place of one file, and the small scenes are checked with that change
 until one comparison fails. They are interpreted, not compiled: each fault gets a fork of one process that has all
-libraries loaded, so that most take a second or two, where compiling changed kernels takes two minutes. With
-`--compiled` the command `anctmm check` itself runs on a copy of the sources, with a kernel cache of its own.
+libraries loaded, so that most take a second or two, where compiling changed kernels takes a minute or two. With
+`--compiled` the command `anctmm check` itself runs on a copy of the sources and of the kernels that are kept, so that
+what the fault changes is compiled anew, and nothing else.
 A fault is seen where a comparison fails, the check ends in an exception, or it takes longer than PATIENCE.
 """
 
@@ -98,7 +99,6 @@ def changed(fault):
 def prepare():
     """Load all libraries, and forget the packages: they are imported anew with each fault."""
     os.environ["NUMBA_DISABLE_JIT"] = "1"
-    sys.path.insert(0, str(ROOT))
     importlib.import_module("studies.regression.check")
     importlib.import_module("studies.regression.small_watches")
     for name in [n for n in sys.modules if n.partition(".")[0] in PACKAGES]:
@@ -148,15 +148,21 @@ def seen(fault):
 
 
 def seen_compiled(fault):
-    """What the command says of a fault in a copy of the sources, with a kernel cache of its own."""
+    """What the command says of a fault in a copy of the sources, and of the kernels that are kept."""
+    kept = importlib.import_module("anctmm.jit.kernel_files").directory()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         for package in PACKAGES:
             shutil.copytree(ROOT / package, tree / package, ignore=shutil.ignore_patterns("__pycache__"))
         if fault is not None:
             (tree / fault.file).write_text(changed(fault), encoding="utf-8")
-        environment = {**os.environ, "PYTHONPATH": folder, "ANCTMM_CACHE": str(tree / "cache")}
-        command = [sys.executable, "-m", "studies", "check", "--only", "small-", "--out", str(tree / "out")]
+        if kept is not None and fault is not None:  # without a fault they are compiled and kept
+            shutil.copytree(
+                kept, tree / "cache" / "anctmm" / "kernels", ignore=shutil.ignore_patterns("*.part")
+            )
+        environment = {**os.environ, "PYTHONPATH": folder}
+        environment |= {"ANCTMM_CACHE": str(tree / "cache")} if fault is not None else {}
+        command = [sys.executable, "-m", "studies", "check", "--out", str(tree / "out")]
         try:
             done = subprocess.run(
                 command, env=environment, cwd=folder, capture_output=True, text=True, check=False,
@@ -169,7 +175,14 @@ def seen_compiled(fault):
             return f"it ends with {done.stderr.strip().splitlines()[-1:]}"
         rows = csv.DictReader(table.read_text(encoding="utf-8").splitlines())
         bad = [r for r in rows if r["verdict"] not in ("same", "not run")]
-        return "; ".join(f"{r['scene']}/{r['run']}/{r['solver']}: {r['verdict']}" for r in bad[:3])
+        told = "; ".join(f"{r['scene']}/{r['run']}/{r['solver']}: {r['verdict']}" for r in bad[:3])
+        return f"{len(bad)} comparisons: {told}" if bad else ""
+
+
+def processor_time():
+    """Seconds that children of this process, and theirs, have computed until now."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main() -> None:
@@ -190,20 +203,23 @@ def main() -> None:
     if options.sample:
         chosen = random.Random(options.seed).sample(chosen, min(options.sample, len(chosen)))
     look = seen_compiled if options.compiled else seen
+    sys.path.insert(0, str(ROOT))
     if not options.compiled:
         prepare()
     if wrong := look(None):
         raise SystemExit(f"without a fault the check says: {wrong}")
     rows = []
     for fault in chosen:
-        begun = time.monotonic()
-        rows.append([fault.kind, fault.name, look(fault) or "NOT SEEN", round(time.monotonic() - begun)])
+        begun, before = time.monotonic(), processor_time()
+        said = look(fault) or "NOT SEEN"
+        took = round(time.monotonic() - begun), round(processor_time() - before)
+        rows.append([fault.kind, fault.name, said, *took])
         print(*rows[-1], sep=" | ", flush=True)
-    missed = sum(row[2] == "NOT SEEN" for row in rows)
+    missed = [row[2] for row in rows].count("NOT SEEN")
     print(f"seen {len(rows) - missed} of {len(rows)}")
     if options.out:
         with options.out.open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([["kind", "fault", "seen by", "s"], *rows])
+            csv.writer(file).writerows([["kind", "fault", "seen by", "s", "processor s"], *rows])
     raise SystemExit(1 if missed else 0)
 
 
