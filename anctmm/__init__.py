@@ -27,7 +27,7 @@ from anctmm.model.scene import (
 from anctmm.model.sections import Circle, Rectangle, Section
 from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
-from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, load
+from anctmm.results.solution import Cost, Energy, HistoryError, Interrupted, Solution, Status, load
 from anctmm.solve import solve
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "Force",
     "GeneralizedAlpha",
     "History",
+    "HistoryError",
     "Interrupted",
     "LineLoad",
     "Material",

@@ -8,12 +8,14 @@ from anctmm.discretise.kept_chains import chain_of, once
 from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import GeneralizedAlpha, Method, Zhai
-from anctmm.elements.kinds import check_kinds, moved_by
+from anctmm.elements.kinds import check_kinds, kind_of, moved_by
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.statics import solve_static
+from anctmm.model.bodies import beam_of
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
+from anctmm.model.start import check_rigid_start
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer, uncombined
@@ -69,6 +71,9 @@ def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
     refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
     check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT)
     check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
+    for name, (_, kind) in run.of(scene).items():
+        if kind_of(kind).rigid:
+            check_rigid_start(beam_of(scene.body(name)), stacklevel=6)
     chain = Chain(scene, run)
     if run.tolerance is not None and chain.bodies.damping is not None:
         raise StepError(

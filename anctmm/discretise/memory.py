@@ -21,7 +21,12 @@ ADVISED = 0.8
 
 
 def check_memory(
-    scene: Scene, run: Discretisation, each: float, pair: float = 0.0, outputs: int | None = None
+    scene: Scene,
+    run: Discretisation,
+    each: float,
+    pair: float = 0.0,
+    outputs: int | None = None,
+    kept_each: float = HISTORIES * NUMBER,
 ) -> None:
     """Refuse a run that takes more memory than is free.
 
@@ -33,6 +38,8 @@ def check_memory(
         Bytes that the solver takes for each coordinate, without histories, and for each pair of coordinates.
     outputs : int, optional
         States that are kept; those of the run without it.
+    kept_each : float
+        Bytes that are kept of each coordinate at an output.
 
     Raises
     ------
@@ -44,7 +51,7 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    system, output = size * (each + pair * size), HISTORIES * size * NUMBER + ENERGIES
+    system, output = size * (each + pair * size), size * kept_each + ENERGIES
     total = system + kept * output
     if total <= SMALL:
         return

@@ -11,12 +11,22 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
+from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.jit.compiling import kernel
-from anctmm.jit.pacing import paced
+from anctmm.jit.pacing import paced, part_by_part
 from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, interruption
+from anctmm.results.solution import (
+    Cost,
+    Energy,
+    HistoryError,
+    Interrupted,
+    Solution,
+    Status,
+    broken_off,
+    interruption,
+)
 
 Array = NDArray[np.float64]
 
@@ -175,17 +185,30 @@ def run_batches(
 
     Raises
     ------
-    Interrupted
+    Interrupted, HistoryError
         With the history until then.
     """
-    run = chain.run
+    run, failed = chain.run, -1
+
+    def until(step: int) -> tuple[float, Callable[[Status], Solution]]:
+        """Time of a step that is not taken, and the solution of those before it."""
+        when, kept = float(run.times(np.array([step]))[0]), 1 + (step - 1) // run.stride
+        return when, lambda status: so_far(kept, status, step)
+
+    def part(begin: int, end: int) -> None:
+        nonlocal failed
+        failed = failed if failed >= 0 else one(begin, end)
+
     for begin, end in paced(run.steps + 1, STEP * chain.bodies.nodes, width):
         try:
-            failed = one(begin, end)
+            part(begin, end)
         except KeyboardInterrupt:
-            when = float(run.times(np.array([begin]))[0])
-            kept = 1 + (begin - 1) // run.stride  # of the steps before `begin`
-            raise Interrupted(so_far(kept, interruption(when), begin)) from None
+            when, found = until(begin)
+            raise Interrupted(found(interruption(when))) from None
+        except PropertyError as error:  # of a load or a drive
+            when, found = until(part_by_part(part, begin, end, PropertyError))
+            if failed < 0:
+                raise HistoryError(found(broken_off(error, when))) from error
         if failed >= 0:
             return failed
     return -1

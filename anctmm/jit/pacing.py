@@ -4,7 +4,7 @@ Python answers Ctrl-C between two calls of compiled code, not within one.
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 #: Seconds that a call should take, and the first one, whose work is only estimated.
 CALL, FIRST = 0.2, 0.05
@@ -12,6 +12,36 @@ CALL, FIRST = 0.2, 0.05
 GROWTH = 16
 #: Numbers in the tables made for one call: a bound of the memory that long runs take.
 TABLE = 100_000
+
+
+def part_by_part(one: Callable[[int, int], object], begin: int, end: int, error: type[Exception]) -> int:
+    """Take the steps of a range in which an exception was raised, up to the one that raises it.
+
+    Parameters
+    ----------
+    one : callable
+        Takes the steps of a range, or raises before it has taken any.
+    begin, end : int
+        Steps begin … end − 1.
+    error : type
+        Of the exception.
+
+    Returns
+    -------
+    int
+        The step that could not be taken; `end` if all could.
+    """
+    while begin < end:
+        middle = begin + max(1, (end - begin) // 2)
+        try:
+            one(begin, middle)
+        except error:
+            if middle == begin + 1:
+                return begin
+            end = middle
+        else:
+            begin = middle
+    return end
 
 
 def paced(steps: int, seconds: float, width: int = 0) -> Iterator[tuple[int, int]]:

@@ -238,5 +238,31 @@ def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, lev
     )
 
 
+def check_rigid_start(body: Beam, stacklevel: int = 3) -> None:
+    """Warn of initial velocities that stretch or bend a body that is to be rigid.
+
+    Parameters
+    ----------
+    body : Beam
+    stacklevel : int
+        Of the warning.
+    """
+    if body.velocity is None:
+        return
+    fractions = np.linspace(0.0, 1.0, 9)
+    v = np.array([complex(*body.velocity_at(float(s))) for s in fractions])
+    normal = 1j * (complex(*body.end) - complex(*body.start)) / body.length
+    apart = ((v[-1] - v[0]) * normal.conjugate()).real * normal
+    rigid = 0.5 * (v[0] + v[-1]) + (fractions - 0.5) * apart
+    off = float(np.abs(v - rigid).max())
+    if off > EQUAL_SLOPES * float(np.abs(v).max()):
+        warn(
+            f"body {body.name!r} is rigid and its initial velocity would stretch or bend it: it is up to {off:.3g} m/s "
+            f"off a rigid motion, and the body starts with a rigid one instead; anctmm.RigidVelocity gives one",
+            StartWarning,
+            stacklevel=stacklevel,
+        )
+
+
 def _pair(value: complex) -> str:
     return f"({value.real:.6g}, {value.imag:.6g})"

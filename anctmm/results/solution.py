@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import ResultError, listed
+from anctmm.errors import PropertyError, ResultError, listed
 from anctmm.model.connectors import Connector
 from anctmm.model.joints import Joint
 from anctmm.model.scene import Beam, Probe, Scene
@@ -364,9 +364,34 @@ class Interrupted(KeyboardInterrupt):
         self.solution = solution
 
 
+class HistoryError(PropertyError):
+    """The history of a load or of a drive failed in the middle of a run.
+
+    Parameters
+    ----------
+    solution : Solution
+        What was computed until then, with the status "failed".
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.status.message)
+        self.solution = solution
+
+
+def broken_off(reason: PropertyError, when: float) -> Status:
+    """The status of a run that could not go on from a time, s, for what the history of a load or a drive does there."""
+    return Status("failed", str(reason), time=when)
+
+
 def interruption(when: float) -> Status:
     """The status of a run that Ctrl-C stopped at a time, s."""
     return Status("interrupted", f"the run was interrupted at t = {when:.6g} s", time=when)
+
+
+def interruption_of_load(factor: float) -> Status:
+    """The status of a search for equilibria that Ctrl-C stopped after one at a load factor."""
+    told = f"the search for equilibria was interrupted beyond {factor:.6g} of the load"
+    return Status("interrupted", told, time=factor)
 
 
 def nothing(solver: str, scene: Scene, run: Discretisation | None, status: Status) -> Solution:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Beam, Scene, checked_scene
@@ -21,7 +21,7 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from reference.exudyn.model import Model
-from reference.exudyn.run import dynamics, statics
+from reference.exudyn.run import check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,7 @@ def solve(
         With status "unsupported" where Exudyn cannot do the scene.
     """
     run = discretise(run, options)
+    check_room(scene, run)
     return dynamics(Cables(scene, run), scene, run, tolerances)
 
 
@@ -85,6 +86,7 @@ def solve_static(
         The fields of the discretisation, in its place.
     """
     run = discretise(run, options)
+    check_room(scene, run, parts_of_load(load_steps) + 1)
     return statics(Cables(scene, run), scene, run, load_steps)
 
 

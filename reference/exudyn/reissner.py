@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.needs import MECHANISMS
@@ -20,7 +20,7 @@ from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
 from reference.exudyn.model import Model
-from reference.exudyn.run import dynamics, statics
+from reference.exudyn.run import check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
@@ -71,6 +71,7 @@ def solve(
         With status "unsupported" where Exudyn cannot do the scene.
     """
     run = discretise(run, options)
+    check_room(scene, run)
     return dynamics(ReissnerBeams(scene, run, order, shear_factor), scene, run, tolerances)
 
 
@@ -99,6 +100,7 @@ def solve_static(
         The fields of the discretisation, in its place.
     """
     run = discretise(run, options)
+    check_room(scene, run, parts_of_load(load_steps) + 1)
     return statics(ReissnerBeams(scene, run, order, shear_factor), scene, run, load_steps)
 
 

@@ -13,13 +13,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, parts_of_load
+from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, load_text, width_of
 from anctmm.model.needs import MECHANISMS, not_offered, refuse
-from anctmm.model.scene import Clamp, Force, LineLoad, Load, Pin, Prismatic, Scene, Slider, Torque, Weld
+from anctmm.model.scene import (
+    Clamp,
+    Force,
+    LineLoad,
+    Load,
+    Pin,
+    Prismatic,
+    Scene,
+    Slider,
+    Torque,
+    Weld,
+    checked_scene,
+)
 from anctmm.results.divergence_checks import checked
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, positive
@@ -33,6 +46,8 @@ Array = NDArray[np.float64]
 TOLERANCES = (1e-7, 1e-9)
 #: Those of statics, tried in turn: self-weight on fine meshes misses the first. None: what rounding leaves.
 STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
+#: Bytes that a model takes for each coordinate, and its sensors and their history for each at an output, as measured.
+MEMORY, KEPT = 4_700.0, 90.0
 #: Kinds of element that may be asked for; the models have one of their own instead.
 ELEMENTS = ("cable", "shear")
 #: Coordinates from which on the sparse solver is the faster one, as measured.
@@ -49,6 +64,11 @@ class History:
     coordinates: dict[str, Array]
     velocities: dict[str, Array]
     multipliers: list[Array]
+
+
+def check_room(scene: Scene, run: Discretisation, outputs: int | None = None) -> None:
+    """Refuse what takes more memory than is free, before any model is built; `outputs` of a search for equilibria."""
+    check_memory(checked_scene(scene), run, MEMORY, outputs=outputs, kept_each=KEPT)
 
 
 def dynamics(

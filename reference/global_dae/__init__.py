@@ -109,9 +109,10 @@ def solve_static(
     DiscretisationError
         Or one of its kinds, as in `solve`.
     """
-    run = discretise(run, options)
+    run, load_steps = discretise(run, options), parts_of_load(load_steps)
     refuse(checked_scene(scene), OFFER.lacks, "the global solver")
-    return equilibria(Model.of(scene, run), parts_of_load(load_steps), "global-dae")
+    check_memory(scene, run, IMPLICIT, outputs=load_steps + 1)
+    return equilibria(Model.of(scene, run), load_steps, "global-dae")
 
 
 def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:

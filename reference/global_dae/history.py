@@ -8,11 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
+from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
-from anctmm.jit.pacing import paced
+from anctmm.jit.pacing import paced, part_by_part
 from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
+from anctmm.results.solution import (
+    Cost,
+    Energy,
+    HistoryError,
+    Interrupted,
+    Solution,
+    Status,
+    broken_off,
+    in_short,
+    interruption,
+)
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 
@@ -127,7 +138,8 @@ class Marcher:
         self.batch(0, 0, *self._tables(0, 0), wanted, kept, energies)  # compiles
         start = process_time(), perf_counter()
         self.prepare()
-        step, count, status = 0, 0, Status()
+        step, count = 0, 0
+        ended: Status | None = None
 
         def so_far(status: Status) -> Solution:
             cost = Cost(
@@ -141,19 +153,32 @@ class Marcher:
             q, v = kept[:count, 0], kept[:count, 1]
             return solution(solver, self.model, t, q, energies[:count], cost, status, v)
 
-        for first, last in paced(run.steps + 1, self._estimate(), self._width()):
-            try:
-                tables = self._tables(first, min(last, run.steps))
-                reached = self.batch(first, last, *tables, wanted[count:], kept[count:], energies[count:])
-            except KeyboardInterrupt:
-                when = float(run.times(np.array([first]))[0])
-                raise Interrupted(so_far(interruption(when))) from None
+        def part(first: int, last: int) -> None:
+            nonlocal step, count, ended
+            if ended is not None:
+                return
+            tables = self._tables(first, min(last, run.steps))
+            reached = self.batch(first, last, *tables, wanted[count:], kept[count:], energies[count:])
             count += reached.outputs
             step = reached.step
-            if reached.node >= 0:
-                status = self._diverged(reached)
-                break
-        return so_far(status)
+            ended = None if reached.node < 0 else self._diverged(reached)
+
+        for first, last in paced(run.steps + 1, self._estimate(), self._width()):
+            try:
+                part(first, last)
+            except KeyboardInterrupt:
+                raise Interrupted(so_far(interruption(self._time(first)))) from None
+            except PropertyError as error:  # of a load or a drive
+                begun = part_by_part(part, first, last, PropertyError)
+                if ended is None:
+                    raise HistoryError(so_far(broken_off(error, self._time(begun)))) from error
+            if ended is not None:
+                return so_far(ended)
+        return so_far(Status())
+
+    def _time(self, step: int) -> float:
+        """Time of a step, s."""
+        return float(self.model.run.times(np.array([step]))[0])
 
     def _estimate(self) -> float:
         """Seconds that a step takes, about."""

@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
-from anctmm.results.solution import Cost, Solution, Status
+from anctmm.results.solution import Cost, Interrupted, Solution, Status, interruption_of_load
 from anctmm.results.stability_status import singular, unstable
 from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.equilibrium_stability import verdict
@@ -154,13 +154,18 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
     factors = np.arange(load_steps + 1) / load_steps
     kept, energies, doubt = [now.q], [_energies(model, now)], Status()
     for before, factor in pairwise(factors):
-        now = search.reach(now, float(factor))
-        if now.factor != factor:
-            status = _stuck(model, search, now.factor)
+        try:
+            now = search.reach(now, float(factor))
+            if now.factor != factor:
+                status = _stuck(model, search, now.factor)
+                break
+            against = _doubt(model, now, float(before))
+        except KeyboardInterrupt:
+            status = interruption_of_load(float(before))
             break
         kept.append(now.q)
         energies.append(_energies(model, now))
-        doubt = doubt if doubt.message else _doubt(model, now, float(before))
+        doubt = doubt if doubt.message else against
     if status.ok and search.floor > 0.0:
         status = _rounded_off(search)
     if status.ok and not doubt.ok:
@@ -174,7 +179,10 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
         search.iterations,
         search.iterations,
     )
-    return solution(solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status)
+    found = solution(solver, model, factors[: len(kept)], np.array(kept), np.array(energies), cost, status)
+    if status.code == "interrupted":
+        raise Interrupted(found)
+    return found
 
 
 def _energies(model: Model, e: Equilibrium) -> Array:

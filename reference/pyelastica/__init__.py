@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
+from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, unknown_kind, unknown_option
 from anctmm.model.bodies import beam_of
@@ -61,6 +62,8 @@ OFFER = Offer(
     element="reissner",
     limits={"shear": "reissner"},
 )
+#: Bytes that a model takes for each coordinate, and the history for each at an output, as measured.
+MEMORY, KEPT = 300.0, 24.0
 #: Kinds of element that may be asked for; rods have one of their own instead.
 ELEMENTS = ("cable", "shear")
 #: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
@@ -114,6 +117,7 @@ def solve(
     run = discretise(run, options)
     checked_scene(scene)
     _check(clamp, shear_factor)
+    check_memory(scene, run, MEMORY, kept_each=KEPT)
     try:
         _check_run(run)
         model = _model(scene, run)
@@ -160,6 +164,7 @@ def solve_static(
     _check(clamp, shear_factor)
     positive("rest", rest, DiscretisationError)
     load_steps = parts_of_load(load_steps)
+    check_memory(checked_scene(scene), run, MEMORY, outputs=load_steps + 1, kept_each=KEPT)
     try:
         system = System(_model(scene, run), scene, run, clamp, shear_factor, relaxed=True)
         return system.equilibria(load_steps, rest)

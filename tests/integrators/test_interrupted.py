@@ -2,13 +2,16 @@
 
 import os
 import signal
+import sys
 import threading
+from itertools import islice
 
 import numpy as np
 import pytest
 from samples import bar
 
 import anctmm as at
+from anctmm.integrators.statics import arc_length
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import solve
 from reference import global_dae
@@ -102,6 +105,91 @@ def test_the_history_kept_is_that_of_the_whole_run(road, kind, when, monkeypatch
     assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
     for name, series in vars(found.energy).items():
         assert np.array_equal(series, getattr(whole.energy, name)[:n])
+
+
+@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("when", [2.5e-5, 2.4e-3, 9.999e-3])
+@pytest.mark.parametrize("driven", [False, True])
+def test_a_history_that_fails_keeps_what_was_computed_until_then(road, kind, when, driven):
+    broken = []
+
+    def history(t):
+        if broken and np.max(t) > when:
+            raise ZeroDivisionError("no value there")
+        return (np.sin(t) - t, np.cos(t) - 1.0, -np.sin(t)) if driven else (np.sin(t), 0.0 * np.asarray(t))
+
+    clamp = Clamp("bar.start", history if driven else None)
+    scene = bar([clamp], [] if driven else [Force("bar.end", history)], gravity=(0.0, -9.81))
+    options = {"mesh": 2, **KINDS[kind], "t_end": 1e-2, "output_dt": 2e-5}
+    whole = road(scene, **options)
+    broken.append(True)
+    with pytest.raises(at.HistoryError, match="no value there") as caught:
+        road(scene, **options)
+    assert isinstance(caught.value, at.errors.PropertyError)
+    found = caught.value.solution
+    n = found.t.size
+    assert found.status == "failed"
+    assert "no value there" in found.status.message
+    assert found.t[-1] <= when
+    assert found.t[-1] >= when - 5e-5
+    assert np.array_equal(found.t, whole.t[:n])
+    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+
+
+@pytest.mark.parametrize("road", [at.solve_static, global_dae.solve_static], ids=lambda road: road.__module__)
+@pytest.mark.parametrize("options", [{}, {"branch": "stable"}])
+def test_equilibria_found_before_ctrl_c_are_kept(road, options, monkeypatch):
+    if road is global_dae.solve_static and options:
+        pytest.skip("has one branch")
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.02, -0.05))])
+    options = {"mesh": 2, "load_steps": 6, **options}
+    whole = road(scene, **options)
+    pressed = _press_after(4, road, monkeypatch)
+    with pytest.raises(at.Interrupted) as caught:
+        road(scene, **options)
+    found = caught.value.solution
+    n = found.t.size
+    assert pressed
+    assert 2 <= n < 7
+    assert found.status == "interrupted"
+    assert f"beyond {found.t[-1]:.6g} of the load" in found.status.message
+    assert np.array_equal(found.t, whole.t[:n])
+    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+
+
+def _press_after(count, road, monkeypatch):
+    """Press Ctrl-C while the stability of the equilibrium number `count` is looked at; a list of the presses."""
+    module = sys.modules[road.__module__ if road is at.solve_static else "reference.global_dae.static"]
+    looked, pressed, look = [], [], module._doubt
+
+    def interrupted(*arguments):
+        looked.append(1)
+        if len(looked) == count:
+            pressed.append(1)
+            raise KeyboardInterrupt
+        return look(*arguments)
+
+    monkeypatch.setattr(module, "_doubt", interrupted)
+    return pressed
+
+
+def test_points_of_a_path_found_before_ctrl_c_are_kept(monkeypatch):
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.02, -0.05))])
+    whole = at.solve_static(scene, mesh=2, path="arclength")
+    points = arc_length.ArcPath.points
+
+    def some(path):
+        yield from islice(points(path), 3)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(arc_length.ArcPath, "points", some)
+    with pytest.raises(at.Interrupted) as caught:
+        at.solve_static(scene, mesh=2, path="arclength")
+    found = caught.value.solution
+    assert found.status == "interrupted"
+    assert np.array_equal(found.t, whole.t[:3])
+    assert len(found.stable) == 3
 
 
 def test_an_interrupted_run_is_a_keyboard_interrupt():

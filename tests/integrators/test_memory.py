@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 from samples import bar
 
+import anctmm as at
 from anctmm.discretise import memory
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.memory import check_memory
 from anctmm.errors import AnctmmError, MemoryLimitError
+from anctmm.integrators.statics import equilibria
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import EXPLICIT, IMPLICIT, solve
-from reference import global_dae
+from reference import exudyn_cable, exudyn_reissner, global_dae, pyelastica
 
 DRIVEN = bar([Clamp("bar.start", Quintic(1.0, 1.0))], [Force("bar.end", lambda t: (np.sin(t), 0.0 * t))])
 STEPS = {
@@ -78,6 +80,45 @@ def test_too_much_memory_is_refused_by_name_before_any_work(road, options, words
     assert [w for w in ["scene 'bar'", "free", *words] if w not in message] == []
     assert isinstance(caught.value, AnctmmError)
     assert isinstance(caught.value, MemoryError)
+
+
+STATIC = [
+    at.solve_static,
+    *(peer.solve_static for peer in (global_dae, exudyn_cable, exudyn_reissner, pyelastica)),
+]
+PEERS = [exudyn_cable.solve, exudyn_reissner.solve, pyelastica.solve]
+
+
+@pytest.mark.parametrize("road", STATIC, ids=lambda road: road.__module__)
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"mesh": 2 * 10**9}, ["2000000001 nodes", "coarser mesh"]),
+        ({"mesh": 1000, "load_steps": 10**6}, ["1001 nodes", "at most about", "outputs"]),
+    ],
+)
+def test_too_much_memory_for_equilibria_is_refused_by_name(road, options, words):
+    with pytest.raises(MemoryLimitError) as caught:
+        road(bar([Clamp("bar.start")]), **options)
+    assert [w for w in ["scene 'bar'", "free", *words] if w not in str(caught.value)] == []
+
+
+@pytest.mark.parametrize("road", PEERS, ids=lambda road: road.__module__)
+@pytest.mark.parametrize("options", [{"mesh": 2 * 10**9}, {"mesh": 8, "dt": 1e-12, "t_end": 1.0}])
+def test_too_much_memory_in_a_peer_is_refused_by_name(road, options):
+    with pytest.raises(MemoryLimitError, match="are free"):
+        road(bar([Clamp("bar.start")]), **{"dt": 1e-6, "t_end": 1e-3, "integrator": "zhai", **options})
+
+
+@pytest.mark.parametrize("kind", ["cable", "shear"])
+@pytest.mark.parametrize(
+    ("road", "each"), [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.IMPLICIT)]
+)
+def test_the_estimate_is_what_equilibria_take(road, each, kind):
+    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.0, -1e-6))])
+    rows = 6 if kind == "shear" else 4
+    taken = peak(lambda: road(scene, mesh=2_000, element=kind, newton_tolerance=1e-6))
+    assert 0.5 < taken / (2_001 * rows * each) < 1.1
 
 
 def test_the_advised_output_interval_and_mesh_are_accepted(monkeypatch):

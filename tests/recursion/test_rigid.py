@@ -1,5 +1,6 @@
 """Rigid bodies: own equations of motion, the limit of stiff cables, every joint, and the readable projection."""
 
+import warnings
 from dataclasses import replace
 from math import cos, pi, sin
 
@@ -9,7 +10,7 @@ from samples import SQUARE, chain_of, gap
 from scipy.integrate import solve_ivp
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import DiscretisationError, MeshError
+from anctmm.errors import DiscretisationError, MeshError, StartWarning
 from anctmm.integrators.stability import check_step, highest_frequency
 from anctmm.integrators.zhai import advance
 from anctmm.model.drives import Quintic
@@ -107,6 +108,27 @@ def test_a_start_that_would_bend_a_rigid_body_turns_it():
     bar = beam("bar", (0.0, 0.0), (1.0, 0.0), velocity=lambda s: (0.0, s * s))
     ours = rigidly(Scene("bent", [bar], ()), 1e-4, 1e-3)
     assert ours.energy.kinetic == pytest.approx(np.full(11, 0.2 * (1 / 3 - 1 / 6 + 1 / 36)), rel=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "told"),
+    [
+        (lambda s: (s, 0.2 * s), "off a rigid motion"),
+        (lambda s: (0.0, s * s), "off a rigid motion"),
+        (lambda s: (0.3 - 0.8 * s, 0.1 + 0.6 * s), None),
+    ],
+    ids=["stretched", "bent", "rigid"],
+)
+def test_a_start_that_a_rigid_body_cannot_have_is_told_by_name(velocity, told):
+    body = Beam("bar", (0.0, 0.0), (0.6, 0.8), SQUARE, Material(1e6, 1e3), velocity)
+    run = {"mesh": 1, "element": "rigid", "integrator": "zhai", "dt": 1e-3, "t_end": 2e-3}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        solve(Scene("thrown", [body]), **run)
+        solve(Scene("thrown", [body]), **{**run, "element": "cable", "check_stability": False})
+    said = [str(w.message) for w in caught if w.category is StartWarning]
+    assert len(said) == bool(told), said
+    assert all("'bar'" in text and told in text and "anctmm.RigidVelocity" in text for text in said)
 
 
 @pytest.mark.parametrize("turned", [False, True])

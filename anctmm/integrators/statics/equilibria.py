@@ -1,6 +1,6 @@
 """Statics by ANC-TMM: equilibria under a growing load, each of which says whether it is stable."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from itertools import islice
 from typing import Any, assert_never
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.lacking import LACKING
+from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.errors import DiscretisationError
 from anctmm.integrators.output import Record, worst_element
@@ -22,7 +23,7 @@ from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.divergence_checks import inside_out
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Interrupted, Solution, Status, interruption_of_load
 from anctmm.results.stability_status import singular, unstable
 from anctmm.validation import one_of
 
@@ -37,6 +38,8 @@ FIRST, POINTS = 1.0 / 32.0, 20_000
 #: Elements of a body with which a mesh of MANY nodes is asked whether the scene is a mechanism.
 COARSE = 8
 ADVICE = "branch='stable' finds a stable one"
+#: Bytes that are taken for each coordinate, as measured.
+MEMORY = 220.0
 
 
 @accounted
@@ -86,7 +89,9 @@ def solve_static(
     Raises
     ------
     DiscretisationError
-        If the options are wrong or do not fit the scene.
+        If the options are wrong or do not fit the scene, or if more memory is needed than is free.
+    Interrupted
+        A KeyboardInterrupt with the equilibria found until then, if Ctrl-C is pressed.
     """
     steps = None if load_steps is None else parts_of_load(load_steps)
     one_of("branch", branch, BRANCHES)
@@ -96,7 +101,9 @@ def solve_static(
             "equilibria"
         )
     refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
-    chain = Chain(scene, discretise(run, options))
+    run = discretise(run, options)
+    check_memory(scene, run, MEMORY, outputs=(steps or 1) + 1)
+    chain = Chain(scene, run)
     check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)
     search.newton(0.0)  # compiles
@@ -118,11 +125,15 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
     _store(search, record, 0)
     stable = [_kind(search) == "stable"]
     for k in range(1, len(factors)):
-        status = advance(float(factors[k]))
-        if status is not None:
+        try:
+            status = advance(float(factors[k]))
+            if status is not None:
+                break
+            _store(search, record, k)
+            against = _doubt(search, float(factors[k - 1]))
+        except KeyboardInterrupt:
+            status = interruption_of_load(float(factors[k - 1]))
             break
-        _store(search, record, k)
-        against = _doubt(search, float(factors[k - 1]))
         stable.append(against is None)
         doubt = doubt or against
         kept = k + 1
@@ -130,7 +141,20 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
     if doubt is not None:
         status = doubt if status.ok else replace(status, message=f"{status.message}; {doubt.message}")
     found = record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
-    return replace(found, stable=np.array(stable)[: len(found.t)])
+    return _whole(replace(found, stable=np.array(stable)[: len(found.t)]))
+
+
+def _whole(found: Solution) -> Solution:
+    """A solution that nobody stopped.
+
+    Raises
+    ------
+    Interrupted
+        With the one that was stopped.
+    """
+    if found.status.code == "interrupted":
+        raise Interrupted(found)
+    return found
 
 
 def _with_notes(status: Status, notes: list[str]) -> Status:
@@ -174,7 +198,7 @@ def _along_path(search: LoadPath, first: float) -> Solution:
     record = Record(search.chain, outputs=1)
     record.start()
     stands = _kind(search) != "singular"
-    points = list(islice(arc.points(), POINTS)) if stands else []
+    points, stopped = _until_stopped(islice(arc.points(), POINTS)) if stands else ([], False)
     record.resize(max(len(points), 1))
     stable = np.zeros(max(len(points), 1), dtype=bool)
     doubt: Status | None = None
@@ -187,7 +211,9 @@ def _along_path(search: LoadPath, first: float) -> Solution:
         stable[k] = doubt is None
     t = np.array([point.factor for point in points])
     status = doubt or search.precision()
-    if t[-1] < 1.0:
+    if stopped:
+        status = interruption_of_load(float(t[-1]))
+    elif t[-1] < 1.0:
         status = _lost(search, len(points))
     limits = [f"{point.factor:.6g}" for point in points if point.limit]
     notes = [f"limit points at load factors {', '.join(limits)}"] if limits else []
@@ -196,7 +222,18 @@ def _along_path(search: LoadPath, first: float) -> Solution:
     found = record.solution(
         len(t), _with_notes(status, notes), len(t) - 1, arc.iterations, arc.iterations, t=t
     )
-    return replace(found, stable=stable[: len(found.t)])
+    return _whole(replace(found, stable=stable[: len(found.t)]))
+
+
+def _until_stopped(points: Iterable[Point]) -> tuple[list[Point], bool]:
+    """Points of a path, and whether Ctrl-C stopped the search for more."""
+    found: list[Point] = []
+    try:
+        for point in points:  # not `extend`, which may forget what came before an exception
+            found.append(point)
+    except KeyboardInterrupt:
+        return found, True
+    return found, False
 
 
 def _lost(search: LoadPath, points: int) -> Status:
