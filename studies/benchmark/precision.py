@@ -11,17 +11,18 @@ import pandas as pd
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import QUADRATURES
+from anctmm.results.accounting import accounted
 from anctmm.results.metrics import compare
-from anctmm.results.solution import Solution
+from anctmm.results.solution import Cost, Solution
 from anctmm.solve import solve
 from reference import exudyn_cable
 from studies.benchmark.peers import EXUDYN, OURS, mesh_of
-from studies.engine.clock import Effort, Samples, figures, sampled_in_turn
+from studies.engine.clock import Effort, Samples, figures
 from studies.engine.pareto_front import NEAR, excess, front
 from studies.engine.runner import Mesh, mesh_label, uncertainty_of
 from studies.engine.setting import stable_step
-from studies.engine.tables import Table
-from studies.engine.timing import undisturbed
+from studies.engine.tables import BUILD, Table
+from studies.engine.timing import in_turn, undisturbed
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 
 #: Errors at which costs are compared.
@@ -87,7 +88,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Point:
-    """A setting with what it gave: error and CPU time, s."""
+    """A setting with what it gave: error, CPU time of the steps and of the call beside them, s."""
 
     setting: Setting
     error: float
@@ -95,6 +96,7 @@ class Point:
     status: str
     spread: float = float("nan")
     repeats: int = 1
+    build_s: float = float("nan")
 
 
 def races(quick: bool) -> list[Race]:
@@ -143,6 +145,7 @@ def _notes() -> tuple[str, ...]:
         "Exudyn: fast module, one thread, modified Newton, the faster of its dense and sparse solvers, no files.",
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
         "mesh of the same cables; reference_error: its own uncertainty.",
+        BUILD,
     )
 
 
@@ -205,7 +208,7 @@ def run_of(race: Race, setting: Setting) -> Solution:
     )  # fmt: skip
     if setting.code == OURS:
         return solve(base.scene, run)
-    return exudyn_cable.solve(base.scene, run, tolerances=setting.tolerance)
+    return accounted(exudyn_cable.solve)(base.scene, run, tolerances=setting.tolerance)
 
 
 def try_out(race: Race, setting: Setting, reference: Solution) -> Point:
@@ -213,7 +216,8 @@ def try_out(race: Race, setting: Setting, reference: Solution) -> Point:
     with undisturbed():
         solution = run_of(race, setting)
     error = compare(solution, reference, race.base.probes).error if solution.status.ok else float("nan")
-    return Point(setting, error, solution.cost.cpu_s, str(solution.status))
+    cost = solution.cost
+    return Point(setting, error, cost.cpu_s, str(solution.status), build_s=cost.build_s)
 
 
 def promising(points: Iterable[Point]) -> set[tuple[Mesh, float, str]]:
@@ -257,18 +261,18 @@ def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) ->
     """Points with the medians of runs in turn."""
     names = {f"{p.setting.code} {p.setting.label}": p for p in points}
 
-    def sampler(p: Point) -> Callable[[], float]:
-        return lambda: 1e9 * run_of(race, p.setting).cost.cpu_s
+    def sampler(p: Point) -> Callable[[], Cost]:
+        return lambda: run_of(race, p.setting).cost
 
-    found = sampled_in_turn(
-        f"work-precision, {race.base.scene.name}", {n: sampler(p) for n, p in names.items()}, rounds, samples
-    )
+    found = in_turn({n: sampler(p) for n, p in names.items()}, rounds)
+    for name, costs in found.items():
+        samples.keep(f"work-precision, {race.base.scene.name}", name, [1e9 * c.cpu_s for c in costs])
     return [_with_time(p, found[n]) for n, p in names.items()]
 
 
-def _with_time(p: Point, values: Sequence[float]) -> Point:
-    shown = figures(values)
-    return replace(p, cpu_s=1e-9 * shown["ns"], spread=shown["spread"], repeats=len(values))
+def _with_time(p: Point, costs: Sequence[Cost]) -> Point:
+    shown, build = figures([c.cpu_s for c in costs]), float(np.median([c.build_s for c in costs]))
+    return replace(p, cpu_s=shown["ns"], spread=shown["spread"], repeats=len(costs), build_s=build)
 
 
 def cost_at(points: Iterable[Point], error: float) -> float:
@@ -284,11 +288,9 @@ def _at_error(race: Race, points: Sequence[Point], error: float, uncertainty: fl
     def cost(code: str, *kinds: str) -> float:
         return cost_at((p for p in points if p.setting.code == code and p.setting.integrator in kinds), error)
 
-    def setting(code: str, *kinds: str) -> str:
-        able = [
-            p for p in points if p.setting.code == code and p.setting.integrator in kinds and p.error <= error
-        ]
-        return min(able, key=lambda p: p.cpu_s).setting.label if able else "none"
+    def nearest(code: str) -> Point | None:
+        able = [p for p in points if p.setting.code == code and p.error <= error]
+        return min(able, key=lambda p: p.cpu_s, default=None)
 
     costs: Mapping[str, float] = {
         "anctmm_implicit_s": cost(OURS, IMPLICIT),
@@ -303,8 +305,14 @@ def _at_error(race: Race, points: Sequence[Point], error: float, uncertainty: fl
         **costs,
         "ratio_implicit": costs["exudyn_best_s"] / costs["anctmm_implicit_s"],
         "ratio_best": costs["exudyn_best_s"] / costs["anctmm_best_s"],
-        "anctmm_nearest": setting(OURS, IMPLICIT, EXPLICIT),
-        "exudyn_nearest": setting(EXUDYN, IMPLICIT, EXPLICIT),
+        **{
+            f"{name}_{what}": text
+            for name, best in (("anctmm", nearest(OURS)), ("exudyn", nearest(EXUDYN)))
+            for what, text in (
+                ("nearest", best.setting.label if best else "none"),
+                ("build_s", best.build_s if best else np.nan),
+            )
+        },
         "status": "ok" if np.isfinite(list(costs.values())).all() else "not reached by every code",
     }
 
@@ -314,6 +322,6 @@ def _point_row(race: Race, p: Point, uncertainty: float) -> dict[str, Any]:
     return {
         "scene": race.base.scene.name, "code": s.code, "integrator": s.integrator, "elements": mesh_label(s.mesh),
         "dt": s.dt, "quadrature": s.quadrature, "tolerance": str(s.tolerance or "default"), "error": p.error,
-        "reference_error": uncertainty, "cpu_s": p.cpu_s, "spread": p.spread, "repeats": p.repeats,
-        "status": p.status,
+        "reference_error": uncertainty, "cpu_s": p.cpu_s, "build_s": p.build_s, "spread": p.spread,
+        "repeats": p.repeats, "status": p.status,
     }  # fmt: skip

@@ -30,8 +30,8 @@ STATIC = "static"
 #: Of a run's row.
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
-    "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "wall_s", "repeats",
-    "status",
+    "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "build_s", "wall_s",
+    "repeats", "status",
 )  # fmt: skip
 Mesh = tuple[int, ...]
 
@@ -412,6 +412,7 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
         "reference": reference.name,
         "cpu_s": timing.cpu_s,
         "cpu_spread": timing.cpu_spread,
+        "build_s": timing.build_s,
         "wall_s": timing.wall_s,
         "repeats": timing.repeats,
         "status": str(solution.status),
@@ -434,7 +435,8 @@ def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
     names = ("solver", "element", "quadrature", "integrator")
     about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
     about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
-    return [{**about, "sample": k, "cpu_s": c.cpu_s, "wall_s": c.wall_s} for k, c in enumerate(outcome.costs)]
+    times = ("cpu_s", "build_s", "wall_s")
+    return [{**about, "sample": k, **{t: getattr(c, t) for t in times}} for k, c in enumerate(outcome.costs)]
 
 
 def mesh_label(mesh: Mesh) -> str:

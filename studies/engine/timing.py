@@ -25,12 +25,15 @@ class Timing:
     cpu_spread : float
         (largest − smallest) / median of the CPU time; NaN for one sample.
     repeats : int
+    build_s : float
+        Median CPU time that the calls took beside their steps, s; NaN where a solver does not tell.
     """
 
     cpu_s: float
     wall_s: float
     cpu_spread: float
     repeats: int
+    build_s: float = float("nan")
 
 
 @contextmanager
@@ -53,7 +56,8 @@ def summarise(costs: Sequence[Cost]) -> Timing:
         return Timing(np.nan, np.nan, np.nan, 0)
     median = float(np.median(cpu))
     spread = float((cpu.max() - cpu.min()) / median) if cpu.size > 1 and median > 0.0 else float("nan")
-    return Timing(median, float(np.median([c.wall_s for c in costs])), spread, len(cpu))
+    wall, build = (float(np.median([getattr(c, name) for c in costs])) for name in ("wall_s", "build_s"))
+    return Timing(median, wall, spread, len(cpu), build)
 
 
 def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str, list[Sample]]:

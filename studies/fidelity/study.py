@@ -201,10 +201,10 @@ def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:
             best = good.sort_values("cpu_s").iloc[0]
             lines.append(
                 line
-                | {k: best[k] for k in ("element", "error", "dt", "cpu_s")}
+                | {k: best[k] for k in ("element", "error", "dt", "cpu_s", "build_s")}
                 | {"gain": richest["cpu_s"] / best["cpu_s"], "status": "ok"}
             )
-    columns = ["scene", "wish", "element", "error", "known_to", "dt", "cpu_s", "gain", "status"]
+    columns = ["scene", "wish", "element", "error", "known_to", "dt", "cpu_s", "build_s", "gain", "status"]
     return pd.DataFrame(lines).reindex(columns=columns)
 
 

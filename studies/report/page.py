@@ -26,6 +26,7 @@ BENCH = "bench/requirements.md"
 LABELS = {
     "cpu_s": "CPU time (s)",
     "cpu_ms": "CPU time (ms)",
+    "build_s": "set-up (s)",
     "wall_s": "wall time (s)",
     "us_per_step": "µs per step",
     "dofs": "DOFs",

@@ -1,18 +1,18 @@
 """The trade of error for time: every setting on both base scenes, the front, and what each error comes from."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from studies.engine.clock import Sampler, Samples, sampled_in_turn
+from anctmm.results.solution import Cost
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Case, Outcome, Runner, row, sample_rows
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
+from studies.engine.timing import in_turn, summarise
 from studies.scenes import BaseScene
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
@@ -35,8 +35,8 @@ ROUNDS = {False: 7, True: 2}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
     "newton_tolerance", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error", "step_error",
-    "step_reference_error", "error_from", "cpu_s", "cpu_spread", "wall_s", "repeats", "in_turn", "excess", "status",
-    "reference",
+    "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s", "repeats", "in_turn", "excess",
+    "status", "reference",
 )  # fmt: skip
 
 
@@ -78,36 +78,35 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     frame["family"] = [o.case.element for o in swept.outcomes]
     again = time_again(swept, frame, ROUNDS[options.quick], runner)
     frame["in_turn"] = [k in again for k in frame.index]
-    for k, values in again.items():
-        median = float(np.median(values))
-        frame.loc[k, ["cpu_s", "cpu_spread"]] = median, float(np.ptp(values)) / median
-        frame.loc[k, "repeats"] = len(values)
+    for k, costs in again.items():
+        found = vars(summarise(costs))
+        for name in ("cpu_s", "cpu_spread", "build_s", "repeats"):
+            frame.loc[k, name] = found[name]
     frame["excess"] = excess(frame)
     samples = [
         *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
-        *(r for k, values in again.items() for r in _samples(swept.outcomes[k], values)),
+        *(r for k, costs in again.items() for r in _samples(swept.outcomes[k], costs)),
     ]
     return Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
 
 
 def time_again(
     swept: Sweep, frame: pd.DataFrame, rounds: int, runner: Runner
-) -> Mapping[int, Sequence[float]]:
-    """CPU times, s, of the settings near the front, which take their samples in turn; by their row."""
+) -> Mapping[int, Sequence[Cost]]:
+    """Costs of the settings near the front, which take their samples in turn; by their row."""
     chosen = frame.index[excess(frame) <= NEAR]
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
-    def sampler(case: Case) -> Sampler:
+    def sampler(case: Case) -> Callable[[], Cost]:
         solver = runner.resolve(case.solver)
-        return lambda: case.solve(solver).cost.cpu_s
+        return lambda: case.solve(solver).cost
 
-    def sample() -> dict[int, list[float]]:
-        samplers = {str(k): sampler(case) for k, case in cases.items()}
-        found = sampled_in_turn(f"trade, {swept.base.scene.name}", samplers, rounds, Samples())
-        return {int(k): values for k, values in found.items()}
+    def sample() -> dict[int, list[Cost]]:
+        found = in_turn({str(k): sampler(case) for k, case in cases.items()}, rounds)
+        return {int(k): costs for k, costs in found.items()}
 
     key = runner.key(*cases.values())
-    return runner.remember(key and f"trade in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
+    return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
 
 
 def _asked(case: Case) -> dict[str, float]:
@@ -115,12 +114,8 @@ def _asked(case: Case) -> dict[str, float]:
     return {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
 
 
-def _samples(outcome: Outcome, values: Sequence[float]) -> list[dict[str, Any]]:
-    about = sample_rows(replace(outcome, costs=outcome.costs[:1]))[0]
-    nan = float("nan")
-    return [
-        about | {"sample": k, "cpu_s": v, "wall_s": nan, "round": "in turn"} for k, v in enumerate(values)
-    ]
+def _samples(outcome: Outcome, costs: Sequence[Cost]) -> list[dict[str, Any]]:
+    return [row | {"round": "in turn"} for row in sample_rows(replace(outcome, costs=tuple(costs)))]
 
 
 def _fitting(base: BaseScene, options: Options) -> Options:

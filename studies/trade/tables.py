@@ -11,7 +11,7 @@ from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR
 from studies.engine.runner import Reference
-from studies.engine.tables import Table, failed, times
+from studies.engine.tables import BUILD, Table, failed, times
 from studies.scenes import BaseScene
 from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
 from studies.trade.plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
@@ -20,7 +20,9 @@ from studies.trade.plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
 WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
 WISH = 1e-3
 #: What was found with a recommended setting.
-FOUND = ("error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "repeats")
+FOUND = (
+    "error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s", "repeats",
+)  # fmt: skip
 #: What tells a setting from another.
 SETTING = (
     "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
@@ -51,9 +53,10 @@ def notes() -> tuple[str, ...]:
         f"that, where elements × steps are at most {MOST_EXPLICIT:g} ({MOST_EXPLICIT_PEER:g} for peers).",
         "newton_tolerance: bound of the last correction, 1e-3 or 1e-7; Exudyn bounds residuals by its own default, "
         "1e-7 relative (with looser ones it gains up to a third: see the benchmark's equal error).",
-        f"cpu_s: median of repeats; settings within {NEAR:g} times the front (in_turn) ran again in turn, and "
-        "the median is of these runs. excess: cost over that of the cheapest setting of no "
+        f"cpu_s: of the steps, median of repeats; settings within {NEAR:g} times the front (in_turn) ran again in "
+        "turn, and the median is of these runs. excess: cost over that of the cheapest setting of no "
         "larger error: 1 on the front.",
+        BUILD,
         REISSNER,
     )
 
@@ -100,10 +103,12 @@ def by_rival(points: pd.DataFrame) -> Table:
                 line = first.iloc[0].to_dict()
                 rows.append(about | {
                     "setting": setting_of(line), "error": line["error"], "reference_error": line["reference_error"],
-                    "cpu_s": line["cpu_s"], "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "status": "ok",
+                    "cpu_s": line["cpu_s"], "build_s": line["build_s"],
+                    "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "status": "ok",
                 })  # fmt: skip
     columns = [
-        "scene", "wished_error", *KIND, "setting", "error", "reference_error", "cpu_s", "ratio", "status",
+        "scene", "wished_error", *KIND, "setting", "error", "reference_error", "cpu_s", "build_s", "ratio",
+        "status",
     ]  # fmt: skip
     frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
     frame = frame.sort_values(

@@ -288,6 +288,8 @@ def test_median_and_spread():
     assert (timing.cpu_s, timing.wall_s, timing.cpu_spread, timing.repeats) == (2.0, 4.0, 1.5, 3)
     assert np.isnan(summarise([]).cpu_s)
     assert np.isnan(summarise([Cost(1.0)]).cpu_spread)
+    assert summarise([Cost(1.0, build_s=b) for b in (0.3, 0.1, 0.2)]).build_s == 0.2
+    assert np.isnan(summarise([Cost(1.0)]).build_s)
 
 
 def test_garbage_collection_is_off_while_measuring_and_on_again_after():
@@ -328,7 +330,7 @@ def test_tables_have_a_row_a_run_and_their_columns():
     rows = swept().rows
     accuracy, cpu_time = tables.accuracy(rows), tables.cpu_time(rows)
     assert len(accuracy.frame) == len(rows) == 18
-    wanted = "scene solver element integrator elements dofs dt t_end steps error reference_error cpu_s wall_s"
+    wanted = "scene solver element integrator elements dofs dt t_end steps error reference_error cpu_s build_s wall_s"
     assert set(wanted.split()) <= set(accuracy.frame.columns)
     assert (cpu_time.frame["ratio"] == 1.0).all()
     assert cpu_time.frame["us_per_step"].iloc[0] == pytest.approx(2 / 0.1 * 1e-6 / 10 * 1e6)
