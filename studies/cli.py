@@ -30,6 +30,15 @@ Steps = Annotated[str | None, typer.Option("--dt", help="Time steps, s: 1e-5,5e-
 Solvers = Annotated[
     str | None, typer.Option(help="Solvers by name (see `anctmm list`): a,b.", metavar="LIST")
 ]
+Given = Annotated[
+    str, typer.Argument(help="A built-in scene (see `anctmm list`), or a Python file that defines CASES.")
+]
+Chosen = Annotated[str | None, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
+Target = Annotated[
+    str | None, typer.Option("--error", help="Target error, relative: 1e-3.", metavar="NUMBER")
+]
+Element = Annotated[str | None, typer.Option(help="Element: cable, shear, rigid.")]
+Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 
 
@@ -52,6 +61,48 @@ def list_(
     console = Console()
     for table in shown:
         console.print(table, "")
+
+
+@app.command(cls=Command)
+def run(
+    scene: Given,
+    case: Chosen = None,
+    error: Target = None,
+    elements: Annotated[
+        str | None, typer.Option(help="Elements of each beam, or of all: 2/8/2 or 8.", metavar="MESH")
+    ] = None,
+    dt: Annotated[str | None, typer.Option("--dt", help="Time step, s: 1e-3.", metavar="NUMBER")] = None,
+    element: Element = None,
+    integrator: Integrator = None,
+    solvers: Solvers = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Where files go; else results/NAME.", parser=path, metavar="PATH")
+    ] = None,
+) -> None:
+    """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
+    from rich.console import Console
+
+    from studies.cases import find_case
+    from studies.command_line.options import one, read_options, setup_of
+    from studies.engine.files import check_writable, file_name
+    from studies.single_run.printed import show
+    from studies.single_run.study import run_case, write_run
+
+    wanted = find_case(scene, case)
+    target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
+    names = options.solvers or ("anctmm",)
+    folder = out or Path("results") / file_name(wanted.name)
+    check_writable(folder)
+    with sweeping(quick=True) as runner:
+        done = run_case(
+            wanted, runner, error=target, mesh=one("--elements", options.meshes), dt=one("--dt", options.steps),
+            setup=setup_of(names[0], element, integrator), others=names[1:],
+        )  # fmt: skip
+    show(done, Console())
+    write_run(done, folder)
+    print(f"\nWritten to {folder}/")
+    if not done.good:
+        raise typer.Exit(Code.DIFFERS)
 
 
 @app.command(cls=Command)

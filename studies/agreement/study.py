@@ -17,7 +17,7 @@ from anctmm.results.metrics import compare
 from anctmm.solvers import registry
 from studies.engine.clock import records
 from studies.engine.dynamics import check_mesh
-from studies.engine.runner import Case, Mesh, Outcome, Runner, element_of, mesh_label
+from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of, mesh_label
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
 from studies.report.plots import GRID, ON_DARK, ON_PALE, Picture, picture
@@ -84,7 +84,7 @@ def run(options: Options, runner: Runner) -> Result:
     )
 
 
-def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Case]:
+def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Trial]:
     sizes = (1, len(base.scene.beams))
     fitting = [m for m in options.meshes or () if len(m) in sizes]
     for mesh in options.meshes or ():
@@ -98,7 +98,7 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Ca
             continue  # asked for its own element once is enough
         mesh = fitting[0] if fitting else MESHES[options.quick][element][len(base.scene.beams)]
         implicit = options.quick or _has_implicit(solver)
-        cases.append(Case(
+        cases.append(Trial(
             base.scene, solver, mesh, element=element, integrator="generalized-alpha" if implicit else "zhai",
             dt=dt if implicit else EXPLICIT_STEP, t_end=base.duration, output_dt=base.interval,
         ))  # fmt: skip

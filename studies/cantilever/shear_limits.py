@@ -9,7 +9,7 @@ from anctmm.model.scene import Material
 from anctmm.model.sections import Rectangle
 from anctmm.results.solution import Solution
 from reference.exact import Rigidity, poisson_locking_factor, solve_static, timoshenko_tip_deflection
-from studies.engine.runner import STATIC, Case, Runner
+from studies.engine.runner import STATIC, Runner, Trial
 from studies.engine.study import Options
 from studies.engine.tables import Table
 from studies.scenes import LENGTH, BaseScene, cantilever_tip_force
@@ -96,7 +96,7 @@ def shear_limits(options: Options, runner: Runner, solver: str = "anctmm") -> Ta
     lines = []
     for fact in (small_strain(0.0), large_strain(0), large_strain(1), small_strain(0.3)):
         limit = fact.measure(solve_static(fact.base.scene, "director"))
-        cases = [Case(fact.base.scene, solver, (n,), element="shear", integrator=STATIC) for n in sizes]
+        cases = [Trial(fact.base.scene, solver, (n,), element="shear", integrator=STATIC) for n in sizes]
         outcomes = runner.sweep(cases)
         away = [abs(fact.measure(o.solution) / limit - 1.0) for o in outcomes]
         for k, outcome in enumerate(outcomes):

@@ -15,11 +15,11 @@ from anctmm.solvers.capabilities import Offer
 from reference.exact import solve_static
 from studies.engine.runner import (
     STATIC,
-    Case,
     Mesh,
     Outcome,
     Reference,
     Runner,
+    Trial,
     element_of,
     product,
     row,
@@ -87,7 +87,7 @@ def static_sweep(
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
     whose element it offers in statics, on the full quadrature.
     """
-    cases: list[Case] = []
+    cases: list[Trial] = []
     references: list[Reference] = []
     for base in bases:
         exact = {limit: exact_reference(base, limit) for limit in LIMITS}
@@ -112,7 +112,7 @@ def limit_of(solver: str, element: str) -> str:
     return limits.get(element) or Offer().limits[element]
 
 
-def _family(case: Case) -> str:
+def _family(case: Trial) -> str:
     """Element among whose rows a case is shown."""
     own = element_of(case.solver, case.element)
     return own if limit_of(case.solver, case.element) == own else case.element

@@ -9,6 +9,7 @@ import typer
 from studies.command_line.ending import BadOption
 
 if TYPE_CHECKING:
+    from studies.engine.refinement import Setup
     from studies.engine.runner import Mesh
     from studies.engine.study import Options
 
@@ -45,6 +46,33 @@ def texts(option: str, text: str | None) -> tuple[str, ...]:
     if not items:
         raise BadOption(f"{option} is {text!r}; at least one item is needed, or no {option} at all")
     return items
+
+
+def one(option: str, values: "tuple[Any, ...] | None") -> Any:
+    """The one value of an option that takes a list elsewhere; None where it is not given.
+
+    Raises
+    ------
+    BadOption
+        If there are several.
+    """
+    if values is not None and len(values) > 1:
+        raise BadOption(f"{option} has {len(values)} values; one is allowed here")
+    return None if values is None else values[0]
+
+
+def setup_of(solver: str, element: str | None, integrator: str | None) -> "Setup":
+    """Solver, element and integrator; what is not given as ANC-TMM has it.
+
+    Raises
+    ------
+    UnknownOptionError
+        Naming what is not known.
+    """
+    from studies.engine.refinement import Setup
+
+    given = {"element": element, "integrator": integrator}
+    return Setup(solver, **{name: value for name, value in given.items() if value is not None})
 
 
 def path(text: str | Path) -> Path:

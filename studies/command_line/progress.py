@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-    from studies.engine.runner import Case, Runner
+    from studies.engine.runner import Runner, Trial
 
 
 @contextmanager
@@ -30,7 +30,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
     with bar(console) as progress:
         task = progress.add_task("starting", total=None)
 
-        def on_done(case: "Case", done: int, total: int) -> None:
+        def on_done(case: "Trial", done: int, total: int) -> None:
             what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
             on_job(what, done, total)
 

@@ -7,14 +7,15 @@ from typing import Any
 import pandas as pd
 
 from anctmm.elements.kinds import KINDS
+from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from studies.engine.runner import (
-    Case,
     Mesh,
     Outcome,
     Reference,
     Runner,
+    Trial,
     element_of,
     mesh_label,
     product,
@@ -25,7 +26,6 @@ from studies.engine.runner import (
 )
 from studies.engine.study import Options, StudyError
 from studies.engine.tables import Table
-from studies.scenes import BaseScene
 
 REISSNER = (
     "exudyn-reissner is measured against the shear element's reference: its error contains the difference of two "
@@ -81,6 +81,7 @@ class Fine:
 class Plan:
     """A sweep: its schemes, and the reference of each element.
 
+    A reference is that of settings, which are run, or one that is there already.
     A solver that uses an element of its own is measured against that element's reference, where there is one, or else
     against that of the element asked for.
     `budget_s`: no further sample is taken of a run once its samples have taken that long; the
@@ -88,7 +89,7 @@ class Plan:
     """
 
     schemes: tuple[Scheme, ...]
-    references: Mapping[str, Fine]
+    references: Mapping[str, Fine | Reference]
     budget_s: float | None = None
 
 
@@ -96,7 +97,7 @@ class Plan:
 class Sweep:
     """What a sweep gave."""
 
-    base: BaseScene
+    base: Case
     outcomes: tuple[Outcome, ...]
     references: Mapping[str, Reference]
 
@@ -130,7 +131,7 @@ class Sweep:
         return max(cut, key=lambda s: float(s.t[-1]), default=None)
 
 
-def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Sweep:
+def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
     elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
@@ -138,7 +139,7 @@ def sweep(base: BaseScene, plan: Plan, options: Options, runner: Runner) -> Swee
     return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
 
 
-def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
+def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     """All cases of a plan as the user narrowed it.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
@@ -166,7 +167,7 @@ def cases_of(base: BaseScene, plan: Plan, options: Options) -> list[Case]:
 
 
 def check_mesh(scene: Scene, mesh: Mesh) -> None:
-    """Refuse a mesh that fits neither all bodies nor each."""
+    """Refuse a mesh that fits neither all beams nor each."""
     names = [body.name for body in scene.beams]
     if len(mesh) not in (1, len(names)):
         allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
@@ -181,17 +182,19 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
     return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
 
 
-def _measured_by(case: Case, references: Mapping[str, Any]) -> str:
+def _measured_by(case: Trial, references: Mapping[str, Any]) -> str:
     """Element whose reference a case is measured against."""
     own = element_of(case.solver, case.element)
     return own if own in references else case.element
 
 
-def _reference(base: BaseScene, element: str, fine: Fine, runner: Runner) -> Reference:
+def _reference(base: Case, element: str, fine: Fine | Reference, runner: Runner) -> Reference:
+    if isinstance(fine, Reference):
+        return fine
     asked = element if element in KINDS else "shear"  # a solver with an element of its own does not mind
 
-    def case(mesh: Mesh, dt: float) -> Case:
-        return Case(
+    def case(mesh: Mesh, dt: float) -> Trial:
+        return Trial(
             base.scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
             dt=dt, t_end=base.duration, output_dt=base.interval,
         )  # fmt: skip

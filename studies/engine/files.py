@@ -2,6 +2,7 @@
 
 import hashlib
 import os
+import re
 import tempfile
 from collections.abc import Iterable
 from pathlib import Path
@@ -39,6 +40,11 @@ def atomic_write(path: Path, content: str | bytes) -> None:
             f"file {str(path)!r} cannot be written ({error.strerror or error}); a directory that can be written "
             f"and has room for {len(data)} bytes is needed"
         ) from error
+
+
+def file_name(text: str) -> str:
+    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -."""
+    return re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
 
 
 def write_checksums(folder: Path, names: Iterable[str]) -> None:

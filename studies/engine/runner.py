@@ -37,7 +37,7 @@ Mesh = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Case:
+class Trial:
     """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
 
     Parameters
@@ -46,7 +46,7 @@ class Case:
     solver : str
         Registered name.
     mesh : tuple of int
-        Elements of each body in the scene's order, or one number for all.
+        Elements of each beam in the scene's order, or one number for all.
     element, quadrature, integrator : str
         As in Discretisation; `integrator` "static" asks for the static equilibrium.
     dt, t_end, output_dt : float
@@ -116,7 +116,7 @@ class Case:
 class Outcome:
     """A case, its solution (of the first sample) and the cost of every sample."""
 
-    case: Case
+    case: Trial
     solution: Solution
     costs: tuple[Cost, ...] = ()
 
@@ -178,7 +178,7 @@ class Runner:
     repeats: int = 3
     budget_s: float = 10.0
     resolve: Callable[[str], Solver] = registry.solver
-    on_done: Callable[[Case, int, int], None] = lambda case, done, total: None
+    on_done: Callable[[Trial, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
     heading: str = ""
     on_job: Callable[[str, int, int], None] = lambda label, done, total: None
@@ -189,12 +189,12 @@ class Runner:
     def __post_init__(self) -> None:
         self._store = Store(self.cache, self.note)
 
-    def sweep(self, cases: Iterable[Case], budget_s: float | None = None) -> list[Outcome]:
+    def sweep(self, cases: Iterable[Trial], budget_s: float | None = None) -> list[Outcome]:
         """Run cases; those that differ in the solver only take their samples in turn.
 
         Parameters
         ----------
-        cases : iterable of Case
+        cases : iterable of Trial
         budget_s : float, optional
             In place of the runner's own.
 
@@ -213,7 +213,7 @@ class Runner:
         place = {_identity(case): i for i, case in enumerate(ordered)}
         return sorted(outcomes, key=lambda o: place[_identity(o.case)])
 
-    def solve(self, case: Case) -> Outcome:
+    def solve(self, case: Trial) -> Outcome:
         """One case."""
         return self.sweep([case])[0]
 
@@ -257,11 +257,11 @@ class Runner:
             self.on_job(label, done, len(jobs))
         return results
 
-    def attempt(self, case: Case) -> Solution:
+    def attempt(self, case: Trial) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""
         return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
 
-    def key(self, *cases: Case) -> str:
+    def key(self, *cases: Trial) -> str:
         """Text that tells cases, the source of their solvers and of their scenes' functions, from every other.
 
         It is empty where a case cannot be told by its text, or a source cannot be found: nothing is then kept.
@@ -283,7 +283,7 @@ class Runner:
         digest = self._sources.digest(module_of(plain), *modules)
         return f"{module_of(plain)}.{getattr(plain, '__qualname__', '?')} {digest}" if digest else ""
 
-    def _contest(self, group: Sequence[Case], budget_s: float) -> Iterator[Outcome]:
+    def _contest(self, group: Sequence[Trial], budget_s: float) -> Iterator[Outcome]:
         # by place, not by case: what a scene's functions are need not have a hash
         first = [self._sample(case, 0) for case in group]
         costs = [[s.cost] if s.status.ok else [] for s in first]
@@ -294,7 +294,7 @@ class Runner:
         for case, solution, known in zip(group, first, costs, strict=True):
             yield Outcome(case, solution, tuple(known))
 
-    def _sample(self, case: Case, k: int) -> Solution:
+    def _sample(self, case: Trial, k: int) -> Solution:
         """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
 
         def solution() -> Solution:
@@ -307,7 +307,7 @@ class Runner:
 
         return guarded(case.solver, case.scene, solution)
 
-    def _run(self, case: Case, solver: Solver, k: int) -> Solution:
+    def _run(self, case: Trial, solver: Solver, k: int) -> Solution:
         try:
             kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator)
             with undisturbed():
@@ -342,10 +342,10 @@ def product(
     meshes: Iterable[Mesh],
     steps: Iterable[float] = (float("nan"),),
     **common: Any,
-) -> list[Case]:
+) -> list[Trial]:
     """Cases of solver × mesh × step, the rest in common."""
     steps, solvers = tuple(steps), tuple(solvers)
-    return [Case(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
+    return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
 
 
 def uncertainty_of(best: Solution, coarser: Iterable[Solution], probes: Sequence[Probe]) -> float:
@@ -354,7 +354,7 @@ def uncertainty_of(best: Solution, coarser: Iterable[Solution], probes: Sequence
 
 
 def refined_reference(
-    runner: Runner, fine: Case, coarser: Sequence[Case], probes: Sequence[Probe], solvers: Sequence[str]
+    runner: Runner, fine: Trial, coarser: Sequence[Trial], probes: Sequence[Probe], solvers: Sequence[str]
 ) -> Reference:
     """The finest run of the first of several solvers that can do it.
 
@@ -362,9 +362,9 @@ def refined_reference(
     ----------
     runner : Runner
         Runs them.
-    fine : Case
+    fine : Trial
         Its `solver` does not matter.
-    coarser : sequence of Case
+    coarser : sequence of Trial
         The same with a coarser mesh, and with a coarser step: the reference's uncertainty is the sum of its
         differences to them.
     probes : sequence
@@ -385,7 +385,7 @@ def refined_reference(
     return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))
 
 
-def _quadrature_shown(case: Case) -> str:
+def _quadrature_shown(case: Trial) -> str:
     """The quadrature of a case as tables show it: of bodies of different kinds none is told."""
     return (
         "-" if isinstance(case.element, Mapping) else kind_of(case.element).quadrature_shown(case.quadrature)
@@ -444,7 +444,7 @@ def mesh_label(mesh: Mesh) -> str:
     return "/".join(map(str, mesh))
 
 
-def case_key(case: Case) -> str:
+def case_key(case: Trial) -> str:
     """Text that tells a case from every other, with every digit of every number."""
     return _text(case)
 
@@ -490,7 +490,7 @@ def classes(value: Any) -> set[str]:
     return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
 
 
-def _identity(case: Case) -> Case | int:
+def _identity(case: Trial) -> Trial | int:
     """What is equal for equal cases; a case that has no hash, for a function in its scene, equals itself alone."""
     try:
         hash(case)
@@ -511,7 +511,7 @@ def reproducible(value: Any) -> bool:
     )
 
 
-def _contest(case: Case) -> str:
+def _contest(case: Trial) -> str:
     """What the cases of one contest share: everything but the solver."""
     return case_key(replace(case, solver=""))
 

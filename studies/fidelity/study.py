@@ -19,7 +19,7 @@ from anctmm.jit.compiling import OPTIONS
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.metrics import compare
 from anctmm.validation import FrozenMapping
-from studies.engine.runner import Case, Mesh, Outcome, Reference, Runner, mesh_label, row
+from studies.engine.runner import Mesh, Outcome, Reference, Runner, Trial, mesh_label, row
 from studies.engine.study import Options, Result, refuse
 from studies.engine.tables import ACCURACY, Table, cpu_time
 from studies.report.plots import PALETTE, Picture, floor, log_ticks, picture
@@ -164,11 +164,11 @@ def _row(outcome: Outcome, reference: Reference, kinds: Sequence[str]) -> dict[s
     return {**row(outcome, reference), "element": "/".join(kinds)}
 
 
-def case_of(setting: Setting, kinds: Sequence[str], limit: float) -> Case:
+def case_of(setting: Setting, kinds: Sequence[str], limit: float) -> Trial:
     """The run of a combination below its stability limit."""
     names = [body.name for body in setting.base.scene.beams]
     element: Any = FrozenMapping(zip(names, kinds, strict=True))
-    return Case(
+    return Trial(
         setting.base.scene, "anctmm", setting.of(kinds), element, "full", "zhai",
         step_under(setting.base, MARGIN * limit), setting.base.duration, setting.base.interval,
     )  # fmt: skip
@@ -275,7 +275,7 @@ def _cpu(outcome: Outcome) -> float:
     return float(np.median([c.cpu_s for c in outcome.costs])) if outcome.costs else float("nan")
 
 
-def compiled_functions(case: Case) -> dict[str, bool]:
+def compiled_functions(case: Trial) -> dict[str, bool]:
     """Whether functions that only a feature needs are in the code compiled for a run without any.
 
     The kernel of the steps is compiled anew: code from the cache cannot be looked into. `strain_energy`, which every
@@ -283,7 +283,7 @@ def compiled_functions(case: Case) -> dict[str, bool]:
 
     Parameters
     ----------
-    case : Case
+    case : Trial
         Of a scene of cables without damping.
     """
     integrate(Chain(case.scene, case.run()))

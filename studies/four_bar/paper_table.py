@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.results.solution import Solution
-from studies.engine.runner import Case, Mesh, Reference, Runner
+from studies.engine.runner import Mesh, Reference, Runner, Trial
 from studies.engine.study import Options
 from studies.engine.tables import BUILD, Table
 from studies.engine.timing import Timing, in_turn, summarise
@@ -65,15 +65,15 @@ def paper_table(
     return Table("paper_table2", "The paper's Table 2, rebuilt", frame, _notes(stretch))
 
 
-def _case(base: BaseScene, contestant: Contestant, t_end: float) -> Case:
-    return Case(
+def _case(base: BaseScene, contestant: Contestant, t_end: float) -> Trial:
+    return Trial(
         base.scene, contestant.solver, MESH, element=contestant.element, integrator=contestant.integrator,
         dt=EXPLICIT_DT if contestant.integrator == "zhai" else IMPLICIT_DT, t_end=t_end,
         output_dt=base.interval,
     )  # fmt: skip
 
 
-def _rounds(cases: Mapping[Contestant, Case], repeats: int, runner: Runner) -> dict[str, list[Solution]]:
+def _rounds(cases: Mapping[Contestant, Trial], repeats: int, runner: Runner) -> dict[str, list[Solution]]:
     """All contestants in turn, remembered as one: ratios of times from two sessions would mean nothing."""
 
     def measure() -> dict[str, list[Solution]]:
@@ -88,7 +88,7 @@ def _rounds(cases: Mapping[Contestant, Case], repeats: int, runner: Runner) -> d
 
 def _line(
     contestant: Contestant,
-    case: Case,
+    case: Trial,
     solutions: Sequence[Solution],
     base: BaseScene,
     references: Mapping[str, Reference],

@@ -13,7 +13,7 @@ import pandas as pd
 from anctmm.errors import AnctmmError
 from anctmm.results.metrics import history_error
 from studies.engine.files import check_checksum
-from studies.engine.runner import Case
+from studies.engine.runner import Trial
 from studies.engine.study import Result
 from studies.engine.timing import undisturbed
 from studies.scenes import base_of, moving_scenes
@@ -229,14 +229,14 @@ def scene_name(given: str) -> str:
     return found[0]
 
 
-def case_of(line: Mapping[Any, Any]) -> Case:
+def case_of(line: Mapping[Any, Any]) -> Trial:
     """The case of a row of the points."""
     base = base_of(str(line["scene"]))
     options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
     dt = float(line["dt"])
     # a table keeps nine digits; a run of a million steps needs them all
     step = base.interval / round(base.interval / dt) if dt > 0 else dt
-    return Case(
+    return Trial(
         base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
         element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
         integrator=str(line["integrator"]), dt=step, t_end=base.duration, output_dt=base.interval, options=options,

@@ -8,7 +8,7 @@ from anctmm.elements.kinds import KINDS
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from studies.engine.dynamics import Sweep
-from studies.engine.runner import Case, Mesh, Outcome, Runner, element_of
+from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of
 
 #: One error outweighs the other when it is this many times larger.
 OUTWEIGHS = 2.0
@@ -35,7 +35,7 @@ def same_mesh(swept: Sweep, dt: float, runner: Runner) -> Mapping[Place, SameMes
     }
 
 
-def other_model(case: Case) -> bool:
+def other_model(case: Trial) -> bool:
     """Whether a solver's element is none of ours: a fine step of ours then says nothing of its mesh."""
     return element_of(case.solver, case.element) not in KINDS
 
@@ -68,9 +68,9 @@ def places(swept: Sweep) -> Sequence[Place]:
     return list(dict.fromkeys(_place(o.case) for o in swept.outcomes))
 
 
-def _place(case: Case) -> Place:
+def _place(case: Trial) -> Place:
     return case.element, case.quadrature, case.mesh
 
 
-def _fine(case: Case, dt: float) -> Case:
+def _fine(case: Trial, dt: float) -> Trial:
     return replace(case, solver="anctmm", integrator="generalized-alpha", dt=dt, options=())

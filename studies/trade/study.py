@@ -9,7 +9,7 @@ import pandas as pd
 from anctmm.results.solution import Cost
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.pareto_front import NEAR, excess
-from studies.engine.runner import Case, Outcome, Runner, row, sample_rows
+from studies.engine.runner import Outcome, Runner, Trial, row, sample_rows
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise
@@ -97,7 +97,7 @@ def time_again(
     chosen = frame.index[excess(frame) <= NEAR]
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
-    def sampler(case: Case) -> Callable[[], Cost]:
+    def sampler(case: Trial) -> Callable[[], Cost]:
         solver = runner.resolve(case.solver)
         return lambda: case.solve(solver).cost
 
@@ -109,7 +109,7 @@ def time_again(
     return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
 
 
-def _asked(case: Case) -> dict[str, float]:
+def _asked(case: Trial) -> dict[str, float]:
     asked = dict(case.options)
     return {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
 

@@ -87,7 +87,7 @@ def apart(one, two):
     return max(float(np.abs(one[name] - two[name]).max()) for name in one)
 
 
-class Case:
+class Trial:
     """A drawn scene solved by a method, and how far rounding may lead two equal runs apart.
 
     Rounding of coordinates of size R changes an element's strain by ε R/l and its force by ε EA R/l. A force of this
@@ -188,7 +188,7 @@ placings = st.builds(
 @given(data=st.data(), placing=placings)
 def test_turned_moved_and_mirrored_scenes_have_turned_moved_and_mirrored_histories(method, data, placing):
     drawn = data.draw(systems(method))
-    Case(method, drawn, furthest=16.0).same(replace(drawn, scene=placing.scene(drawn.scene)), placing.back)
+    Trial(method, drawn, furthest=16.0).same(replace(drawn, scene=placing.scene(drawn.scene)), placing.back)
 
 
 # --- cut, order, units -------------------------------------------------------------------------------------
@@ -221,7 +221,7 @@ def test_a_body_cut_at_a_node_into_two_welded_ones_moves_as_before(method, data)
         return {**found, body.name: np.concatenate([one, two[:, 1:]], axis=1)}
 
     scene = replace(drawn.scene, bodies=bodies, joints=joints, loads=loads)
-    Case(method, drawn).same(Drawn(scene, mesh, element), joined)
+    Trial(method, drawn).same(Drawn(scene, mesh, element), joined)
 
 
 def renamed(scene, name, swap=False):
@@ -260,7 +260,7 @@ def test_order_and_direction_of_bodies_and_joints_do_not_matter(method, data):
         return {n: reversed_nodes(q) if n in turned else q for n, q in found.items()}
 
     relisted = replace(scene, bodies=bodies, joints=joints, loads=loads)
-    Case(method, drawn).same(replace(drawn, scene=relisted), forwards)
+    Trial(method, drawn).same(replace(drawn, scene=relisted), forwards)
 
 
 def reversed_nodes(q):
@@ -306,7 +306,7 @@ def test_units_do_not_matter(method, data, powers):
         map(load, drawn.scene.loads),
         scaled(drawn.scene.gravity, metre / second**2),
     )
-    Case(method, drawn).same(
+    Trial(method, drawn).same(
         replace(drawn, scene=scene),
         lambda found: {name: q / metre for name, q in found.items()},
         second=second,
@@ -353,7 +353,7 @@ def vectors(solution):
 @given(drawn=rows(supports=("free",)))
 def test_centre_of_mass_of_free_chains_falls_as_a_point(method, drawn):
     """Linear momentum is kept exactly: both integrators find a constant acceleration's parabola."""
-    case = Case(method, drawn)
+    case = Trial(method, drawn)
     chain = chain_of(drawn.scene, mesh=drawn.mesh, element=drawn.element)
     start = chain.bodies.by_body(chain.initial_velocity())
     moment, momentum, mass = 0.0, 0.0, 0.0
@@ -384,7 +384,7 @@ def angular_momentum(drawn, solution):
 def test_zhai_keeps_the_angular_momentum_of_free_chains(drawn):
     """Exactly, at ψ = φ = ½: Störmer and Verlet's q_n × M q_{n+1} changes by Δt² q_n × F(q_n) = 0 a step."""
     drawn = replace(drawn, scene=replace(drawn.scene, gravity=(0.0, 0.0)))
-    case = Case("zhai", drawn)
+    case = Trial("zhai", drawn)
     momentum = angular_momentum(drawn, case.solution)
     mass = sum(b.material.density * b.section.area * b.length for b in drawn.scene.bodies)
     # an error of the place that grows as N²/2 has grown by 2/N of itself in a step
@@ -414,7 +414,7 @@ def test_generalized_alpha_keeps_angular_momentum_to_the_square_of_the_step(kind
 @given(drawn=rows(supports=("free", "pin", "clamp"), varying=False))
 def test_zhai_run_backwards_from_its_last_two_positions_returns_to_the_start(drawn):
     """At ψ = φ = ½ its positions are a Störmer-Verlet sequence, which reads the same from either end."""
-    case = Case("zhai", drawn)
+    case = Trial("zhai", drawn)
     bodies = chain_of(drawn.scene, mesh=drawn.mesh, element=drawn.element).bodies
 
     def place(solution, n):

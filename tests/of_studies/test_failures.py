@@ -26,7 +26,7 @@ from anctmm.solvers.registry import solver
 from reference import exudyn_cable, exudyn_reissner, global_dae
 from studies.cli import app
 from studies.engine.files import atomic_write, check_writable
-from studies.engine.runner import Case, Reference, Runner, row
+from studies.engine.runner import Reference, Runner, Trial, row
 from studies.engine.store import MAGIC, Store
 from studies.regression.check import BASELINES
 from studies.regression.history import CheckError, read_baseline
@@ -412,7 +412,7 @@ FALL = cantilever_fall()
 
 
 def case(name="mine", **changes):
-    return Case(
+    return Trial(
         FALL.scene, **{"solver": name, "mesh": (2,), "dt": 0.05, "t_end": 0.1, "output_dt": 0.05} | changes
     )
 

@@ -11,7 +11,7 @@ import pytest
 from browser import CHROMIUM, NAMES, Browser, Tab
 
 from studies.agreement.study import findings, matrix
-from studies.engine.runner import Case, Runner
+from studies.engine.runner import Runner, Trial
 from studies.engine.study import Options, Result, find
 from studies.engine.tables import MOST_ROWS, Table
 from studies.report import animation as film
@@ -84,7 +84,7 @@ def motion(request):
     base, mesh = {"four-bar": (four_bar(), (2, 8, 2)), "cantilever-fall": (cantilever_fall(), (16,))}[
         request.param
     ]
-    case = Case(base.scene, "anctmm", mesh, dt=5e-3, t_end=base.t_end, output_dt=base.output_dt)
+    case = Trial(base.scene, "anctmm", mesh, dt=5e-3, t_end=base.t_end, output_dt=base.output_dt)
     solution = Runner(None, repeats=1).solve(case).solution
     return solution, film.film("A motion", "Of it.", {"first": solution, "second": solution})
 

@@ -19,7 +19,7 @@ from studies.cli import read_options
 from studies.conformance.check import BROKEN, conform
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, sweep
-from studies.engine.runner import Case, Runner
+from studies.engine.runner import Runner, Trial
 from studies.engine.study import Options
 from studies.scenes import cantilever_fall, cantilever_tip_force
 
@@ -244,7 +244,7 @@ def test_an_offer_that_is_none_is_named(site):
 
 
 def test_an_answer_kept_in_a_cache_is_not_that_of_an_edited_plug_in(ballistic, tmp_path):
-    case = Case(FALL.scene, "ballistic", (4,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01)
+    case = Trial(FALL.scene, "ballistic", (4,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01)
     first = Runner(tmp_path / "runs", repeats=1)
     key = first.key(case)
     assert first.solve(case).solution.status.ok

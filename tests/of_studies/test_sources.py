@@ -9,7 +9,7 @@ import pytest
 
 from anctmm.model.scene import Clamp
 from studies.engine import provenance
-from studies.engine.runner import Case, Runner, case_key, classes, reproducible
+from studies.engine.runner import Runner, Trial, case_key, classes, reproducible
 from studies.engine.sources import Sources, module_of
 from studies.scenes import cantilever_fall, four_bar
 
@@ -157,7 +157,7 @@ FALL = cantilever_fall()
 
 
 def case(**changes):
-    return Case(FALL.scene, "anctmm", (2,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01, **changes)
+    return Trial(FALL.scene, "anctmm", (2,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01, **changes)
 
 
 def test_the_key_of_a_run_holds_the_code_of_a_scenes_functions(mine):

@@ -19,7 +19,7 @@ from studies.cantilever.statics import rates
 from studies.cli import BadOption, read_options
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, cases_of, sweep
-from studies.engine.runner import Case, Reference, Runner, product, refined_reference, reproducible, row
+from studies.engine.runner import Reference, Runner, Trial, product, refined_reference, reproducible, row
 from studies.engine.study import Options, Result, StudyError, find
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise, undisturbed
@@ -73,7 +73,7 @@ def runner(cache: Path | None, repeats: int = 1) -> Runner:
     return Runner(cache, repeats=repeats, resolve=lambda name: fake)
 
 
-def cases(*elements: int, dt: float = 0.05, scene: Scene = SCENE) -> list[Case]:
+def cases(*elements: int, dt: float = 0.05, scene: Scene = SCENE) -> list[Trial]:
     return product(scene, ["fake"], [(n,) for n in elements], [dt], t_end=1.0, output_dt=0.1)
 
 
@@ -179,7 +179,7 @@ def test_whatever_fails_becomes_a_row_with_its_reason(tmp_path, elements, dt, st
 
 
 def test_a_mesh_for_another_number_of_bodies_becomes_a_row():
-    (outcome,) = runner(None).sweep([Case(SCENE, "fake", (2, 8, 2), dt=0.05, t_end=1.0, output_dt=0.1)])
+    (outcome,) = runner(None).sweep([Trial(SCENE, "fake", (2, 8, 2), dt=0.05, t_end=1.0, output_dt=0.1)])
     assert "mesh 2/8/2 has 3 numbers; scene 'cantilever-fall' needs 1" in str(outcome.solution.status)
 
 
@@ -189,7 +189,7 @@ def test_an_unknown_solver_becomes_a_row():
 
 
 def test_statics_are_found_beside_the_solver():
-    (outcome,) = runner(None).sweep([Case(SCENE, "fake", (4,), integrator="static", element="shear")])
+    (outcome,) = runner(None).sweep([Trial(SCENE, "fake", (4,), integrator="static", element="shear")])
     assert str(outcome.solution.status) == "unsupported: shear full"
 
 

@@ -1,0 +1,148 @@
+"""Values read off a run, each with its own uncertainty: how many of its digits hold."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import takewhile
+from math import floor, inf, isfinite, log10, nan
+
+import numpy as np
+import pandas as pd
+
+from anctmm.errors import ResultError
+from anctmm.model.case import Case
+from anctmm.model.scene import Probe
+from anctmm.results.solution import Solution
+from studies.engine.refinement import SAFETY, Refined
+from studies.engine.tables import Table
+
+#: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
+SHARE = 0.1
+#: Ratio of two differences that is believed at most: that of a second order.
+MOST_RATIO = 4.0
+#: Digits of a value whose uncertainty is not known.
+DIGITS = 6
+
+
+@dataclass(frozen=True)
+class Value:
+    """A number with its unit, and how far it may be from the exact one.
+
+    Parameters
+    ----------
+    probe, quantity, unit : str
+    value : float
+    uncertainty : float
+        NaN where it was not estimated.
+    """
+
+    probe: str
+    quantity: str
+    unit: str
+    value: float
+    uncertainty: float = nan
+
+    @property
+    def text(self) -> str:
+        """The value to its last sure digit, with its uncertainty and unit."""
+        if not isfinite(self.uncertainty):
+            return f"{self.value:.{DIGITS}g} {self.unit}"
+        return f"{rounded(self.value, self.uncertainty)} ± {self.uncertainty:.1g} {self.unit}"
+
+
+def rounded(value: float, uncertainty: float) -> str:
+    """A value down to the first digit of its uncertainty; no more than twelve digits."""
+    if not uncertainty > 0.0:
+        return f"{value:.12g}"
+    place = -floor(log10(uncertainty))
+    first = floor(log10(abs(value))) if value else -place
+    if first < -4 or first > 6:
+        return f"{value:.{min(max(first + place, 0), 11)}e}"
+    return f"{value:.{max(min(place, 11 - first), 0)}f}"
+
+
+def probe_text(probe: Probe) -> str:
+    """A probe in words."""
+    return probe if isinstance(probe, str) else f"{probe[0]} at {probe[1]:g}"
+
+
+def values_of(found: Refined) -> list[Value]:
+    """What is read off a run, with uncertainties from the next coarser mesh and step.
+
+    Parameters
+    ----------
+    found : Refined
+
+    Returns
+    -------
+    list of Value
+        For each probe its place and its angle at the end, and its largest displacement.
+    """
+    case, levels = found.levels.case, found.levels
+    own = list(_read(found.solution, case))
+    known = levels.estimates and isfinite(found.error) and found.solution.status.ok
+    if not known:
+        return [value for value, _ in own]
+    ways = [
+        _numbers(runs, case)
+        for runs in (levels.mesh_runs(found.i, found.j), levels.step_runs(found.i, found.j))
+    ]
+    values = []
+    for k, (value, size) in enumerate(own):
+        apart = sum(left([numbers[k] for numbers in way]) for way in ways)
+        values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size)))
+    return values
+
+
+def left(numbers: Sequence[float]) -> float:
+    """What refinement still has to change in a number, from its values on levels from fine to coarse.
+
+    Two differences of one sign show the order at which the number itself converges; without them its last difference is
+    taken, or half of the one before, if that is more: two runs may agree by chance.
+    """
+    if len(numbers) < 2:
+        return 0.0
+    last = numbers[0] - numbers[1]
+    if len(numbers) < 3:
+        return SAFETY * abs(last)
+    before = numbers[1] - numbers[2]
+    if last * before <= 0.0 or abs(before) < 2.0 * abs(last):
+        return SAFETY * max(abs(last), 0.5 * abs(before))
+    ratio = min(before / last, MOST_RATIO)
+    return SAFETY * max(abs(last), abs(before) / MOST_RATIO) / (ratio - 1.0)
+
+
+def values_table(values: Sequence[Value]) -> Table:
+    """Values as a table."""
+    columns = ["probe", "quantity", "value", "uncertainty", "unit"]
+    frame = pd.DataFrame([vars(v) for v in values], columns=columns)
+    notes = (
+        "uncertainty: Richardson's estimate of what mesh and step leave, 1.25 times; none where it was not estimated.",
+    )
+    return Table("values", "Values and their uncertainty", frame, notes)
+
+
+def _numbers(runs: Sequence[Solution], case: Case) -> list[list[float]]:
+    """Values of runs on levels from fine to coarse; of those that are whole."""
+    whole = takewhile(lambda solution: solution.status.ok, runs)
+    return [[value.value for value, _ in _read(solution, case)] for solution in whole]
+
+
+def _read(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
+    """Values of a run, each with a size that its uncertainty is at home in."""
+    if not len(solution.t):
+        return
+    when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
+    for probe in case.probes:
+        name, path = probe_text(probe), solution.position(probe)
+        size = np.linalg.norm(path - path[0], axis=1)
+        way = float(size.max())
+        yield Value(name, f"x {when}", "m", float(path[-1, 0])), way
+        yield Value(name, f"y {when}", "m", float(path[-1, 1])), way
+        yield Value(name, "largest displacement", "m", way), way
+        with suppress(ResultError):  # not every solver keeps angles
+            angle = solution.angle(probe)
+            yield (
+                Value(name, f"angle {when}", "rad", float(angle[-1])),
+                float(np.abs(angle).max(initial=-inf)),
+            )

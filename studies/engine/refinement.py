@@ -1,0 +1,357 @@
+"""Meshes and steps chosen by the program: both are refined until an estimate of the error is small enough.
+
+The estimate is Richardson's. An error that falls as h^p makes the runs on h and h/2 differ by d = e (2^p − 1), e being
+the error that is left on h/2; the order p is observed on three levels, log2 of the ratio of two differences, and is
+never taken to be higher than theory says. Where it cannot be observed, or is below ½, the difference itself is
+taken. The estimate is multiplied by 1.25, as in the grid convergence index (Roache 1994, doi:10.1115/1.2910291).
+"""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from math import ceil, inf, isfinite, log2, nan
+
+import numpy as np
+
+from anctmm.discretise.discretisation import INTEGRATORS
+from anctmm.elements.kinds import KINDS, QUADRATURES
+from anctmm.errors import AnctmmError
+from anctmm.model.case import Case
+from anctmm.results.metrics import compare
+from anctmm.results.solution import Solution
+from anctmm.solvers import registry
+from anctmm.validation import one_of
+from studies.engine.runner import STATIC, Mesh, Outcome, Reference, Runner, Trial, mesh_label
+from studies.engine.setting import stable_step
+
+#: Of the longest beam on the coarsest mesh: of elements of fourth order, and of others.
+COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
+#: Steps of the coarsest run at least.
+FEWEST_STEPS = 50
+#: Orders in time of both integrators.
+STEP_ORDER = 2.0
+#: Factor of Richardson's estimate, and the least order that is believed.
+SAFETY, LEAST_ORDER = 1.25, 0.5
+#: Elements times steps of a run at most, some ten seconds; halvings of mesh or step at most.
+MOST_WORK, MOST_HALVINGS = 4e6, 20
+#: Statuses that no mesh and no step changes.
+FINAL = ("unsupported", "refused", "interrupted")
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Who solves, with which element and integrator: all but mesh and step.
+
+    Parameters
+    ----------
+    solver, element, integrator, quadrature : str
+
+    Raises
+    ------
+    UnknownOptionError
+        Naming what is not known.
+    """
+
+    solver: str = "anctmm"
+    element: str = "cable"
+    integrator: str = "generalized-alpha"
+    quadrature: str = "full"
+
+    def __post_init__(self) -> None:
+        one_of("solver", self.solver, registry.names())
+        one_of("element", self.element, KINDS)
+        one_of("integrator", self.integrator, INTEGRATORS)
+        one_of("quadrature", self.quadrature, QUADRATURES)
+
+    def __str__(self) -> str:
+        return f"{self.solver}, {self.element}, {self.integrator}"
+
+
+@dataclass(frozen=True)
+class Part:
+    """What a mesh or a step adds to the error of a run.
+
+    Parameters
+    ----------
+    error : float
+        Estimated, with its safety factor; infinite where no coarser run is whole, zero where nothing is refined.
+    difference : float
+        From the run on the next coarser mesh or step; NaN without one.
+    order : float
+        Observed; NaN where it cannot be.
+    """
+
+    error: float = 0.0
+    difference: float = nan
+    order: float = nan
+
+
+class Refinement:
+    """Runs of a case over levels of mesh and step, each level half of the one before.
+
+    Parameters
+    ----------
+    case : Case
+    setup : Setup
+    runner : Runner
+    mesh : tuple of int, optional
+        Of all runs; without it meshes are chosen.
+    dt : float, optional
+        Step of all runs, s; without it steps are chosen.
+    most_work : float
+        Elements times steps of a run at most.
+    """
+
+    def __init__(
+        self,
+        case: Case,
+        setup: Setup,
+        runner: Runner,
+        mesh: Mesh | None = None,
+        dt: float | None = None,
+        most_work: float = MOST_WORK,
+    ) -> None:
+        self.case, self.setup, self.runner = case, setup, runner
+        self.mesh, self.dt, self.most_work = mesh, dt, most_work
+        self._outcomes: dict[tuple[int, int], Outcome] = {}
+        self._limits: dict[int, float] = {}
+
+    @property
+    def refines_mesh(self) -> bool:
+        """Whether there is a mesh to choose."""
+        return self.mesh is None and bool(self.case.scene.beams) and not KINDS[self.setup.element].rigid
+
+    @property
+    def refines_step(self) -> bool:
+        """Whether there is a step to choose."""
+        return self.dt is None and not self.case.static
+
+    @property
+    def runs(self) -> int:
+        """Runs done so far."""
+        return len(self._outcomes)
+
+    @property
+    def estimates(self) -> bool:
+        """Whether the whole error is estimated: neither mesh nor step, where there is one to choose, was given."""
+        return self.mesh is None and (self.dt is None or self.case.static)
+
+    def mesh_at(self, i: int) -> Mesh:
+        """Mesh of a level."""
+        if self.mesh is not None:
+            return self.mesh
+        return tuple(n * 2**i for n in coarsest_mesh(self.case, self.setup.element))
+
+    def dt_at(self, i: int, j: int) -> float:
+        """Step of a level, s: on finer meshes that of an explicit integrator is shorter."""
+        if self.case.static:
+            return nan
+        if self.dt is not None:
+            return self.dt
+        if i not in self._limits:
+            self._limits[i] = self._longest_step(i)
+        return self._limits[i] / 2**j
+
+    def trial(self, i: int, j: int) -> Trial:
+        """The run of a level of mesh and one of step."""
+        setup, case = self.setup, self.case
+        return Trial(
+            case.scene, setup.solver, self.mesh_at(i), setup.element, setup.quadrature,
+            STATIC if case.static else setup.integrator, self.dt_at(i, j), case.duration, case.interval,
+        )  # fmt: skip
+
+    def work(self, i: int, j: int) -> float:
+        """Elements times steps of a level."""
+        elements = sum(self.mesh_at(i)) * (len(self.case.scene.beams) if len(self.mesh_at(i)) == 1 else 1)
+        return max(elements, 1) * (1.0 if self.case.static else self.case.duration / self.dt_at(i, j))
+
+    def outcome(self, i: int, j: int) -> Outcome:
+        """The run of a level, done once."""
+        if (i, j) not in self._outcomes:
+            self._outcomes[i, j] = self.runner.sweep([self.trial(i, j)], budget_s=0.0)[0]
+        return self._outcomes[i, j]
+
+    def solution(self, i: int, j: int) -> Solution:
+        """What it gave."""
+        return self.outcome(i, j).solution
+
+    def mesh_runs(self, i: int, j: int) -> list[Solution]:
+        """The run of a level and those on the next two coarser meshes; nothing where no mesh is chosen."""
+        return [self.solution(k, j) for k in (i, i - 1, i - 2) if k >= 0] if self.refines_mesh else []
+
+    def step_runs(self, i: int, j: int) -> list[Solution]:
+        """The run of a level and those by the next two coarser steps; nothing where no step is chosen."""
+        return [self.solution(i, k) for k in (j, j - 1, j - 2) if k >= 0] if self.refines_step else []
+
+    def mesh_part(self, i: int, j: int) -> Part:
+        """What the mesh adds to the error."""
+        return self._part(self.mesh_runs(i, j), KINDS[self.setup.element].order)
+
+    def step_part(self, i: int, j: int) -> Part:
+        """What the step adds to the error."""
+        return self._part(self.step_runs(i, j), STEP_ORDER)
+
+    def refined(self, target: float) -> "Refined":
+        """Refine mesh and step until the estimated error is no larger than a target.
+
+        Parameters
+        ----------
+        target : float
+            Relative, as the error of `anctmm.compare`.
+        """
+        i, j = int(self.refines_mesh), int(self.refines_step)
+        best: Refined | None = None
+        reason = ""
+        for _ in range(2 * MOST_HALVINGS):
+            if self.work(i, j) > self.most_work:
+                reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
+                break
+            found = self._at(i, j, target)
+            if best is None or not best.solution.status.ok or found.error <= best.error:
+                best = found
+            if found.reached or found.solution.status.code in FINAL:
+                break
+            finer = self._finer(found)
+            if finer == (i, j):
+                reason = "neither mesh nor step may be refined further"
+                break
+            i, j = finer
+        if best is None:  # the first run is too long already
+            best = self._at(i, j, target)
+        if not best.solution.status.ok:
+            reason = str(best.solution.status)
+        return replace(best, reason="" if best.reached else reason)
+
+    def _at(self, i: int, j: int, target: float) -> "Refined":
+        whole = self.solution(i, j).status.ok
+        bad = Part(inf)
+        mesh, step = (self.mesh_part(i, j), self.step_part(i, j)) if whole else (bad, bad)
+        return Refined(self, i, j, mesh, step, whole and mesh.error + step.error <= target, target)
+
+    def _finer(self, found: "Refined") -> tuple[int, int]:
+        """The next level: what adds more to the error is refined, both where each alone is too much."""
+        i, j, half = found.i, found.j, 0.5 * found.target
+        mesh, step = found.mesh.error, found.step.error
+        if not found.solution.status.ok:  # a shorter step helps where Newton's iteration fails
+            return (i, j + 1) if self.refines_step else (i + self.refines_mesh, j)
+        coarser_mesh = self.refines_mesh and (mesh > half or mesh >= step)
+        coarser_step = self.refines_step and (step > half or step > mesh)
+        return i + coarser_mesh, j + coarser_step
+
+    def _part(self, runs: Sequence[Solution], theory: float) -> Part:
+        """The error of the first of runs on levels from fine to coarse."""
+        if not runs:
+            return Part()
+        if len(runs) < 2:
+            return Part(inf)
+        d = self.difference(runs[1], runs[0])
+        order = nan
+        if len(runs) > 2 and 0.0 < d < inf:
+            before = self.difference(runs[2], runs[1])
+            order = log2(before / d) if isfinite(before) and before > 0.0 else nan
+        factor = SAFETY / (2.0 ** min(order, theory) - 1.0) if order > LEAST_ORDER else SAFETY
+        return Part(factor * d, d if isfinite(d) else nan, order)
+
+    def difference(self, one: Solution, other: Solution) -> float:
+        """Relative difference of two runs at the case's probes; infinite where one is not whole."""
+        if not (one.status.ok and other.status.ok):
+            return inf
+        if self.case.static:
+            return max(_apart(one, other, probe) for probe in self.case.probes)
+        found = compare(one, other, self.case.probes).error
+        return found if isfinite(found) else inf
+
+    def _longest_step(self, i: int) -> float:
+        """Step of the coarsest level, s, a whole part of the interval of output."""
+        case = self.case
+        limit = case.duration / FEWEST_STEPS
+        if self.setup.integrator == "zhai":
+            options = {"element": self.setup.element, "quadrature": self.setup.quadrature}
+            mesh = Trial(case.scene, self.setup.solver, self.mesh_at(i)).by_body
+            with suppress(AnctmmError):  # the solver itself says what it cannot do
+                limit = min(limit, stable_step(case.scene, mesh, options))
+        return case.interval / _parts(case.interval / limit * (1.0 - 1e-9))
+
+
+@dataclass(frozen=True)
+class Refined:
+    """A run and what is known of its error.
+
+    Parameters
+    ----------
+    levels : Refinement
+        Where it comes from.
+    i, j : int
+        Its levels of mesh and step.
+    mesh, step : Part
+        What each adds to the error.
+    reached : bool
+        Whether the estimated error is no larger than the target.
+    target : float
+    reason : str
+        Why it is not reached.
+    """
+
+    levels: Refinement
+    i: int
+    j: int
+    mesh: Part
+    step: Part
+    reached: bool
+    target: float
+    reason: str = ""
+
+    @property
+    def error(self) -> float:
+        """Estimated, of mesh and step together; infinite where nothing is known."""
+        return self.mesh.error + self.step.error
+
+    @property
+    def solution(self) -> Solution:
+        """What the run gave."""
+        return self.levels.solution(self.i, self.j)
+
+    @property
+    def trial(self) -> Trial:
+        """The run."""
+        return self.levels.trial(self.i, self.j)
+
+    @property
+    def label(self) -> str:
+        """The run in words."""
+        trial = self.trial
+        step = "" if self.levels.case.static else f" dt={trial.dt:.4g}"
+        return f"{trial.solver} {trial.integrator} {mesh_label(trial.mesh)}{step}"
+
+    @property
+    def reference(self) -> Reference:
+        """The run as what errors are measured against."""
+        best, probes = self.solution, self.levels.case.probes
+        if not best.status.ok or not isfinite(self.error):
+            why = self.reason or "no coarser run is whole"
+            return Reference(f"none: {self.label}: {why}", lambda s: nan, nan)
+        return Reference(self.label, lambda s: compare(s, best, probes).error, self.error, best)
+
+
+def coarsest_mesh(case: Case, element: str) -> Mesh:
+    """A few elements for each beam, by its length."""
+    kind = KINDS[element]
+    lengths = [beam.length for beam in case.scene.beams]
+    if kind.rigid or not lengths:
+        return (1,) * max(len(lengths), 1)
+    most = COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER
+    return tuple(max(1, round(most * length / max(lengths))) for length in lengths)
+
+
+def _parts(least: float) -> int:
+    """The smallest of 1, 2, 5, 10, 20, … that is no smaller: steps that are easy to read; of many, a whole number."""
+    if least > 1000.0:
+        return ceil(least)
+    return next(n * 10**k for k in range(4) for n in (1, 2, 5) if n * 10**k >= least)
+
+
+def _apart(one: Solution, other: Solution, probe: str | tuple[str, float]) -> float:
+    """Difference of the last displacements of two equilibria, relative to them."""
+    u, v = one.displacement(probe)[-1], other.displacement(probe)[-1]
+    size = float(np.linalg.norm(v))
+    return float(np.linalg.norm(u - v)) / (size if size > 0.0 else 1.0)

@@ -1,0 +1,40 @@
+"""What `anctmm run` prints."""
+
+from math import isfinite
+
+from rich.console import Console
+from rich.table import Table
+
+from studies.single_run.study import SingleRun
+
+
+def show(run: SingleRun, console: Console) -> None:
+    """Print the setting, what is known of its error, and the values at the probes."""
+
+    def line(text: str, style: str = "") -> None:
+        console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+
+    line(f"{run.case.name}: {run.setting}", "bold")
+    if run.case.note:
+        line(run.case.note, "dim")
+    line(f"{run.solution.status}", "green" if run.solution.status.ok else "red")
+    line(run.error, "" if run.good else "yellow")
+    line(run.effort)
+    if run.values:
+        console.print(_values(run))
+    for other in run.others:
+        told = (
+            f"differs by {other.difference:.1e}" if isfinite(other.difference) else str(other.solution.status)
+        )
+        line(
+            f"{other.solver} on the same mesh and by the same step: {told}; {other.solution.cost.cpu_s:.2g} s"
+        )
+
+
+def _values(run: SingleRun) -> Table:
+    shown = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
+    for head in ("probe", "quantity", "value"):
+        shown.add_column(head)
+    for value in run.values:
+        shown.add_row(value.probe, value.quantity, value.text)
+    return shown

@@ -1,0 +1,194 @@
+"""Run a case once: on a mesh and by a step that are given, or that are chosen for a target error."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from anctmm.errors import CaseError
+from anctmm.model.case import Case
+from anctmm.results.solution import Solution
+from anctmm.validation import positive
+from studies.engine.digits import Value, values_of, values_table
+from studies.engine.dynamics import check_mesh
+from studies.engine.files import check_writable
+from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.runner import Mesh, Runner, mesh_label
+from studies.engine.tables import write_machine, write_table
+
+#: Target error where none is given.
+ERROR = 1e-3
+
+
+@dataclass(frozen=True)
+class Other:
+    """Another solver's run on the same mesh and by the same step.
+
+    Parameters
+    ----------
+    solver : str
+    solution : Solution
+    difference : float
+        From the run itself, relative; infinite where one is not whole.
+    """
+
+    solver: str
+    solution: Solution
+    difference: float
+
+
+@dataclass(frozen=True)
+class SingleRun:
+    """What a run gave.
+
+    Parameters
+    ----------
+    case : Case
+    found : Refined
+        The run, and what is known of its error.
+    values : tuple of Value
+    others : tuple of Other
+    """
+
+    case: Case
+    found: Refined
+    values: tuple[Value, ...]
+    others: tuple[Other, ...] = ()
+
+    @property
+    def solution(self) -> Solution:
+        """The run's history."""
+        return self.found.solution
+
+    @property
+    def good(self) -> bool:
+        """Whether the run is whole, and its error, where it was estimated, is small enough."""
+        return self.solution.status.ok and self.found.reached
+
+    @property
+    def setting(self) -> str:
+        """Mesh and step in words."""
+        trial, case = self.found.trial, self.case
+        step = "static equilibrium" if case.static else f"{trial.integrator}, Δt = {trial.dt:.4g} s"
+        return f"{trial.solver}, {mesh_label(trial.mesh)} {trial.element} elements, {step}"
+
+    @property
+    def error(self) -> str:
+        """What is known of the error, in words."""
+        found, levels = self.found, self.found.levels
+        if not self.solution.status.ok:
+            return f"no error is known: {found.reason}"
+        mesh, step = f"mesh {found.mesh.error:.1g}", f"step {found.step.error:.1g}"
+        match levels.refines_mesh, levels.refines_step:
+            case True, True:
+                told = f"estimated error {found.error:.1g} ({mesh}, {step})"
+            case True, False:
+                told = f"estimated error of the {mesh}{'' if self.case.static else '; that of the step is not known'}"
+            case False, True:
+                known = "; that of the mesh is not known" if levels.mesh is not None else ""
+                told = f"estimated error of the {step}{known}"
+            case _:
+                return "its error was not estimated, as mesh and step were given; --error does it"
+        return told if found.reached else f"{told}: above the target {found.target:g}, as {found.reason}"
+
+    @property
+    def effort(self) -> str:
+        """What it took, in words."""
+        runs, cost = self.found.levels.runs, self.solution.cost
+        steps = f"{cost.steps} steps, {cost.newton_iterations} Newton corrections"
+        return f"{steps}, {cost.cpu_s:.2g} s of CPU time; {runs} {'run' if runs == 1 else 'runs'} in all"
+
+
+def run_case(
+    case: Case,
+    runner: Runner,
+    *,
+    error: float | None = None,
+    mesh: Mesh | None = None,
+    dt: float | None = None,
+    setup: Setup | None = None,
+    others: Sequence[str] = (),
+) -> SingleRun:
+    """Run a case.
+
+    Parameters
+    ----------
+    case : Case
+    runner : Runner
+    error : float, optional
+        Target, relative: mesh and step are refined until an estimate of the error is below it; 1e-3 without it.
+    mesh : tuple of int, optional
+        Elements of each beam, or one number for all; only the step is then refined.
+    dt : float, optional
+        Step, s; only the mesh is then refined. With both, the run is done as it is, and no error is estimated.
+    setup : Setup, optional
+        ANC-TMM with cables and implicit steps without it.
+    others : sequence of str
+        Names of solvers that run on the same mesh and by the same step, to be compared.
+
+    Returns
+    -------
+    SingleRun
+
+    Raises
+    ------
+    CaseError, StudyError, DiscretisationError
+        If something given does not fit the case, or does not fit together.
+    """
+    setup = setup or Setup()
+    if error is not None:
+        error = positive("error", error, CaseError)
+        if mesh is not None and (dt is not None or case.static):
+            raise CaseError(f"error is {error:g} beside a mesh and a step; it needs one of them to refine")
+    if mesh is not None:
+        check_mesh(case.scene, mesh)
+    if dt is not None and case.static:
+        raise CaseError(f"dt is {dt:g} s for case {case.name!r}, a static equilibrium; it has no step")
+    levels = Refinement(case, setup, runner, mesh, dt)
+    if dt is not None:
+        levels.trial(0, 0).run()  # refuses a step that does not fit
+    runner.heading = f"{case.name}: "
+    found = levels.refined(ERROR if error is None else error)
+    compared = tuple(_other(found, name, runner) for name in others)
+    return SingleRun(case, found, tuple(values_of(found)), compared)
+
+
+def write_run(run: SingleRun, folder: Path) -> list[Path]:
+    """Write the run's files: solution.npz, probes.csv, values.csv, plot.png, animation.html.
+
+    Parameters
+    ----------
+    run : SingleRun
+    folder : Path
+        Made if it is not there.
+
+    Returns
+    -------
+    list of Path
+        What was written: of a run without any output only the values.
+
+    Raises
+    ------
+    OutputError
+        If the folder cannot be written.
+    """
+    check_writable(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    write_table(values_table(run.values), folder)
+    write_machine(folder)
+    written, solution = [folder / "values.csv"], run.solution
+    if not len(solution.t):
+        return written
+    written.append(solution.save(folder / "solution.npz"))
+    written.append(folder / "probes.csv")
+    solution.to_frame(run.case.probes).to_csv(written[-1])
+    written.append(folder / "plot.png")
+    solution.plot().savefig(written[-1], dpi=150)
+    if len(solution.t) > 1:
+        written.append(solution.animate(folder / "animation.html"))
+    return written
+
+
+def _other(found: Refined, name: str, runner: Runner) -> Other:
+    trial = replace(found.trial, solver=name)
+    solution = runner.sweep([trial], budget_s=0.0)[0].solution
+    return Other(name, solution, found.levels.difference(solution, found.solution))

@@ -1,0 +1,150 @@
+"""Meshes and steps that the program chooses: estimates of errors hold against far finer runs."""
+
+from functools import cache
+from math import isinf, isnan
+
+import pytest
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THROWN_CHAIN
+
+import anctmm as at
+from anctmm.errors import UnknownOptionError
+from studies.cases import cases_in, find_case
+from studies.engine.digits import Value, rounded, values_of
+from studies.engine.refinement import Refinement, Setup, coarsest_mesh
+from studies.engine.runner import Runner
+
+CASES = [(file, case.name) for file in FILES for case in cases_in(file)]
+
+
+def levels(file, name=None, **options):
+    return Refinement(find_case(file, name), Setup(**options), Runner(None, repeats=1))
+
+
+@cache
+def refined(file, name, target=3e-3, **options):
+    return levels(file, name, **options).refined(target)
+
+
+@pytest.mark.parametrize(("file", "name"), CASES)
+def test_the_estimated_error_holds(file, name):
+    found = refined(file, name)
+    assert found.reached
+    assert found.error <= 3e-3
+    far = found.levels.solution(found.i + 2, found.j + 3 * found.levels.refines_step)
+    wrong = found.levels.difference(found.solution, far)
+    assert 0.0 < wrong <= found.error
+    assert found.error < 100.0 * wrong  # and is no mere bound
+
+
+@pytest.mark.parametrize(("file", "name"), CASES)
+def test_every_printed_digit_holds(file, name):
+    found = refined(file, name)
+    far = refined(file, name, 3e-5)
+    assert far.reached
+    pairs = list(zip(values_of(found), values_of(far), strict=True))
+    assert len(pairs) == 4 * len(found.levels.case.probes)
+    for value, exact in pairs:
+        assert (value.probe, value.quantity) == (exact.probe, exact.quantity)
+        assert abs(value.value - exact.value) <= value.uncertainty + exact.uncertainty, value
+
+
+def test_shear_elements_and_explicit_steps_are_refined_too():
+    found = refined(PORTAL_FRAME, "portal-frame-at-rest", 1e-3, element="shear")
+    assert found.reached
+    assert found.mesh.order == pytest.approx(2.0, abs=0.1)
+    explicit = refined(THROWN_CHAIN, None, integrator="zhai")
+    assert explicit.reached
+    implicit = refined(THROWN_CHAIN, None)
+    assert explicit.levels.difference(explicit.solution, implicit.solution) < 3e-3
+
+
+def test_orders_are_those_of_theory():
+    found = levels(PORTAL_FRAME, "portal-frame").refined(3e-5)
+    assert found.mesh.order == pytest.approx(4.0, abs=0.6)
+    assert found.step.order == pytest.approx(2.0, abs=0.3)
+
+
+def test_what_is_given_is_not_refined():
+    case, runner = find_case(DOUBLE_PENDULUM), Runner(None, repeats=1)
+    found = Refinement(case, Setup(), runner, mesh=(3,)).refined(1e-2)
+    assert found.trial.mesh == (3,)
+    assert found.mesh.error == 0.0 < found.step.error <= 1e-2
+    found = Refinement(case, Setup(), runner, dt=5e-3).refined(1e-1)
+    assert found.trial.dt == 5e-3
+    assert found.step.error == 0.0 < found.mesh.error <= 1e-1
+    both = Refinement(case, Setup(), runner, mesh=(3,), dt=5e-3).refined(1e-2)
+    assert both.levels.runs == 1
+    assert all(isnan(value.uncertainty) for value in values_of(both))
+
+
+def test_a_target_out_of_reach_is_told():
+    case = find_case(THREE_SUPPORTS)
+    found = Refinement(case, Setup(), Runner(None, repeats=1), most_work=3e3).refined(1e-6)
+    assert not found.reached
+    assert found.error > 1e-6
+    assert "more than 3e+03 elements times steps" in found.reason
+    assert found.solution.status.ok
+
+
+def test_a_solver_that_cannot_do_a_scene_is_asked_once():
+    found = levels(DOUBLE_PENDULUM, solver="pyelastica").refined(1e-2)
+    assert not found.reached
+    assert found.levels.runs == 1
+    assert isinf(found.error)
+    assert "unsupported" in found.reason
+    assert isnan(found.reference.uncertainty)
+
+
+def test_the_coarsest_mesh_goes_by_length():
+    case = find_case("four-bar")
+    assert coarsest_mesh(case, "cable") == (1, 2, 1)
+    assert coarsest_mesh(case, "shear") == (1, 4, 2)
+    assert coarsest_mesh(case, "rigid") == (1, 1, 1)
+
+
+def test_rigid_bars_have_no_mesh_to_refine():
+    found = levels(DOUBLE_PENDULUM, element="rigid", integrator="zhai").refined(1e-3)
+    assert found.reached
+    assert found.trial.mesh == (1, 1)
+    assert found.mesh.error == 0.0 < found.step.error
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"element": "cabel"}, {"integrator": "rk4"}, {"solver": "me"}, {"quadrature": "x"}]
+)
+def test_unknown_names_are_refused(wrong):
+    ((name, value),) = wrong.items()
+    with pytest.raises(UnknownOptionError, match=f"{name} is '{value}'; allowed are "):
+        Setup(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "text"),
+    [
+        (0.123456, 3e-4, "0.1235"),
+        (-123.456, 2.0, "-123"),
+        (0.0, 1e-3, "0.000"),
+        (1.0, 0.0, "1"),
+        (3.2e-9, 1e-11, "3.20e-09"),
+        (123456789.0, 1e3, "1.23457e+08"),
+        (0.5, 1e-15, "0.500000000000"),
+    ],
+)
+def test_digits(value, uncertainty, text):
+    assert rounded(value, uncertainty) == text
+
+
+def test_a_value_without_uncertainty_says_so_by_having_none():
+    assert Value("p", "x", "m", 0.123456789).text == "0.123457 m"
+    assert Value("p", "x", "m", 0.123456789, 2e-4).text == "0.1235 ± 0.0002 m"
+
+
+def test_a_case_at_rest_has_no_step():
+    found = refined(PORTAL_FRAME, "portal-frame-at-rest")
+    assert found.step.error == 0.0
+    assert isnan(found.trial.dt)
+    scene = found.levels.case.scene
+    exact = at.solve_static(scene, mesh=64)
+    assert found.solution.position("girder.start")[-1] == pytest.approx(
+        exact.position("girder.start")[-1], rel=3e-3
+    )

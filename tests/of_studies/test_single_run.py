@@ -1,0 +1,126 @@
+"""`anctmm run`: one run of a case, of a file or built in, and what it leaves behind."""
+
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+from typer.testing import CliRunner
+from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN
+
+import anctmm as at
+from anctmm.errors import CaseError, StepError
+from studies.cases import find_case
+from studies.cli import app
+from studies.engine.runner import Runner
+from studies.engine.study import StudyError
+from studies.single_run.study import run_case, write_run
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+
+
+def told(*arguments):
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    return done.exit_code, done.output
+
+
+def run(case, **options):
+    return run_case(case, Runner(None, repeats=1), **options)
+
+
+def test_a_run_leaves_its_files(tmp_path):
+    code, output = told("run", DOUBLE_PENDULUM, "--error", "1e-2", "--out", "made")
+    assert code == 0, output
+    assert re.search(r"estimated error 0\.00\d+ \(mesh .*, step .*\)", output)
+    assert re.search(r"lower\.end +x at 0\.4 s +0\.\d+ ± \S+ m", output)
+    names = {p.name for p in (tmp_path / "made").iterdir()}
+    assert names >= {"solution.npz", "probes.csv", "values.csv", "plot.png", "animation.html"}
+    solution = at.load(tmp_path / "made" / "solution.npz")
+    frame = pd.read_csv(tmp_path / "made" / "probes.csv")
+    assert frame["lower.end x (m)"].to_numpy() == pytest.approx(
+        solution.position("lower.end")[:, 0], rel=1e-12
+    )
+    assert (tmp_path / "made" / "plot.png").read_bytes()[:4] == b"\x89PNG"
+    assert "<script" in (tmp_path / "made" / "animation.html").read_text()
+    values = pd.read_csv(tmp_path / "made" / "values.csv")
+    assert (values["uncertainty"] > 0).all()
+
+
+def test_a_built_in_scene_runs_by_its_name():
+    code, output = told("run", "cantilever-force-1", "--error", "1e-2")
+    assert code == 0, output
+    assert "static equilibrium" in output
+    assert "results/cantilever-force-1" in output
+
+
+def test_a_given_mesh_and_step_are_one_run():
+    done = run(find_case(THROWN_CHAIN), mesh=(2,), dt=5e-3)
+    assert done.found.levels.runs == 1
+    assert "not estimated" in done.error
+    same = at.solve(done.case.scene, mesh=2, dt=5e-3, t_end=0.3, output_dt=0.01)
+    assert np.array_equal(done.solution.position("link2.end"), same.position("link2.end"))
+
+
+def test_other_solvers_are_compared():
+    code, output = told(
+        "run", THROWN_CHAIN, "--elements", "2", "--dt", "5e-3", "--solvers", "anctmm,global-dae,pyelastica"
+    )
+    assert code == 0, output
+    found = re.search(r"global-dae on the same mesh and by the same step: differs by (\S+);", output)
+    assert float(found[1]) < 1e-9
+    assert re.search(r"pyelastica on the same mesh .*: unsupported", output)
+
+
+def test_a_mesh_or_a_step_alone_leaves_the_other_to_be_chosen():
+    assert "that of the mesh is not known" in run(find_case(THROWN_CHAIN), mesh=(2,), error=1e-2).error
+    assert "that of the step is not known" in run(find_case(THROWN_CHAIN), dt=5e-3, error=1e-2).error
+
+
+def test_a_run_that_fails_says_so_and_exits_with_1(tmp_path):
+    code, output = told("run", DOUBLE_PENDULUM, "--solvers", "pyelastica", "--out", "made")
+    assert code == 1
+    assert "unsupported" in output
+    assert (tmp_path / "made" / "values.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--case", "arm"], "'arm' and is unknown; allowed are 'portal-frame'"),
+        ([], "has 2 cases; --case is needed"),
+        (["--case", "portal-frame", "--error", "0"], "--error has '0'"),
+        (["--case", "portal-frame", "--error", "x"], "--error has 'x'"),
+        (["--case", "portal-frame", "--elements", "2,3"], "--elements has 2 values; one is allowed"),
+        (["--case", "portal-frame", "--elements", "2/3"], "'2/3'; scene 'portal-frame' needs 1 or 3 numbers"),
+        (["--case", "portal-frame", "--dt", "1e-3,1e-4"], "--dt has 2 values"),
+        (["--case", "portal-frame", "--dt", "0.007"], "a whole number of steps"),
+        (["--case", "portal-frame", "--element", "cabel"], "element is 'cabel'; allowed are 'cable'"),
+        (["--case", "portal-frame", "--integrator", "rk4"], "integrator is 'rk4'; allowed are"),
+        (["--case", "portal-frame", "--solvers", "me"], "--solvers has 'me'"),
+        (["--case", "portal-frame", "--error", "1e-3", "--elements", "2", "--dt", "1e-3"], "one of them to refine"),
+        (["--case", "portal-frame-at-rest", "--dt", "1e-3"], "a static equilibrium; it has no step"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_named_before_any_work(options, said):
+    code, output = told("run", PORTAL_FRAME, *options)
+    assert (code, said in " ".join(output.split())) == (2, True), output
+
+
+def test_the_function_refuses_the_same():
+    case = find_case(PORTAL_FRAME, "portal-frame")
+    with pytest.raises(CaseError, match="error is 'a'"):
+        run(case, error="a")
+    with pytest.raises(StudyError, match="needs 1 or 3"):
+        run(case, mesh=(1, 2))
+    with pytest.raises(StepError, match="whole number"):
+        run(case, dt=0.007)
+
+
+def test_a_run_may_be_written_anywhere(tmp_path):
+    written = write_run(run(find_case(THROWN_CHAIN), mesh=(1,), dt=1e-2), tmp_path / "a" / "b")
+    assert all(path.is_file() for path in written)
+    assert len(written) == 5
