@@ -2,6 +2,7 @@
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
+from anctmm.integrators.modes import Modes, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
@@ -46,6 +47,7 @@ __all__ = [
     "Interrupted",
     "LineLoad",
     "Material",
+    "Modes",
     "Pin",
     "PointMass",
     "Prismatic",
@@ -68,6 +70,7 @@ __all__ = [
     "consistent_velocities",
     "distance",
     "load",
+    "modes",
     "solve",
     "solve_static",
 ]
