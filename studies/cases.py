@@ -74,6 +74,13 @@ def find_case(given: str, name: str | None = None) -> Case:
     return cases[0]
 
 
+def chosen(given: str | None, name: str | None) -> tuple[Case, ...] | None:
+    """Cases that a user means, if he means any; errors as of `find_cases`."""
+    if given is None and name is not None:
+        raise CaseError(f"--case is {name!r} without a file; a file that defines {DECLARED} is needed")
+    return None if given is None else find_cases(given, name)
+
+
 def is_file(given: str) -> bool:
     """Whether a text means a file rather than the name of a scene."""
     return given.endswith(".py") or os.sep in given or Path(given).is_file()

@@ -1,6 +1,7 @@
 """The command line. Whatever is slow to import is imported by the command that needs it."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -107,10 +108,18 @@ def run(
 
 @app.command(cls=Command)
 def study(
-    name: Annotated[str, typer.Argument(help="four-bar, cantilever, … (see `anctmm list`)")],
+    name: Annotated[str, typer.Argument(help="four-bar, convergence, … (see `anctmm list`)")],
+    scene: Annotated[
+        str | None,
+        typer.Argument(help="Of convergence and trade: a built-in scene, or a file that defines CASES."),
+    ] = None,
+    case: Chosen = None,
     elements: Elements = None,
     dt: Steps = None,
     solvers: Solvers = None,
+    element: Element = None,
+    integrator: Integrator = None,
+    error: Target = None,
     quick: Quick = False,
     out: Annotated[
         Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
@@ -119,13 +128,20 @@ def study(
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
+    from studies.cases import chosen
+    from studies.command_line.options import setup_of
     from studies.engine.files import check_writable
-    from studies.engine.study import find
+    from studies.engine.study import check_taken, find
     from studies.report.folder import write
     from studies.report.terminal import glance
 
     run = find(name)
-    options = read_options(elements, dt, solvers, quick)
+    setup_of("anctmm", element, integrator)  # refuses what is not known
+    options = replace(
+        read_options(elements, dt, solvers, quick),
+        cases=chosen(scene, case), element=element, integrator=integrator, error=positive("--error", error),
+    )  # fmt: skip
+    check_taken(options, name)
     check_writable(out)
     with sweeping(quick) as runner:
         result = run(options, runner)
@@ -143,15 +159,15 @@ def report(
 ) -> None:
     """Run every study and write one page."""
     from studies.engine.files import check_writable
-    from studies.engine.study import STUDIES, Options, find
+    from studies.engine.study import REPORTED, Options, find
     from studies.report.folder import write
     from studies.report.page import write_page
 
     check_writable(out)
     results = []
     with sweeping(quick) as runner:
-        for done, name in enumerate(STUDIES, 1):
-            runner.heading = f"{name} ({done} of {len(STUDIES)}), "
+        for done, name in enumerate(REPORTED, 1):
+            runner.heading = f"{name} ({done} of {len(REPORTED)}), "
             results.append(find(name)(Options(quick=quick), runner))
             write(results[-1], out)  # an hour later something may fail; this is whole
     print(f"Written to {write_page(results, out, quick)}")

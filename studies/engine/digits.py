@@ -13,7 +13,7 @@ from anctmm.errors import ResultError
 from anctmm.model.case import Case
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution
-from studies.engine.refinement import SAFETY, Refined
+from studies.engine.refinement import SAFETY, UNSURE, Refined
 from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
@@ -83,33 +83,40 @@ def values_of(found: Refined) -> list[Value]:
     known = levels.estimates and isfinite(found.error) and found.solution.status.ok
     if not known:
         return [value for value, _ in own]
+    place = found.i, found.j
     ways = [
-        _numbers(runs, case)
-        for runs in (levels.mesh_runs(found.i, found.j), levels.step_runs(found.i, found.j))
+        (_numbers(runs, case), part.sure)
+        for runs, part in ((levels.mesh_runs(*place), found.mesh), (levels.step_runs(*place), found.step))
     ]
     values = []
     for k, (value, size) in enumerate(own):
-        apart = sum(left([numbers[k] for numbers in way]) for way in ways)
+        apart = sum(left([numbers[k] for numbers in way], sure) for way, sure in ways)
         values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size)))
     return values
 
 
-def left(numbers: Sequence[float]) -> float:
+def left(numbers: Sequence[float], sure: bool) -> float:
     """What refinement still has to change in a number, from its values on levels from fine to coarse.
 
-    Two differences of one sign show the order at which the number itself converges; without them its last difference is
-    taken, or half of the one before, if that is more: two runs may agree by chance.
+    Two differences of one sign show the order at which the number itself converges. It is believed where the whole
+    history's is near that of theory; elsewhere the last difference is taken, or a quarter of the one before, if that is
+    more: two runs may agree by chance.
+
+    Parameters
+    ----------
+    numbers : sequence of float
+    sure : bool
+        Whether the whole history's order is near that of theory.
     """
     if len(numbers) < 2:
         return 0.0
     last = numbers[0] - numbers[1]
-    if len(numbers) < 3:
-        return SAFETY * abs(last)
-    before = numbers[1] - numbers[2]
-    if last * before <= 0.0 or abs(before) < 2.0 * abs(last):
-        return SAFETY * max(abs(last), 0.5 * abs(before))
-    ratio = min(before / last, MOST_RATIO)
-    return SAFETY * max(abs(last), abs(before) / MOST_RATIO) / (ratio - 1.0)
+    before = numbers[1] - numbers[2] if len(numbers) > 2 else last
+    size = max(abs(last), abs(before) / MOST_RATIO)
+    if not sure:
+        return UNSURE * size
+    regular = last * before > 0.0 and abs(before) >= 2.0 * abs(last)
+    return SAFETY * size / (min(before / last, MOST_RATIO) - 1.0 if regular else 1.0)
 
 
 def values_table(values: Sequence[Value]) -> Table:
@@ -117,7 +124,7 @@ def values_table(values: Sequence[Value]) -> Table:
     columns = ["probe", "quantity", "value", "uncertainty", "unit"]
     frame = pd.DataFrame([vars(v) for v in values], columns=columns)
     notes = (
-        "uncertainty: Richardson's estimate of what mesh and step leave, 1.25 times; none where it was not estimated.",
+        "uncertainty: an estimate of what mesh and step leave, from coarser runs; none where it was not estimated.",
     )
     return Table("values", "Values and their uncertainty", frame, notes)
 

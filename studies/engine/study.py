@@ -6,6 +6,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
+from anctmm.model.case import Case
 from studies.engine.pictures import Film, Picture
 from studies.engine.tables import Table
 
@@ -31,7 +32,23 @@ STUDIES = {
         "studies.extremes.study",
         "what holds at the extremes of length, step, parameters, time and deformation",
     ),
+    "convergence": (
+        "studies.convergence.study",
+        "observed orders in mesh and step, and the uncertainty of every value",
+    ),
     "fidelity": ("studies.fidelity.study", "which body may be a cable or rigid, and what that saves"),
+}
+
+#: Studies of the report on the built-in scenes; that of convergence is in two of them already.
+REPORTED = tuple(name for name in STUDIES if name != "convergence")
+#: Options as they are typed; and what studies of cases take of them.
+TYPED = {
+    "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
+    "integrator": "--integrator", "error": "--error",
+}  # fmt: skip
+TAKEN = {
+    "convergence": ("cases", "element", "integrator", "error", "solvers"),
+    "trade": ("cases", "error", "meshes", "steps", "solvers"),
 }
 
 
@@ -52,12 +69,21 @@ class Options:
         s.
     solvers : tuple of str, optional
         Registered names.
+    cases : tuple of Case, optional
+        What is studied.
+    element, integrator : str, optional
+    error : float, optional
+        Target, relative.
     """
 
     quick: bool = False
     meshes: "tuple[Mesh, ...] | None" = None
     steps: tuple[float, ...] | None = None
     solvers: tuple[str, ...] | None = None
+    cases: tuple[Case, ...] | None = None
+    element: str | None = None
+    integrator: str | None = None
+    error: float | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +102,8 @@ class Result:
         Motions to be played on the page.
     answers : tuple of str
         The findings that the page begins with: one or two sentences.
+    shown : tuple of str
+        Names of the tables that a terminal shows.
     """
 
     name: str
@@ -87,6 +115,7 @@ class Result:
     pictures: tuple[Picture, ...] = ()
     films: tuple[Film, ...] = ()
     answers: tuple[str, ...] = ()
+    shown: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:
         """The table of a name."""
@@ -108,10 +137,27 @@ def refuse(options: Options, study: str, *names: str) -> None:
     ------
     StudyError
     """
-    typed = {"meshes": "--elements", "steps": "--dt", "solvers": "--solvers"}
     for name in names:
         if getattr(options, name) is not None:
-            raise StudyError(f"study {study!r} has {name} of its own; {typed[name]} is not allowed")
+            raise StudyError(f"study {study!r} has {name} of its own; {TYPED[name]} is not allowed")
+
+
+def check_taken(options: Options, study: str) -> None:
+    """Refuse what a study does not take: a scene, and options that belong to one; of some studies others, too.
+
+    Raises
+    ------
+    StudyError
+    """
+    taken = TAKEN.get(study, ("meshes", "steps", "solvers"))
+    for name, typed in TYPED.items():
+        if name not in taken and getattr(options, name) is not None:
+            raise StudyError(f"study {study!r} takes no {typed}; {_takers(name)}")
+
+
+def _takers(name: str) -> str:
+    takers = [study for study, taken in TAKEN.items() if name in taken]
+    return f"{', '.join(takers)} {'do' if len(takers) > 1 else 'does'}" if takers else "others do"
 
 
 def find(name: str) -> "Callable[[Options, Runner], Result]":

@@ -1,11 +1,13 @@
 """What a study prints: a narrow table of its runs, the reasons of those that failed, and its findings."""
 
 import pandas as pd
+from pandas.api.types import is_numeric_dtype
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table as RichTable
 
 from studies.engine.study import Result
-from studies.engine.tables import failed, text
+from studies.engine.tables import Table, failed, text
 
 SHORT = {"generalized-alpha": "gen-alpha"}
 #: Heads and whether they hold numbers.
@@ -19,8 +21,34 @@ def glance(result: Result, console: Console) -> None:
     """Print the runs of each scene, why some failed, and the findings."""
     if any(t.name == "accuracy" for t in result.tables):
         _accuracy(result.table("accuracy").frame, console)
+    for name in result.shown:
+        _shown(result.table(name), console)
     for finding in result.findings:
         console.print(f"• {finding}", highlight=False, markup=False)
+
+
+def _shown(table: Table, console: Console) -> None:
+    """A table, part by part; columns that hold one value alone stand in the title of a part."""
+    if table.frame.empty:
+        return
+    about = [c for c in ("scene", "solver", "element", "integrator") if c in table.frame.columns]
+    for values, rows in table.frame.groupby(about, sort=False):
+        hidden = {*about, "status", *(("value", "uncertainty", "unit") if "digits" in table.frame else ())}
+        columns = [c for c in table.frame.columns if c not in hidden]
+        console.print(
+            f"{table.title}: {', '.join(map(str, values))}", style="bold", highlight=False, markup=False
+        )
+        shown = RichTable(box=None, padding=(0, 2, 0, 0))
+        for column in columns:
+            numeric = is_numeric_dtype(rows[column])
+            shown.add_column(str(column), justify="right" if numeric else "left", header_style="dim")
+        for cells in rows[columns].itertuples(index=False, name=None):
+            shown.add_row(
+                *(escape(f"{c:.3g}" if isinstance(c, float) and c == c else text(c)) for c in cells)
+            )
+        console.print(shown, "")
+    for status in dict.fromkeys(failed(table.frame)["status"]) if "status" in table.frame else ():
+        console.print(status, style="yellow", highlight=False, markup=False)
 
 
 def _accuracy(frame: pd.DataFrame, console: Console) -> None:

@@ -33,13 +33,13 @@ def test_the_estimated_error_holds(file, name):
     far = found.levels.solution(found.i + 2, found.j + 3 * found.levels.refines_step)
     wrong = found.levels.difference(found.solution, far)
     assert 0.0 < wrong <= found.error
-    assert found.error < 100.0 * wrong  # and is no mere bound
+    assert found.error < 300.0 * wrong  # and is no mere bound
 
 
 @pytest.mark.parametrize(("file", "name"), CASES)
 def test_every_printed_digit_holds(file, name):
     found = refined(file, name)
-    far = refined(file, name, 3e-5)
+    far = refined(file, name, 1e-4)
     assert far.reached
     pairs = list(zip(values_of(found), values_of(far), strict=True))
     assert len(pairs) == 4 * len(found.levels.case.probes)

@@ -1,0 +1,163 @@
+"""How a case's error falls with mesh and step, and which digits of its values hold."""
+
+from collections.abc import Callable, Iterator, Sequence
+from math import isfinite, nan
+from typing import Any
+
+import pandas as pd
+
+from anctmm.elements.kinds import KINDS
+from studies.cases import assumptions_of
+from studies.convergence.pictures import pictures
+from studies.engine.digits import values_of
+from studies.engine.refinement import STEP_ORDER, Part, Refined, Refinement, Setup
+from studies.engine.runner import Runner, mesh_label
+from studies.engine.study import Options, Result, check_taken
+from studies.engine.tables import Table
+from studies.scenes import moving_scenes
+
+#: Error to which mesh and step are refined; by whether the run is quick.
+TARGETS = {False: 1e-5, True: 1e-3}
+LEVELS = (
+    "scene", "solver", "element", "integrator", "elements", "dofs", "dt", "error", "order", "status",
+)  # fmt: skip
+VALUES = (
+    "scene", "solver", "element", "integrator", "probe", "quantity", "value", "uncertainty", "unit", "digits",
+)  # fmt: skip
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study: cables, and of whole studies shear elements, too, if no element is asked for.
+
+    Parameters
+    ----------
+    options : Options
+        Its cases; the two moving base scenes without them.
+    runner : Runner
+
+    Raises
+    ------
+    StudyError
+        If meshes or steps are asked for: the study chooses its own.
+    """
+    check_taken(options, "convergence")
+    cases = options.cases or tuple(moving_scenes())
+    target = options.error or TARGETS[options.quick]
+    found = []
+    for case in cases:
+        runner.heading = f"{case.name}: "
+        found += [Refinement(case, setup, runner).refined(target) for setup in setups(options)]
+    meshes = _table(
+        "mesh", "Error over the mesh", (r for f in found for r in mesh_levels(f)), LEVELS, _mesh_notes()
+    )
+    steps = _table(
+        "step", "Error over the step", (r for f in found for r in step_levels(f)), LEVELS, _step_notes()
+    )
+    values = _table(
+        "values", "Values and their uncertainty", (r for f in found for r in value_rows(f)), VALUES, _digits()
+    )
+    findings = tuple(finding(f) for f in found)
+    return Result(
+        name="convergence",
+        title="Convergence: which digits hold",
+        question="How does the error fall with mesh and step, and how far is each value from the exact one?",
+        findings=findings,
+        assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
+        tables=(values, meshes, steps),
+        pictures=tuple(pictures(meshes.frame, steps.frame)),
+        answers=findings[:1],
+        shown=("mesh", "step", "values"),
+    )
+
+
+def setups(options: Options) -> list[Setup]:
+    """Who solves with which element."""
+    elements = (options.element,) if options.element else ("cable",) if options.quick else ("cable", "shear")
+    integrator = options.integrator or Setup.integrator
+    return [Setup(solver, e, integrator) for solver in options.solvers or ("anctmm",) for e in elements]
+
+
+def mesh_levels(found: Refined) -> Iterator[dict[str, Any]]:
+    """A row for each mesh up to that of a run, by its step."""
+    if found.levels.refines_mesh:
+        yield from _levels(found, [(k, found.j) for k in range(found.i + 1)], found.levels.mesh_part)
+
+
+def step_levels(found: Refined) -> Iterator[dict[str, Any]]:
+    """A row for each step down to that of a run, on its mesh."""
+    if found.levels.refines_step:
+        yield from _levels(found, [(found.i, k) for k in range(found.j + 1)], found.levels.step_part)
+
+
+def value_rows(found: Refined) -> Iterator[dict[str, Any]]:
+    """A row for each value at the probes."""
+    for value in values_of(found):
+        yield {**_about(found), **vars(value), "digits": value.text}
+
+
+def finding(found: Refined) -> str:
+    """What was found of one case with one element."""
+    about = ", ".join(_about(found).values())
+    if not found.solution.status.ok:
+        return f"{about}: {found.reason}."
+    levels, theory = found.levels, KINDS[found.levels.setup.element].order
+    orders = [
+        f"{name} {part.order:.2f} (theory {expected:g})"
+        for name, part, expected in (
+            ("in the mesh", found.mesh, theory),
+            ("in the step", found.step, STEP_ORDER),
+        )
+        if isfinite(part.order)
+    ]
+    order = f"observed order {' and '.join(orders)}; " if orders else ""
+    step = f", step {found.step.error:.1g}" if levels.refines_step else ""
+    parts = f"mesh {found.mesh.error:.1g}{step}"
+    told = f"{about}: {order}{found.label} has an estimated error of {found.error:.1g} ({parts})"
+    return f"{told}." if found.reached else f"{told}, above the target {found.target:g}, as {found.reason}."
+
+
+def _levels(
+    finest: Refined, runs: Sequence[tuple[int, int]], part_of: Callable[[int, int], Part]
+) -> Iterator[dict[str, Any]]:
+    """Rows of runs from coarse to fine: distances to the finest, of which the estimate of what is left is told."""
+    levels = finest.levels
+    for i, j in runs:
+        solution, trial, part = levels.solution(i, j), levels.trial(i, j), part_of(i, j)
+        error = part.error if (i, j) == runs[-1] else levels.difference(solution, finest.solution)
+        yield {
+            **_about(finest), "elements": mesh_label(trial.mesh), "dofs": solution.dofs, "dt": trial.dt,
+            "error": error if isfinite(error) else nan, "order": part.order, "status": str(solution.status),
+        }  # fmt: skip
+
+
+def _about(found: Refined) -> dict[str, str]:
+    setup = found.levels.setup
+    return {
+        "scene": found.levels.case.name, "solver": setup.solver, "element": setup.element,
+        "integrator": "static" if found.levels.case.static else setup.integrator,
+    }  # fmt: skip
+
+
+def _table(
+    name: str, title: str, rows: Iterator[dict[str, Any]], columns: Sequence[str], notes: tuple[str, ...]
+) -> Table:
+    return Table(name, title, pd.DataFrame(list(rows), columns=list(columns)), notes)
+
+
+def _mesh_notes() -> tuple[str, ...]:
+    return (
+        "error: distance to the finest mesh by the same step; of the finest, Richardson's estimate of what is left, "
+        "1.5 times, or, where the order is not that of theory, twice its difference to the mesh before. order: log2 "
+        "of the ratio of two differences of meshes that follow each other.",
+    )
+
+
+def _step_notes() -> tuple[str, ...]:
+    return ("error and order as over the mesh, of steps on the finest mesh.",)
+
+
+def _digits() -> tuple[str, ...]:
+    return (
+        "digits: the value to the first digit of its uncertainty. uncertainty: what the differences to coarser meshes "
+        "and steps leave for that value, as for errors; orders above 2 are not counted on.",
+    )

@@ -1,0 +1,93 @@
+"""`anctmm study convergence`: observed orders, and digits that hold, of anybody's case."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN
+
+import anctmm as at
+from studies.cases import find_case, find_cases
+from studies.cli import app
+from studies.convergence.study import run
+from studies.engine.runner import Runner
+from studies.engine.study import Options, StudyError
+
+
+def studied(cases, **options):
+    return run(Options(cases=tuple(cases), **options), Runner(None, repeats=1))
+
+
+@pytest.fixture(scope="module")
+def frame():
+    return studied(find_cases(PORTAL_FRAME), quick=True, error=1e-4)
+
+
+def test_orders_are_those_of_theory(frame):
+    meshes, steps = frame.table("mesh").frame, frame.table("step").frame
+    moving = meshes[meshes["scene"] == "portal-frame"]
+    assert 3.0 < moving["order"].max() < 5.0
+    assert steps["order"].iloc[-1] == pytest.approx(2.0, abs=0.3)
+    for _, rows in [*meshes.groupby("scene"), *steps.groupby("scene")]:
+        assert np.isnan(rows["order"].iloc[0])
+        assert (np.diff(rows["error"].iloc[:-1]) < 0.0).all()  # of the last it is an estimate
+    assert set(steps["scene"]) == {"portal-frame"}  # the other is at rest
+
+
+def test_values_at_rest_are_those_of_a_fine_mesh(frame):
+    case = find_case(PORTAL_FRAME, "portal-frame-at-rest")
+    fine = at.solve_static(case.scene, mesh=64).position("girder.start")[-1]
+    values = frame.table("values").frame
+    mine = values[(values["scene"] == case.name) & values["quantity"].isin(["x at rest", "y at rest"])]
+    assert (np.abs(mine["value"].to_numpy() - fine) <= mine["uncertainty"].to_numpy()).all()
+    assert len(mine) == 2
+
+
+def test_both_elements_and_what_is_asked_for():
+    case = [find_case(THROWN_CHAIN)]
+    both = studied(case, error=1e-2)
+    assert set(both.table("values").frame["element"]) == {"cable", "shear"}
+    explicit = studied(case, error=1e-2, element="cable", integrator="zhai", solvers=("anctmm", "global-dae"))
+    values = explicit.table("values").frame
+    assert set(values["integrator"]) == {"zhai"}
+    ours, theirs = (values[values["solver"] == s]["value"].to_numpy() for s in ("anctmm", "global-dae"))
+    assert ours == pytest.approx(theirs, abs=1e-6)
+
+
+def test_a_solver_that_cannot_is_a_finding():
+    found = studied([find_case(DOUBLE_PENDULUM)], quick=True, solvers=("pyelastica",))
+    assert "unsupported" in found.findings[0]
+    assert found.table("values").frame.empty
+
+
+def test_in_the_terminal(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["study", "convergence", THROWN_CHAIN, "--quick"], env={"COLUMNS": "90"})
+    assert done.exit_code == 0, done.output
+    assert "Values and their uncertainty: thrown-chain, anctmm, cable, generalized-alpha\n" in done.output
+    assert "± " in done.output
+    names = {p.name for p in (tmp_path / "results" / "convergence").iterdir()}
+    assert names >= {"values.csv", "mesh.csv", "step.csv", "convergence_thrown-chain.svg"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["convergence", THROWN_CHAIN, "--elements", "4"], "'convergence' takes no --elements; "),
+        (["convergence", THROWN_CHAIN, "--dt", "1e-3"], "takes no --dt"),
+        (["convergence", THROWN_CHAIN, "--element", "cabel"], "element is 'cabel'; allowed are"),
+        (["convergence", THROWN_CHAIN, "--error", "-1"], "--error has '-1'"),
+        (["convergence", THROWN_CHAIN, "--case", "arm"], "'arm' and is unknown"),
+        (["convergence", "--case", "arm"], "--case is 'arm' without a file"),
+        (["convergence", "nowhere.py"], "no such file"),
+        (["agreement", THROWN_CHAIN], "study 'agreement' takes no scene; convergence, trade do"),
+        (["extremes", "--error", "1e-3"], "takes no --error"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments, said):
+    done = CliRunner().invoke(app, ["study", *arguments], env={"COLUMNS": "200"})
+    assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
+
+
+def test_the_function_refuses_meshes():
+    with pytest.raises(StudyError, match="takes no --elements"):
+        studied([find_case(THROWN_CHAIN)], meshes=((4,),))
