@@ -37,6 +37,10 @@ STUDIES = {
         "observed orders in mesh and step, and the uncertainty of every value",
     ),
     "fidelity": ("studies.fidelity.study", "which body may be a cable or rigid, and what that saves"),
+    "published": (
+        "studies.published.study",
+        "numbers that others have published: confirmed, contradicted or why not",
+    ),
 }
 
 #: Studies of the report on the built-in scenes; that of convergence is in two of them already.

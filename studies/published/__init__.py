@@ -1,0 +1,1 @@
+"""Published problems with numbers: what is confirmed, contradicted, or cannot be compared."""
