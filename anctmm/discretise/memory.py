@@ -76,7 +76,7 @@ def check_memory(
 
 def coordinates_of_node(run: Discretisation, scene: Scene) -> int:
     """Coordinates that each node has in the arrays of a run: those of the kind that has most."""
-    return 2 * max(len(kind_of(kind).vectors) for _, kind in run.of(scene).values())
+    return 2 * max((len(kind_of(kind).vectors) for _, kind in run.of(scene).values()), default=0)
 
 
 def free_memory() -> float | None:

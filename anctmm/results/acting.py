@@ -1,15 +1,18 @@
 """What acts on a scene over a run, by its size: for checks that ask how large an energy or a force may be."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.bodies import Body
 from anctmm.model.drives import tabulate
+from anctmm.model.joints import drive_of
 from anctmm.model.kept import kept
 from anctmm.model.loads import load_text, width_of
-from anctmm.model.scene import Beam, Clamp, Load, Scene
+from anctmm.model.scene import Beam, LineLoad, Load, Scene
 
 #: Times at which drives and loads are looked at, at most: steps of the run, so that none is asked at other times.
 SEEN = 65
@@ -23,11 +26,22 @@ def length_of(scene: Scene) -> float:
 @kept
 def mass_of(scene: Scene) -> float:
     """Mass of all bodies, kg."""
-    return sum(_mass(body) for body in scene.beams)
+    return sum(_mass(body) for body in scene.bodies)
 
 
-def _mass(body: Beam) -> float:
-    return body.material.density * body.section.area * body.length
+def _mass(body: Body) -> float:
+    return body.material.density * body.section.area * body.length if isinstance(body, Beam) else body.mass
+
+
+def ends_of(body: Body) -> tuple[Any, ...]:
+    """Keys of the farthest places of a body."""
+    return (0.0, 1.0) if isinstance(body, Beam) else body.keys
+
+
+@kept
+def reach_of(scene: Scene) -> float:
+    """Largest coordinate of an end or a point, m."""
+    return max(float(np.abs(body.position_at(key)).max()) for body in scene.bodies for key in ends_of(body))
 
 
 def weight_of(scene: Scene) -> float:
@@ -36,23 +50,24 @@ def weight_of(scene: Scene) -> float:
 
 
 def load_sizes(scene: Scene, run: Discretisation) -> Iterator[tuple[Load, float]]:
-    """Each load and its largest component over a run, N or N m."""
+    """Each load and its largest component over a run, N or N m; of a line load on its whole beam."""
     for load in scene.loads:
         if callable(load.value):
             width = width_of(load)
             values = tabulate(load_text(load), load.value, _times(run), width)
         else:
             values = np.asarray(load.value, dtype=float)
-        yield load, float(np.abs(values).max())
+        length = scene.beam(load.body).length if isinstance(load, LineLoad) else 1.0
+        yield load, length * float(np.abs(values).max())
 
 
 def drive_rates(scene: Scene, run: Discretisation) -> Iterator[float]:
-    """The largest angular velocity of each driven clamp, rad/s."""
+    """The largest rate of each drive, rad/s; of a guide that of its place, m/s, by the scene's length."""
     for joint in scene.joints:
-        if isinstance(joint, Clamp) and joint.angle is not None:
-            yield float(
-                np.abs(tabulate(f"clamp {joint.end!r} angle", joint.angle, _times(run), 3)[:, 1]).max()
-            )
+        if (drive := drive_of(joint)) is not None:
+            name, history, unit = drive
+            size = 1.0 if unit == "rad" else scene.length
+            yield float(np.abs(tabulate(name, history, _times(run), 3)[:, 1]).max()) / size
 
 
 def _times(run: Discretisation) -> NDArray[np.float64]:

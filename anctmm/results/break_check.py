@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.joints import Clamp
+from anctmm.model.joints import drive_of
 from anctmm.model.loads import load_text, width_of
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
@@ -39,8 +39,8 @@ def break_findings(solution: Solution) -> Iterator[Finding]:
             name = load_text(load)
             yield from _of_load(name, load.value, width, solution, run)
     for joint in scene.joints:
-        if isinstance(joint, Clamp) and joint.angle is not None:
-            yield from _of_drive(f"clamp {joint.end!r} angle", joint.angle, solution, run)
+        if (drive := drive_of(joint)) is not None:
+            yield from _of_drive(drive[0], drive[1], solution, run)
 
 
 def broken_steps(breaks: tuple[float, ...] | None, run: Discretisation) -> dict[int, list[float]]:

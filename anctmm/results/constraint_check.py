@@ -17,9 +17,10 @@ from anctmm.model.kept import kept
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
-from anctmm.results.acting import length_of
+from anctmm.results.acting import length_of, reach_of
 from anctmm.results.ends import Ends, ends_of
 from anctmm.results.finding import Finding
+from anctmm.results.mechanism_check import is_mechanism, mechanism_findings
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -81,7 +82,14 @@ def constraint_findings(
         Its ends, where they are known already.
     """
     scene = solution.scene
-    if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.beams}:
+    if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.bodies}:
+        return
+    if is_mechanism(scene):
+        length, reach = length_of(scene), reach_of(scene)
+        rounding = ROUNDINGS * EPS * reach
+        yield from mechanism_findings(
+            solution, PARTED * length + rounding, PARTED + rounding / length, static=static
+        )
         return
     of, (place, gradient) = constraints_of(scene), ends or ends_of(solution)
     length = length_of(scene)

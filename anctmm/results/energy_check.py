@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
-from anctmm.model.scene import Force
+from anctmm.model.scene import Force, LineLoad
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
 from anctmm.results.fields import HermiteField
 from anctmm.results.finding import Finding, most_stretched, place
@@ -110,9 +110,12 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     if not large.any():
         return
     explicit = run.explicit
-    vibrates = any(not kind_of(kind).rigid for _, kind in run.of(solution.scene).values())
+    scene = solution.scene
+    vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
-    damped = any(body.material.damping > 0.0 for body in solution.scene.beams)
+    damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
+        c.damping > 0.0 or c.law is not None for c in scene.connectors
+    )
     beyond, least = np.abs(balance_of(energy, damped=damped)) > noise(solution), _exchangeable(solution)
     diverged = from_nowhere(energy, NOWHERE, least, damped=damped) & beyond
     if diverged.any():
@@ -198,6 +201,7 @@ def _exchangeable(solution: Solution) -> float:
     span = length_of(scene)
     turning = sum(0.5 * mass_of(scene) * (span * rate) ** 2 for rate in drive_rates(scene, run))
     loads = sum(
-        size * (span if isinstance(load, Force) else 2.0 * np.pi) for load, size in load_sizes(scene, run)
+        size * (span if isinstance(load, Force | LineLoad) else 2.0 * np.pi)
+        for load, size in load_sizes(scene, run)
     )
     return weight_of(scene) * span + turning + loads

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
+from anctmm.model.joints import drive_of
 from anctmm.model.kept import kept
-from anctmm.model.scene import Clamp, Force, Scene
-from anctmm.results.acting import length_of, load_sizes, mass_of, weight_of
+from anctmm.model.scene import Beam, Force, LineLoad, Scene, Spring
+from anctmm.results.acting import ends_of, length_of, load_sizes, mass_of, reach_of, weight_of
 from anctmm.results.ends import Ends
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
@@ -57,7 +58,7 @@ def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
     run, scene = solution.run, solution.scene
     assert run is not None
     length = length_of(scene)
-    reach = _reach(scene)
+    reach = reach_of(scene)
     if reach > FAR * length:
         roundings = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps
         part = _ratio(roundings * float(np.spacing(reach)), moved)
@@ -70,12 +71,6 @@ def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
                 f"nearer to the origin has its digits",
             )
     yield from _too_stiff(solution, max(reach, length), moved)
-
-
-@kept
-def _reach(scene: Scene) -> float:
-    """Largest coordinate of an end, m."""
-    return max(float(np.abs([body.start, body.end]).max()) for body in scene.beams)
 
 
 def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Finding]:
@@ -94,7 +89,7 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
     inertia = mass_of(scene) * moved * sqrt(solution.cost.steps) / float(solution.t[-1]) ** 2
     if _ratio(noise, max(weight_of(scene), inertia)) <= FORCED:  # loads are looked at where they matter
         return
-    part = _ratio(noise, max(_acting(solution), inertia))
+    part = _ratio(noise, max(_acting(solution, moved), inertia))
     if part > FORCED:
         yield Finding(
             solution.t.size - 1,
@@ -109,29 +104,32 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
 @kept
 def _acted_upon(scene: Scene) -> bool:
     """Whether anything moves the scene: one at rest has no digits to lose."""
-    driven = any(isinstance(joint, Clamp) and joint.angle is not None for joint in scene.joints)
-    return bool(driven or scene.loads or any(scene.gravity) or any(body.velocity for body in scene.beams))
+    driven = any(drive_of(joint) is not None for joint in scene.joints)
+    acting = driven or scene.loads or scene.connectors or any(scene.gravity)
+    return bool(acting or any(body.moving for body in scene.bodies))
 
 
 def _largest_displacement(solution: Solution) -> float:
     """Of starts, middles and ends of bodies, m."""
     rows = np.unique(np.linspace(0, solution.t.size - 1, SEEN).astype(np.int64))
     found = 0.0
-    for name in solution.fields:
-        for fraction in (0.0, 0.5, 1.0):
-            path = solution.position(name, fraction)[rows]
+    for body in solution.scene.bodies:
+        for key in (*ends_of(body), *((0.5,) if isinstance(body, Beam) else ())):
+            path = solution.position(body.name, key)[rows]
             found = max(found, float(np.hypot(*(path - path[0]).T).max()))
     return found
 
 
-def _acting(solution: Solution) -> float:
-    """Largest sum of weight and loads, N; a torque counts by the length of all bodies."""
+def _acting(solution: Solution, moved: float) -> float:
+    """Largest sum of weight, loads and springs, N; a torque counts by the length of all bodies."""
     scene, run = solution.scene, solution.run
     assert run is not None
-    loads = (
-        size / (1.0 if isinstance(load, Force) else length_of(scene)) for load, size in load_sizes(scene, run)
-    )
-    return weight_of(scene) + sum(loads)
+    length = length_of(scene)
+    total = weight_of(scene)
+    for load, size in load_sizes(scene, run):
+        total += size / (1.0 if isinstance(load, Force | LineLoad) else length)
+    springs = (c.stiffness * moved + abs(c.preload) for c in scene.connectors if isinstance(c, Spring))
+    return total + sum(springs)
 
 
 def _ratio(error: float, size: float) -> float:

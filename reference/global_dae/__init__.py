@@ -8,8 +8,7 @@ from typing import Any
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import unknown_option
-from anctmm.model.needs import MECHANISMS, refuse
+from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
@@ -18,13 +17,14 @@ from anctmm.validation import one_of
 from reference.global_dae.explicit import Zhai
 from reference.global_dae.history import Marcher
 from reference.global_dae.implicit import GeneralizedAlpha
+from reference.global_dae.mechanisms import is_mechanism, motion, rest
 from reference.global_dae.model import Model
 from reference.global_dae.stability import check_step
 from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
-OFFER = Offer(lacks=frozenset({"rigid"}) | frozenset(MECHANISMS))
+OFFER = Offer()
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
 #: orders), and a dense matrix for each pair.
 EXPLICIT, IMPLICIT, DENSE = 1_100.0, 5_000.0, 24.0
@@ -73,8 +73,14 @@ def solve(
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    refuse(checked_scene(scene), OFFER.lacks, "the global solver")
-    check_memory(scene, run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
+    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
+    if is_mechanism(scene, run):
+        if stabilization != "projection":
+            raise UnsupportedError(
+                f"stabilization is {stabilization!r} for scene {scene.name!r}, which has rigid bodies, guides, "
+                f"connectors or other loads; 'projection' is needed there"
+            )
+        return motion(scene, run, NAMES[linear_algebra])
     marcher = _marcher(Model.of(scene, run), linear_algebra, stabilization)
     return marcher.run(NAMES[linear_algebra])
 
@@ -110,8 +116,9 @@ def solve_static(
         Or one of its kinds, as in `solve`.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    refuse(checked_scene(scene), OFFER.lacks, "the global solver")
-    check_memory(scene, run, IMPLICIT, outputs=load_steps + 1)
+    check_memory(checked_scene(scene), run, IMPLICIT, outputs=load_steps + 1)
+    if is_mechanism(scene, run):
+        return rest(scene, run, load_steps, "global-dae")
     return equilibria(Model.of(scene, run), load_steps, "global-dae")
 
 

@@ -102,7 +102,10 @@ def positions(answer, change, only=None):
 
 
 def stiffer(scene, factor):
-    bodies = [replace(b, material=replace(b.material, E=factor * b.material.E)) for b in scene.bodies]
+    bodies = [
+        replace(b, material=replace(b.material, E=factor * b.material.E)) if isinstance(b, at.Beam) else b
+        for b in scene.bodies
+    ]
     return replace(scene, bodies=bodies)
 
 

@@ -1,0 +1,139 @@
+"""Joints of mechanisms that are not kept: parted places, places that have left their line, welds that have turned.
+
+For scenes with rigid bodies, guides, driven welds or joints between the ends of beams; those of beams joined at their
+ends are looked at together by `anctmm.results.constraint_check`.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.bodies import Beam
+from anctmm.model.drives import tabulate
+from anctmm.model.joints import Guide, Joint, Prismatic, drive_of
+from anctmm.model.kept import kept
+from anctmm.model.needs import needs
+from anctmm.model.places import Place
+from anctmm.model.rigid_bodies import CENTER
+from anctmm.model.scene import Clamp, Scene, Slider, Weld
+from anctmm.results.fields import HermiteField, RigidField
+from anctmm.results.finding import Finding
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+ADVICE = "a smaller dt or a smaller newton_tolerance may do"
+
+
+@kept
+def is_mechanism(scene: Scene) -> bool:
+    """Whether a scene has more than beams joined at their ends."""
+    return next(needs(scene), None) is not None
+
+
+def mechanism_findings(
+    solution: Solution, parted: float, turned: float, *, static: bool = False
+) -> Iterator[Finding]:
+    """Joints that are not kept.
+
+    Parameters
+    ----------
+    solution : Solution
+    parted, turned : float
+        Distances (m) and angles (rad) above which one is not.
+    static : bool
+        Whether its times are load factors.
+    """
+    look = _Look(solution, static)
+    for joint in solution.scene.joints:
+        for sizes, allowed, what, unit in _misfits(look, joint, parted, turned):
+            with np.errstate(invalid="ignore"):
+                bad = sizes > allowed
+            if bad.any():
+                k = int(bad.argmax())
+                body = solution.scene.place(joint.ends[0]).body.name
+                yield Finding(k, "failed", f"{what} {sizes[k]:.2g} {unit} at {{when}}; {ADVICE}", body)
+                break
+
+
+Misfit = tuple[Array, float, str, str]
+
+
+def _misfits(look: "_Look", joint: Joint, parted: float, turned: float) -> Iterator[Misfit]:
+    first, *others = (look.scene.place(end) for end in joint.ends)
+    where = look.path(first)
+    for other in others:
+        what = f"{first} and {other}, which are joined, have parted by"
+        yield np.abs(look.path(other) - where), parted, what, "m"
+    if joint.grounded:
+        away = np.abs(where - complex(*first.position))
+        yield away, parted, f"{first}, which is held, has left its place by", "m"
+    if isinstance(joint, Slider | Prismatic):
+        yield from _from_line(look, joint, first, parted)
+    if isinstance(joint, Clamp | Weld | Prismatic):
+        yield from _from_direction(look, joint, first, others, turned)
+
+
+def _from_line(look: "_Look", guide: Guide, place: Place, parted: float) -> Iterator[Misfit]:
+    moved = look.path(place) - complex(*place.position)
+    line = np.full(1, complex(*guide.direction))
+    if guide.body is not None:
+        body = look.scene.body(guide.body)
+        turn, center = look.turn(Place(body, CENTER)), look.path(Place(body, CENTER))
+        arm = complex(*place.position) - complex(*body.position_at(CENTER))  # type: ignore[arg-type]
+        moved, line = look.path(place) - center - arm * turn, line * turn
+    apart = moved * np.conj(line)
+    yield np.abs(apart.imag), parted, f"{place} has left its line by", "m"
+    if guide.position is not None:
+        off = np.abs(apart.real - look.history(guide))
+        yield off, parted, f"{place}, which is driven, is off its place on its line by", "m"
+
+
+def _from_direction(
+    look: "_Look", joint: Joint, first: Place, others: list[Place], turned: float
+) -> Iterator[Misfit]:
+    if isinstance(joint, Prismatic):
+        against = np.ones(1) if joint.body is None else look.turn(Place(look.scene.body(joint.body), CENTER))
+        off = np.abs(look.turn(first) - against)
+        yield off, turned, f"{first}, which does not turn against its line, has turned by", "rad"
+        return
+    driven = np.exp(1j * look.history(joint))
+    if isinstance(joint, Clamp):
+        off = np.abs(look.turn(first) - driven)
+        yield off, turned, f"{first}, which is clamped, has left its direction by", "rad"
+    for other in others:
+        off = np.abs(look.turn(other) - look.turn(first) * driven)
+        yield off, turned, f"{first} and {other}, which are welded, have turned from each other by", "rad"
+
+
+class _Look:
+    """Paths and turns of places, as complex numbers, and histories of drives."""
+
+    def __init__(self, solution: Solution, static: bool) -> None:
+        self.solution, self.scene, self.static = solution, solution.scene, static
+
+    def path(self, place: Place) -> Complex:
+        """(n,), m."""
+        found = self.solution.fields[place.body.name].position(place.key)
+        return np.asarray(found @ np.array([1.0, 1.0j]))
+
+    def turn(self, place: Place) -> Complex:
+        """Turn since the reference, of size 1, (n,); not a number where a field does not tell."""
+        match self.solution.fields[place.body.name]:
+            case RigidField(coordinates=q):
+                return np.asarray(q[:, 1] @ np.array([1.0, 1.0j]))
+            case HermiteField(coordinates=q):
+                beam = place.body
+                assert isinstance(beam, Beam)
+                gradient = q[:, round(float(place.key) * (q.shape[1] - 1)), 1] @ np.array([1.0, 1.0j])
+                return np.asarray(gradient / np.abs(gradient) * np.exp(-1j * beam.angle))
+            case _:
+                return np.full(self.solution.t.size, np.nan + 0j)
+
+    def history(self, joint: Joint) -> Array:
+        """Angle or place of a drive at the outputs; zeros without one."""
+        t = np.zeros(1) if self.static else self.solution.t
+        drive = drive_of(joint)
+        return np.zeros(len(t)) if drive is None else tabulate(drive[0], drive[1], t, 3)[:, 0]

@@ -1,0 +1,43 @@
+"""Scenes with rigid bodies, guides, connectors or other loads: general equations, in plain NumPy.
+
+M q̈ + Jᵀμ = f(q, q̇, t), Φ(q, t) = 0. Nothing here is shared with ANC-TMM but the elastic forces of beams. Matrices are
+dense, whatever the linear algebra is called: made to check, not to be fast.
+"""
+
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
+from anctmm.elements.kinds import kind_of
+from anctmm.errors import unknown_option
+from anctmm.model.needs import needs
+from anctmm.model.scene import Scene
+from anctmm.results.solution import Solution
+from reference.global_dae.mechanisms.explicit import Zhai
+from reference.global_dae.mechanisms.implicit import GeneralizedAlpha
+from reference.global_dae.mechanisms.layout import Layout
+from reference.global_dae.mechanisms.stability import check_step
+from reference.global_dae.mechanisms.static import equilibria
+from reference.global_dae.mechanisms.system import System
+
+
+def is_mechanism(scene: Scene, run: Discretisation) -> bool:
+    """Whether a scene has more than beams that bend, with pins, welds, clamps and loads on their ends."""
+    rigid = any(kind_of(kind).rigid for _, kind in run.of(scene).values())
+    return rigid or next(needs(scene), None) is not None
+
+
+def motion(scene: Scene, run: Discretisation, solver: str) -> Solution:
+    """Motion of a scene; errors as of `reference.global_dae.solve`."""
+    system = System(Layout(scene, run))
+    match run.integrator:
+        case "zhai":
+            if run.check_stability:
+                check_step(system)
+            return Zhai(system).march(solver)
+        case "generalized-alpha":
+            return GeneralizedAlpha(system).march(solver)
+        case _:
+            raise unknown_option("integrator", run.integrator, INTEGRATORS)
+
+
+def rest(scene: Scene, run: Discretisation, load_steps: int, solver: str) -> Solution:
+    """Equilibria of a scene; errors as of `reference.global_dae.solve_static`."""
+    return equilibria(System(Layout(scene, run)), load_steps, solver)

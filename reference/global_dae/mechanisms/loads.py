@@ -1,0 +1,165 @@
+"""Forces, moments and line loads on the coordinates of a layout."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.mesh import BodyMesh
+from anctmm.errors import unknown_kind
+from anctmm.model.drives import value_at
+from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.scene import Force, LineLoad, Load, Torque
+from reference.global_dae.mechanisms.connectors import Angle
+from reference.global_dae.mechanisms.layout import Layout
+from reference.global_dae.mechanisms.vectors import QUARTER, Vector, together
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Parts = tuple[Array, Array, Array]
+
+
+class LoadForce:
+    """One load: its force on local coordinates `at`, and what its work is summed up from."""
+
+    def __init__(self, load: Load, at: Ints) -> None:
+        self.load, self.at = load, at
+        self.name, self.width = load_text(load), width_of(load)
+
+    @property
+    def dead(self) -> bool:
+        """Whether it has a potential."""
+        return False
+
+    def value(self, t: float) -> Array:
+        """Value of the load at a time."""
+        if callable(self.load.value):
+            return value_at(self.name, self.load.value, t, self.width)
+        return np.atleast_1d(np.asarray(self.load.value, dtype=float))
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        raise NotImplementedError
+
+    def effort(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """What its work is summed up from: forces, and the values that they work along."""
+        raise NotImplementedError
+
+    def keep(self, q: Array) -> None:
+        """Accept a state."""
+
+
+class PointForce(LoadForce):
+    """A force that keeps its direction, on a linear place: of a point, or the mean of a beam times its length."""
+
+    def __init__(self, load: Force | LineLoad, place: Vector) -> None:
+        super().__init__(load, place.at)
+        self.place = place
+
+    @property
+    def dead(self) -> bool:
+        """Whether it has a potential."""
+        return not callable(self.load.value)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        none = np.zeros((len(self.at),) * 2)
+        return factor * self.value(t) @ self.place.A, none, none
+
+    def effort(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """What its work is summed up from: forces, and the values that they work along."""
+        return self.value(t), self.place(q)
+
+
+class Follower(LoadForce):
+    """A force that turns with its place: components are those of the reference."""
+
+    def __init__(self, load: Force, place: Vector, direction: Vector, reference: Array) -> None:
+        super().__init__(load, together(place, direction))
+        self.place, self.direction = place, direction
+        g = direction(reference)
+        self.start = g / np.hypot(*g)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        P, G = self.place.on(self.at), self.direction.on(self.at)
+        u, by_g = self._unit(q)
+        matrix = self._components(t)
+        none = np.zeros((len(self.at),) * 2)
+        return factor * (matrix @ u) @ P, -factor * P.T @ matrix @ by_g @ G, none
+
+    def effort(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """What its work is summed up from: forces, and the values that they work along."""
+        return self._components(t) @ self._unit(q)[0], self.place(q)
+
+    def _components(self, t: float) -> Array:
+        """F as a matrix on the unit vector that turns: along it and across it as in the reference."""
+        F = self.value(t)
+        along, across = F @ self.start, F @ QUARTER @ self.start
+        return np.asarray(along * np.eye(2) + across * QUARTER)
+
+    def _unit(self, q: Array) -> tuple[Array, Array]:
+        g = self.direction(q)
+        size = float(np.hypot(*g))
+        u = g / size
+        return u, (np.eye(2) - np.outer(u, u)) / size
+
+
+class Moment(LoadForce):
+    """A moment on the direction of a place."""
+
+    def __init__(self, load: Torque, direction: Vector, reference: Array) -> None:
+        self.angle = Angle(reference, direction)
+        super().__init__(load, self.angle.at)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        _, gradient, second = self.angle(q)
+        moment = factor * float(self.value(t)[0])
+        return moment * gradient, -moment * second, np.zeros_like(second)
+
+    def effort(self, q: Array, v: Array, t: float) -> tuple[Array, Array]:
+        """What its work is summed up from: forces, and the values that they work along."""
+        return self.value(t), np.array([self.angle(q)[0]])
+
+    def keep(self, q: Array) -> None:
+        """Accept a state."""
+        self.angle.keep(q)
+
+
+def loads_of(layout: Layout) -> list[LoadForce]:
+    """All loads of a scene."""
+    found: list[LoadForce] = []
+    for load in layout.scene.loads:
+        match load:
+            case Force():
+                place = layout.scene.place(load.end)
+                position = layout.position(place)
+                if load.follower:
+                    found.append(Follower(load, position, layout.direction(place), layout.reference))
+                else:
+                    found.append(PointForce(load, position))
+            case Torque():
+                found.append(Moment(load, layout.direction(layout.scene.place(load.end)), layout.reference))
+            case LineLoad():
+                found.append(PointForce(load, _mean(layout, load.body)))
+            case _:
+                raise unknown_kind("load", load, LOADS)
+    return found
+
+
+def _mean(layout: Layout, name: str) -> Vector:
+    """∫ r dx of a beam: the place that a force per length works along, m²."""
+    if name in layout.rigid:
+        return Vector.of([(layout.first[name], layout.scene.beam(name).length)])
+    assert layout.beams is not None
+    bodies = layout.beams.bodies
+    mesh: BodyMesh = bodies.mesh(name)
+    first, l = bodies.node(name, 0), mesh.element.l  # noqa: E741
+    at, A = list[int](), list[Array]()
+    for node in range(mesh.nodes):
+        inner = 0 < node < mesh.nodes - 1
+        end = 0.0 if inner else (1.0 if node == 0 else -1.0)
+        for k, factor in ((0, l if inner else l / 2.0), (1, end * l * l / 12.0)):
+            number = 2 * int(layout.beams.numbers[k, first + node])
+            at += [number, number + 1]
+            A.append(factor * np.eye(2))
+    return Vector(np.array(at), np.concatenate(A, axis=1), np.zeros(2))
