@@ -160,6 +160,10 @@ class Bodies:
         i = self._places[name]
         return int(self.first[i]) + self.meshes[i].node(side)
 
+    def first_node(self, name: str) -> int:
+        """First node of a body."""
+        return int(self.first[self._places[name]])
+
     def mesh(self, name: str) -> BodyMesh:
         """Mesh of a body."""
         return self.meshes[self._places[name]]

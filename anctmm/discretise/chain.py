@@ -16,7 +16,8 @@ from scipy.sparse import csr_array
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.lacking import LACKING
-from anctmm.discretise.mesh import body_meshes, constant_forces
+from anctmm.discretise.maps import add_force, constant_forces_on
+from anctmm.discretise.mesh import body_meshes
 from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
 from anctmm.elements.kinds import kind_of
@@ -157,8 +158,8 @@ class Chain:
     def dead_load(self) -> Array:
         """Gravity and constant forces, (rows, nodes), N."""
         f = self.bodies.weight()
-        for name, side, force in constant_forces(self.scene):
-            f[:2, self.bodies.node(name, side)] += force
+        for vector, force in constant_forces_on(self.scene, self.bodies):
+            add_force(vector, force, f)
         return f
 
     def initial_velocity(self) -> Array:

@@ -2,4 +2,14 @@
 
 from anctmm.model.needs import MECHANISMS
 
-LACKING = frozenset(MECHANISMS)
+#: What acts on beams: loads and connectors.
+DONE = {
+    "springs",
+    "rotational-springs",
+    "driven-springs",
+    "laws",
+    "interior-loads",
+    "follower-forces",
+    "line-loads",
+}
+LACKING = frozenset(MECHANISMS) - DONE

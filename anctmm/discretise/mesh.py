@@ -178,7 +178,7 @@ def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
 
 
 def varying_loads(scene: Scene) -> list[Load]:
-    """Loads whose generalized force changes: forces of time, and all torques, which turn with their node."""
+    """Loads whose generalized force changes: those of time, and what turns with its place: torques and followers."""
     return [load for load in scene.loads if varies(load)]
 
 
@@ -192,10 +192,10 @@ def varies(load: Load) -> bool:
     """
     match load:
         case Force():
-            return callable(load.value)
+            return load.follower or callable(load.value)
         case Torque():
             return True
         case LineLoad():
-            raise not_offered(load)
+            return callable(load.value)
         case _:
             raise unknown_kind("load", load, LOADS)

@@ -1,4 +1,4 @@
-"""What acts on a scene in time, tabulated for the kernels: driven clamps, forces that vary in time, torques."""
+"""What acts on a scene in time, tabulated for the kernels: driven clamps, loads, connectors."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,15 +11,16 @@ from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.errors import unknown_kind
+from anctmm.forces.connectors import driven_connectors, free_of
+from anctmm.forces.loads import Loads, loads_of, loads_work
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
+from anctmm.model.connectors import free_name, name_of
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
-from anctmm.model.loads import LOADS, tabulated
-from anctmm.model.needs import not_offered
+from anctmm.model.loads import tabulated
 from anctmm.model.places import End
-from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
+from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
 
 Array = NDArray[np.float64]
@@ -53,24 +54,6 @@ class Hubs(NamedTuple):
     memory: Array
 
 
-@writes("memory")
-class Loads(NamedTuple):
-    """Loads whose generalized force varies, for kernels.
-
-    Parameters
-    ----------
-    nodes : ndarray of int, shape (loads,)
-    rows : ndarray of int, shape (loads,)
-        0 for a force; for a torque the first row of the vector it turns.
-    memory : ndarray, shape (2, loads, 2)
-        Forces and coordinates at the last call of `work_done`.
-    """
-
-    nodes: Ints
-    rows: Ints
-    memory: Array
-
-
 @dataclass(frozen=True)
 class Actuation:
     """Driven clamps (hubs, in names) and varying loads of a scene.
@@ -98,7 +81,7 @@ class Actuation:
     @property
     def width(self) -> int:
         """Numbers that the tables of driven clamps and loads hold for each time."""
-        return 3 * len(self.driven) + 2 * len(varying_loads(self.scene))
+        return 3 * len(self.driven) + self.load_table(np.zeros(1)).size
 
     def hubs(self) -> Hubs:
         """Driven clamps for kernels, with a memory of their own."""
@@ -112,11 +95,8 @@ class Actuation:
         return Hubs(nodes, of, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows)))
 
     def loads(self) -> Loads:
-        """Varying loads for kernels, with a memory of their own."""
-        loads = varying_loads(self.scene)
-        nodes = np.array([self._node(load) for load in loads], dtype=np.int64)
-        rows = [self._row(load) for load in loads]
-        return Loads(nodes, np.array(rows, dtype=np.int64), np.zeros((2, len(loads), 2)))
+        """Varying loads and connectors for kernels, with a memory of their own."""
+        return loads_of(self.scene, self.bodies, varying_loads(self.scene))
 
     def hub_table(self, t: Array) -> Array:
         """Angle, rate and acceleration of each driven clamp at times `t`, (n, hubs, 3)."""
@@ -124,52 +104,25 @@ class Actuation:
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
     def load_table(self, t: Array) -> Array:
-        """Force (x, y), or moment and 0, of each varying load at times `t`, (n, loads, 2)."""
-        return tabulated(varying_loads(self.scene), t)
+        """What acts at times `t`, (n, rows, 2).
 
-    def _row(self, load: Load) -> int:
-        """First of the components a load acts on."""
-        match load:
-            case Force():
-                return 0
-            case Torque():
-                return self.bodies.turning_row(self.scene.body_end(load.end)[0].name)
-            case LineLoad():
-                raise not_offered(load)
-            case _:
-                raise unknown_kind("load", load, LOADS)
-
-    def _node(self, load: Load) -> int:
-        if isinstance(load, LineLoad):
-            raise not_offered(load)
-        body, side = self.scene.body_end(load.end)
-        return self.bodies.node(body.name, side)
+        Force (x, y), or moment and 0, of each varying load; free measure of each driven connector and its rate; where
+        there are connectors, at last the time and 0.
+        """
+        loads = tabulated(varying_loads(self.scene), t)
+        if not self.scene.connectors:
+            return loads
+        driven = [
+            tabulate(f"{name_of(connector)} {free_name(connector)}", free_of(connector), t, 2)
+            for connector in driven_connectors(self.scene)
+        ]
+        return np.concatenate(
+            [loads, np.reshape(driven, (len(driven), len(t), 2)).swapaxes(0, 1), _clock(t)], axis=1
+        )
 
 
-@kernel
-def load_at(q: Array, node: int, row: int, x: float, y: float) -> tuple[float, float]:
-    """Generalized force of a load on rows `row`, `row` + 1: a force (x, y), or a moment x on the vector g there.
-
-    δθ = (g × δg)/|g|², so a moment M gives M (−g_y, g_x)/|g|².
-    """
-    if row == 0:
-        return x, y
-    gx, gy = q[row, node], q[row + 1, node]
-    m = x / (gx * gx + gy * gy)
-    return -m * gy, m * gx
-
-
-@kernel
-def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> None:
-    """Make f, (rows, nodes), at the loaded nodes the dead load and the varying loads of values, (loads, 2)."""
-    for n in range(len(loads.nodes)):
-        for k in range(f.shape[0]):
-            f[k, loads.nodes[n]] = dead[k, loads.nodes[n]]
-    for n in range(len(loads.nodes)):
-        node, row = loads.nodes[n], loads.rows[n]
-        x, y = load_at(q, node, row, values[n, 0], values[n, 1])
-        f[row, node] += x
-        f[row + 1, node] += y
+def _clock(t: Array) -> Array:
+    return np.stack([t, np.zeros_like(t)], axis=1)[:, None]
 
 
 @kernel
@@ -231,11 +184,5 @@ def work_done(moving: bool, q: Array, hubs: Hubs, loads: Loads, values: Array) -
             if moving:
                 work += 0.5 * (force + hubs.memory[0, h, k]) * (place - hubs.memory[1, h, k])
             hubs.memory[0, h, k], hubs.memory[1, h, k] = force, place
-    for n in range(len(loads.nodes)):
-        forces = load_at(q, loads.nodes[n], loads.rows[n], values[n, 0], values[n, 1])
-        for c in range(2):
-            place = q[loads.rows[n] + c, loads.nodes[n]]
-            if moving:
-                work += 0.5 * (forces[c] + loads.memory[0, n, c]) * (place - loads.memory[1, n, c])
-            loads.memory[0, n, c], loads.memory[1, n, c] = forces[c], place
+    work += loads_work(moving, q, loads, values)
     return work

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.forces.connectors import free_of
 from anctmm.forces.histories import (
     JUMP,
     Calendar,
@@ -19,6 +20,7 @@ from anctmm.forces.histories import (
     value_at,
 )
 from anctmm.jit.compiling import inlined
+from anctmm.model.connectors import Connector, free_name, name_of
 from anctmm.model.loads import load_text, width_of
 from anctmm.model.scene import Clamp, Load
 
@@ -47,15 +49,23 @@ class Timeline(NamedTuple):
     anew: NDArray[np.bool_]
 
 
-def timeline(clamps: Sequence[Clamp], loads: Sequence[Load], t_end: float, outputs: int) -> Timeline:
+def timeline(
+    clamps: Sequence[Clamp],
+    loads: Sequence[Load],
+    connectors: Sequence[Connector],
+    t_end: float,
+    outputs: int,
+) -> Timeline:
     """What acts from 0 to t_end.
 
     Parameters
     ----------
     clamps : sequence of Clamp
         Those that turn.
-    loads : sequence of Force or Torque
+    loads : sequence of Force, Torque, LineLoad
         Those whose generalized force varies.
+    connectors : sequence of Spring, RotationalSpring
+        Those whose free length or angle is driven.
     t_end : float
         s.
     outputs : int
@@ -73,6 +83,9 @@ def timeline(clamps: Sequence[Clamp], loads: Sequence[Load], t_end: float, outpu
         found.append(represent(name, clamp.angle, 3, calendar))
         check_drive(name, found[-1])
     found += [_of_load(load, calendar) for load in loads]
+    for connector in connectors:
+        name = f"{name_of(connector)} {free_name(connector)}"
+        found.append(represent(name, free_of(connector), 2, calendar))
     jumps = [history.breaks[(history.jumps() > JUMP).any(axis=1)] for history in found]
     anew = np.unique(np.concatenate([np.empty(0), *jumps]))
     stops = np.unique(np.concatenate([calendar.breaks, anew, [np.inf]]))
@@ -89,7 +102,9 @@ def _of_load(load: Load, calendar: Calendar) -> Represented:
 
 @inlined
 def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-def]
-    """Angles, rates and accelerations of the drives, (drives, 3), and values of the loads, (loads, 2), at t.
+    """Angles, rates and accelerations of drives, (drives, 3), and values of loads and driven connectors, (n, 2), at t.
+
+    What rows there are beyond these hold the time.
 
     Where they jump: those before it, or, if `after`, those after it.
     """
@@ -97,10 +112,13 @@ def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-de
         piece = piece_at(pieces, h, t, after)
         for k in range(3):
             angles[h, k] = value_at(pieces, piece, k, t)
-    for n in range(len(values)):
+    histories = len(pieces.steady) - len(angles)
+    for n in range(histories):
         piece = piece_at(pieces, len(angles) + n, t, after)
         for k in range(2):
             values[n, k] = value_at(pieces, piece, k, t)
+    for n in range(histories, len(values)):
+        values[n, 0] = t
 
 
 @inlined

@@ -27,11 +27,11 @@ from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import (
     Hubs,
-    Loads,
     hub_reactions,
     turn_hubs,
     work_done,
 )
+from anctmm.forces.loads import Loads
 from anctmm.integrators.implicit_start import start
 from anctmm.integrators.implicit_step import (
     Damping,
@@ -160,7 +160,7 @@ def advance(
     """
     q, v, _, w, _, _, f, _, _, flat = state
     _, flat_v, flat_a, flat_w, _, flat_before = flat
-    driven = len(hubs.nodes) + len(loads.nodes) > 0
+    driven = len(hubs.nodes) + len(loads.touched) > 0
     unfinished, first = False, max(begin, 0)
     for step in range(begin, end):
         if driven and step >= 0:
@@ -174,7 +174,7 @@ def advance(
             if unfinished:
                 finish(flat_v, flat_a, flat_w, flat_before, coefficients)
             unfinished = False
-            keep(step, stride, q, v, w, tables, out)
+            keep(step, stride, q, v, w, tables, loads.connectors, out)
         if step == steps:
             break
         begin_step(unfinished, flat, coefficients)

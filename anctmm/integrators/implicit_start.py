@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables
-from anctmm.forces.actuation import Hubs, Loads, place_hubs, set_loads, turn_hubs
+from anctmm.forces.actuation import Hubs, place_hubs, turn_hubs
+from anctmm.forces.connectors import add_connectors
+from anctmm.forces.loads import Loads, set_loads
 from anctmm.integrators.implicit_step import Damping, State, add_damping_forces, copy, dissipated
 from anctmm.integrators.newton import Newton
 from anctmm.jit.compiling import kernel, uncompiled
@@ -77,6 +79,7 @@ def balance(
         copy(flat_v, damping.flat)
         add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
         dissipated(state.q, state.q, damping)
+    add_connectors(loads.connectors, state.q, state.v, values, state.f)
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
     by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
     _, _, flat_a, flat_w, _, _ = state.flat

@@ -15,7 +15,7 @@ from anctmm.discretise.assembly import (
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
-from anctmm.forces.actuation import set_loads
+from anctmm.forces.loads import set_loads
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 

@@ -17,14 +17,14 @@ from anctmm.discretise.assembly import (
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.forces.actuation import (
-    set_loads,
-)
+from anctmm.forces.connectors import add_connectors_at_end, end_velocities
+from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit_step import add_damping_forces, predict, stiffened_bodies, velocities_at_end
 from anctmm.integrators.stability import element_bound
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
+from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
     factorize,
     find_unknowns,
@@ -81,7 +81,7 @@ def single_will_do(chain: Chain) -> bool:
     iteration tends to; a correction is wrong by ε (c_w + ω²)/c_w of itself or less, the condition of c_w M + K_T times
     the rounding, with ω the highest frequency of a free element. (Kelley 2022, Newton's method in mixed precision.)
     """
-    if chain.bodies.nodes <= LONG or chain.plan.kept:
+    if chain.bodies.nodes <= LONG or chain.plan.kept or chain.scene.connectors:
         return False
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     condition = 1.0 + element_bound(chain, stiffened_bodies(chain.bodies, c)) ** 2 / c.to_w
@@ -118,13 +118,14 @@ def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
 @inlined
 def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
-    q, _, _, w, _, _, f, dead, arrived, flat = state
+    q, v, a, w, _, w_before, f, dead, arrived, flat = state
     _, flat_v, flat_a, flat_w, _, had = flat
     _, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
     for iteration in range(ITERATIONS):
         set_loads(q, f, dead, loads, load_values)
+        end_velocities(loads.connectors, v, a, w, w_before, coefficients)
         if full or counts[2] != 0:
             if damping is None:
                 factorize(q, tables, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors)
@@ -132,13 +133,16 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
                 factorize(
                     q, damping.stiff, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors
                 )
+            factor_border(loads.border, q, coefficients.to_q, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
         if damping is not None:
             velocities_at_end(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
             add_damping_forces(q, f, dead, tables, loads, load_values, damping)
+        add_connectors_at_end(loads.connectors, q, load_values, f)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
         size = _backward(q, w, coefficients, newton.scale, factors, factors.loops, arrived)
+        size = correct_step(loads.border, arrived, q, w, coefficients, newton.scale, size)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:

@@ -12,15 +12,17 @@ from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.forces.actuation import (
     Actuation,
-    set_loads,
     turn_hubs,
 )
+from anctmm.forces.connectors import add_connectors_at_end, end_velocities
+from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit_step import State, new_damping
 from anctmm.integrators.newton import ITERATIONS, Newton
 from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.recursion.low_rank import correct, factor_border
 from anctmm.recursion.riccati import (
     block_factors,
     factorize,
@@ -104,6 +106,8 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
                     tables.buffer,
                     force,
                 )
+            end_velocities(loads.connectors, state.v, a, w, state.w_before, c)
+            add_connectors_at_end(loads.connectors, q, values, force)
             elastic_forces(
                 tables.blend, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
             )
@@ -111,7 +115,9 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
             residual = force - elastic - inertia
             found.append(float(np.linalg.norm(joined.gather(residual))))
             factorize(q, matrix, links(chain), c.to_w, 1.0, loads, values, factors)
+            factor_border(loads.border, q, 1.0, loads, values, factors)
             x = solve(factors, residual)
+            correct(loads.border, x)
             q += x
             w += c.to_w * x
     return tuple(found)

@@ -13,6 +13,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
+from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.results.divergence_checks import checked
@@ -225,7 +226,16 @@ def too_large(q: Array, limit: float) -> bool:
 
 
 @kernel
-def keep(step: int, stride: int, q: Array, v: Array, a: Array, tables: Tables, out: Output) -> None:
+def keep(
+    step: int,
+    stride: int,
+    q: Array,
+    v: Array,
+    a: Array,
+    tables: Tables,
+    connectors: Connectors | None,
+    out: Output,
+) -> None:
     """Keep the state of an output step; the last step of a run has the last place."""
     place = step // stride if step % stride == 0 else len(out.q) - 1
     for k in range(q.shape[0]):  # a loop: assigning a whole array compiles seconds longer
@@ -233,4 +243,5 @@ def keep(step: int, stride: int, q: Array, v: Array, a: Array, tables: Tables, o
             out.q[place, k, i], out.v[place, k, i], out.a[place, k, i] = q[k, i], v[k, i], a[k, i]
     out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
     out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
+    out.energy[place, 1] += connectors_energy(connectors)
     out.energy[place, 2] = out.work[0]

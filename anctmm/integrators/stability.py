@@ -13,6 +13,7 @@ from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import Element
 from anctmm.errors import StabilityError
+from anctmm.integrators.connected import Connected
 from anctmm.recursion.border import project, rigid_system
 from anctmm.recursion.riccati import mass_factors, solve
 
@@ -46,7 +47,9 @@ def step_limit(psi: float, phi: float, frequency: float, rate: float = 0.0) -> f
     return 2.0 / (b + sqrt(b * b + 4.0 * a)) if a > 0.0 or b > 0.0 else inf
 
 
-def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | None = None) -> float:
+def highest_frequency(
+    chain: Chain, q: Array | None = None, bodies: Bodies | None = None, *, damping: bool = False
+) -> float:
     """Largest angular frequency ω_max of a scene linearised about a configuration, rad/s.
 
     Lanczos on M⁻¹K_T; the product with M⁻¹ is the Riccati sweep, that with K_T a difference of elastic forces, so
@@ -59,6 +62,8 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
         The undeformed scene without it.
     bodies : Bodies, optional
         Others than the chain's, of the same nodes, to take the elastic forces from.
+    damping : bool
+        Whether the forces of connectors are those of velocities.
 
     Returns
     -------
@@ -70,9 +75,11 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
     inverse, rigid = mass_factors(chain), rigid_system(chain)
     join = Joined(chain)
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
+    connected = Connected(chain)
 
     def force(at: Array, out: Array) -> None:
         elastic_forces(bodies.blend, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
+        connected.subtract(q, at, damping, out)
 
     def stiffness(x: Array) -> Array:
         p = join.spread(x)
@@ -91,7 +98,7 @@ def highest_frequency(chain: Chain, q: Array | None = None, bodies: Bodies | Non
         return join.unknowns(a if rigid is None else project(rigid, q, a))
 
     n = join.size
-    if n == 0 or not any(not m.kind.rigid for m in bodies.meshes):
+    if n == 0 or not (chain.scene.connectors or any(not m.kind.rigid for m in bodies.meshes)):
         return 0.0
     if n < 3 or (
         rigid is not None and n <= DENSE
@@ -129,7 +136,10 @@ def largest_step(chain: Chain, q: Array) -> float:
 def highest_rate(chain: Chain) -> float:
     """Largest rate c of decay by damping in q̈ + c q̇ + … of the undeformed scene, 1/s; 0 without damping."""
     damping = chain.bodies.damping
-    return 0.0 if damping is None else highest_frequency(chain, bodies=chain.bodies.stiffened(damping)) ** 2
+    if damping is None and not Connected(chain).damped:
+        return 0.0
+    rates = np.zeros(len(chain.bodies.meshes)) if damping is None else damping
+    return highest_frequency(chain, bodies=chain.bodies.stiffened(rates), damping=True) ** 2
 
 
 def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
@@ -166,12 +176,13 @@ def check_step(chain: Chain) -> None:
         )
     damping = chain.bodies.damping
     bound = 0.0 if damping is None else element_bound(chain, chain.bodies.stiffened(damping)) ** 2
-    if run.dt <= step_limit(run.psi, run.phi, element_bound(chain), bound):
+    stiff, lossy = Connected(chain).bounds()
+    if run.dt <= step_limit(run.psi, run.phi, sqrt(element_bound(chain) ** 2 + stiff), bound + lossy):
         return
     frequency, rate = highest_frequency(chain), highest_rate(chain)
     limit = step_limit(run.psi, run.phi, frequency, rate)
     if run.dt > limit:
-        also = f", its highest rate of damping {rate:.6g} 1/s" if damping is not None else ""
+        also = f", its highest rate of damping {rate:.6g} 1/s" if rate > 0.0 else ""
         raise StabilityError(
             f"dt is {run.dt!r} s; at most {limit:.6g} s is stable: the highest frequency of scene "
             f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s{also} "

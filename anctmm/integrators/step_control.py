@@ -25,17 +25,21 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, mass_product
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.maps import push_alike
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
-from anctmm.forces.actuation import Actuation, Hubs, Loads, hub_reactions, load_at, turn_hubs, work_done
+from anctmm.forces.actuation import Actuation, Hubs, hub_reactions, turn_hubs, work_done
+from anctmm.forces.connectors import driven_connectors, measure, slopes
+from anctmm.forces.loads import Loads, load_at
 from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
 from anctmm.integrators.implicit_start import balance
 from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
 from anctmm.integrators.newton import Newton, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import STEP, Output, Record, gradient_size, keep, too_large, worst_element
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.pacing import paced
+from anctmm.recursion.low_rank import correct
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
@@ -127,7 +131,13 @@ def integrate(chain: Chain) -> Solution:
     """
     run = chain.run
     actuation, record = Actuation(chain.scene, chain.bodies), Record(chain)
-    actions = timeline([c for _, c in actuation.driven], varying_loads(chain.scene), run.t_end, run.steps)
+    actions = timeline(
+        [c for _, c in actuation.driven],
+        varying_loads(chain.scene),
+        driven_connectors(chain.scene),
+        run.t_end,
+        run.steps,
+    )
     whole, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
     scratch, still = record.arrays(), np.zeros(chain.bodies.nodes)
 
@@ -206,7 +216,7 @@ def _march(
         np.zeros_like(state.q),
         np.zeros_like(state.q),
         np.zeros((2, drives, 3)),
-        np.zeros((2, histories - drives, 2)),
+        np.zeros((2, histories - drives + min(len(chain.scene.connectors), 1), 2)),
         np.zeros(2),
         bodies.reference(),
         np.concatenate([np.full(m.nodes, BULGE * m.element.l) for m in bodies.meshes]),
@@ -299,7 +309,7 @@ def advance(
                     newton.history[:] = 0.0  # no step was refused
                     code = STUCK
                     break
-                keep(number, 1, q, v, w, tables, out)
+                keep(number, 1, q, v, w, tables, loads.connectors, out)
                 kept += 1
             if number == outputs or t >= end:
                 break
@@ -410,13 +420,13 @@ def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type:
             x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
     mass_product(x, tables.first, tables.masses, tables.buffer, load)
     drives = len(hubs.nodes)
-    for n in range(len(loads.nodes)):
-        node, row = loads.nodes[n], loads.rows[n]
+    for n in range(len(loads.kinds)):
         missed_impulse(pieces, drives + n, t, c.h, values[0, n], values[1, n], missed)
-        forces = load_at(q, node, row, missed[0], missed[1])
-        for k in range(2):  # with the sign of the rest, so that the two do not cancel
-            load[row + k, node] += np.copysign(c.to_w * c.h * abs(forces[k]), load[row + k, node])
+        fx, fy = load_at(loads, n, q, missed[0], missed[1])
+        push_alike(loads.targets, n, c.to_w * c.h * fx, c.to_w * c.h * fy, load)
+    _add_missed_lengths(loads.connectors, pieces, drives, t, c, q, values, missed, load)
     sweep(factors, load, x)
+    correct(loads.border, x)
     turned = 0.0
     for h in range(drives):
         turned = max(turned, missed_turn(pieces, h, t, c.h, angles[0, h], angles[1, h]))
@@ -424,6 +434,21 @@ def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type:
     for i in range(q.shape[1]):
         largest = max(largest, _size(x, i, control.bulge) / max(control.moved[i], least))
     return largest + turned * control.reach / control.scale[0]
+
+
+@embedded
+def _add_missed_lengths(connectors, pieces, drives, t, c, q, values, missed, load):  # type: ignore[no-untyped-def]
+    """What free lengths and angles do beside their straight lines, as impulses of the forces that they make."""
+    if connectors is not None:
+        for n in range(len(connectors.kinds)):
+            row = connectors.driven[n]
+            if row >= 0:
+                missed_impulse(pieces, drives + row, t, c.h, values[0, row], values[1, row], missed)
+                m, ax, ay, bx, by = measure(connectors, n, q)
+                k, d = slopes(connectors, n, m - values[1, row, 0], 0.0, t)
+                s = c.to_w * c.h * (abs(k) * missed[0] + abs(d) * missed[1])
+                push_alike(connectors.first, n, s * ax, s * ay, load)
+                push_alike(connectors.second, n, s * bx, s * by, load)
 
 
 @inlined

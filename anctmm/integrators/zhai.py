@@ -17,13 +17,13 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.forces.actuation import (
     Hubs,
-    Loads,
     hub_reactions,
     place_hubs,
-    set_loads,
     turn_hubs,
     work_done,
 )
+from anctmm.forces.connectors import add_connectors
+from anctmm.forces.loads import Loads, set_loads
 from anctmm.integrators.output import (
     Output,
     Record,
@@ -236,7 +236,7 @@ def advance(
     first, blend, kinds, constants, masses, buffer = tables
     _, of, _, motion, reaction, _ = hubs
     L, G, D, places = split
-    driven = len(hubs.nodes) + len(loads.nodes) > 0
+    driven = len(hubs.nodes) + len(loads.touched) > 0
     flat_q, flat_v, flat_even, flat_odd = state.flat
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
@@ -251,6 +251,7 @@ def advance(
             return step
         if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
+            add_connectors(loads.connectors, q, v, load_table[step - begin], f)
         if damping is not None:
             lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
             if step > 0:
@@ -288,7 +289,7 @@ def advance(
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
-            keep(step, numbers.stride, q, v, now, tables, out)
+            keep(step, numbers.stride, q, v, now, tables, loads.connectors, out)
         if step == 0:
             update(flat_q, flat_v, flat_even, flat_even, numbers)
         elif step < numbers.steps:

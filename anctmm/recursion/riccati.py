@@ -23,7 +23,8 @@ from anctmm.discretise.assembly import Tables, block_tangents, components
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.plan import PIN, WELD
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
-from anctmm.forces.actuation import Loads
+from anctmm.forces.loads import Loads, no_loads
+from anctmm.forces.stiffness import fill_local
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
@@ -156,7 +157,7 @@ def mass_factors(chain: Chain) -> BlockFactors:
     """Factor the mass of any chain in full blocks."""
     bodies = chain.bodies
     factors = block_factors(chain)
-    none = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    none = no_loads(bodies)
     factorize(bodies.reference(), bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
     return factors
 
@@ -277,8 +278,10 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
     first, blend, kinds, constants, masses, _ = tables
     link, turn, known = links
     d = len(unit)
-    negative, place, port = 0, 0, -1
+    negative, place, port, site = 0, 0, -1, 0
     work[:] = 0.0
+    local = loads.local
+    fill_local(q, stiffness, loads, load_values)
     if loops is not None:
         loops.matrix.values[:] = 0.0
     for b in range(len(link)):
@@ -287,14 +290,17 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
             if i == places.at[place]:
                 port = _pass_place(unit, places, loops, place, work)
                 place += 1
-            for n in range(len(loads.nodes) if i == first[b] or i == last else 0):  # loads act on ends only
-                if loads.nodes[n] == i and loads.rows[n] > 0:
-                    _add_torque_stiffness(unit, q, i, loads.rows[n], stiffness * load_values[n, 0], work)
+            here = site
+            while site < len(local.nodes) and local.nodes[site] == i:
+                add_block_here(unit, local.blocks[site], work)
+                site += 1
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
                 if j == 0 and stiffness != 0.0:
                     block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
                 _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
+                for n in range(here, site):
+                    add_block_beyond(unit, local.blocks[n], work)
                 if loops is None:
                     negative += _eliminate(unit, known, i, work)
                 else:
@@ -619,12 +625,21 @@ def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     _store(unit, i, work, L, G)
 
 
-@embedded
-def _add_torque_stiffness(unit, q, i, row, moment, D):  # type: ignore[no-untyped-def]
-    """Subtract the derivative of M (−g_y, g_x)/|g|² by g: a torque has the potential −M θ(g)."""
+@inlined
+def add_block_here(unit, block, work):  # type: ignore[no-untyped-def]
+    """Add a matrix of a node and the next one to D: the node's own part."""
     d = len(unit)
-    x, y = q[row, i], q[row + 1, i]
-    f = moment / (x * x + y * y) ** 2
-    D[d * row + row] -= f * 2.0 * x * y
-    D[d * (row + 1) + row] -= f * (y * y - x * x)
-    D[d * (row + 1) + row + 1] += f * 2.0 * x * y
+    for m in range(d):
+        for k in range(m + 1):
+            work[d * m + k] += block[m, k]
+
+
+@inlined
+def add_block_beyond(unit, block, work):  # type: ignore[no-untyped-def]
+    """Add the other parts: to matrix 2, and to D of the next node."""
+    d = len(unit)
+    for m in range(d):
+        for k in range(d):
+            work[2 * d * d + d * m + k] += block[d + m, k]
+        for k in range(m + 1):
+            work[d * m + k] += block[d + m, d + k]

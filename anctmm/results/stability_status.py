@@ -6,7 +6,13 @@ SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller
 
 
 def unstable(
-    factor: float, negative: int, body: str | None, element: int | None, stable_until: float, advice: str = ""
+    factor: float,
+    negative: int,
+    body: str | None,
+    element: int | None,
+    stable_until: float,
+    advice: str = "",
+    flutter: bool = False,
 ) -> Status:
     """Status of an unstable equilibrium.
 
@@ -22,12 +28,15 @@ def unstable(
         Last load factor below whose equilibrium was found to be stable; 0 if none was.
     advice : str
         How a stable one can be found.
+    flutter : bool
+        Whether motions grow that swing to and fro.
     """
     count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
+    why = "small motions grow, to and fro (flutter)" if flutter else f"the tangent stiffness has {count}"
     before = f"; at {stable_until:.6g} it was stable" if stable_until > 0.0 else ""
     return Status(
         "unstable",
-        f"the equilibrium at load factor {factor:.6g} is unstable: the tangent stiffness has {count}"
+        f"the equilibrium at load factor {factor:.6g} is unstable: {why}"
         f"{_where(body, element)}{before}; {advice or SMALLER}",
         time=factor,
         body=body,

@@ -14,7 +14,8 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.forces.actuation import Actuation, Hubs, Loads
+from anctmm.forces.actuation import Actuation, Hubs
+from anctmm.forces.loads import Loads
 from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel
 from anctmm.model.scene import Scene

@@ -313,7 +313,7 @@ def tangent_solve(chain: Chain, q: Array, load: Array) -> Array:
     """x of K_T(q) x = load by the recursion, (rows, nodes)."""
     bodies = chain.bodies
     factors = riccati.block_factors(chain)
-    none = riccati.Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    none = riccati.no_loads(bodies)
     riccati.factorize(q, bodies.tables(), riccati.links(chain), 0.0, 1.0, none, np.empty((0, 2)), factors)
     return riccati.solve(factors, load)
 

@@ -25,7 +25,8 @@ from anctmm.discretise.chain import Joined
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import DiscretisationError, SolverError
-from anctmm.forces.actuation import Actuation, Loads
+from anctmm.forces.actuation import Actuation
+from anctmm.forces.loads import no_loads
 from anctmm.jit.compiling import kernel
 from anctmm.jit.mixed_precision import in_double
 from anctmm.model.scene import Beam, Scene, Torque, Weld
@@ -231,7 +232,7 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
     chain = chain_of(row_scene(start, [("pin", 0.5), ("weld", 1.0)], end), mesh=20, element=kind)
     bodies, q = chain.bodies, deformed(chain, 0.02)
     factors, none = block_factors(chain), np.empty((0, 2))
-    loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    loads = no_loads(chain.bodies)
     weight = 1e7
     pivots = factorize(q, bodies.tables(), links(chain), weight, 1.0, loads, none, factors)
     f = np.random.default_rng(1).standard_normal(q.shape) * scales(chain)
@@ -245,7 +246,7 @@ def test_factors_in_single_precision_are_those_in_double_rounded(kind):
     """And both sweeps read them as they are: the same solution as with the rounded numbers in double precision."""
     chain = chain_of(row_scene("clamp", [("pin", 0.5), ("weld", 1.0)], "free"), mesh=20, element=kind)
     bodies, q = chain.bodies, deformed(chain, 0.02)
-    loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    loads = no_loads(chain.bodies)
     exact, single, rounded = (block_factors(chain, s) for s in (False, True, False))
     for factors in (exact, single):
         factorize(q, bodies.tables(), links(chain), 1e7, 1.0, loads, np.empty((0, 2)), factors)
@@ -299,7 +300,7 @@ def test_factorization_counts_the_negative_pivots():
     """K_T of a free body at rest has three zero modes; with a negative mass nothing is positive."""
     chain = chain_of(row_scene("free", [], "free"), mesh=2)
     bodies, factors = chain.bodies, block_factors(chain)
-    loads = Loads(np.empty(0, np.int64), np.empty(0, np.int64), np.empty((2, 0, 2)))
+    loads = no_loads(chain.bodies)
     for mass, negative in ((1.0, 0), (-1.0, 12)):
         arguments = (bodies.reference(), bodies.tables(), links(chain), mass, 0.0, loads, np.empty((0, 2)))
         assert factorize(*arguments, factors) == negative

@@ -23,6 +23,8 @@ ITERATIONS, AIM = 12, 4
 REACH = 0.3
 #: Cosine of the angle that the tangent may turn by in a step, and of those between the step and both tangents.
 STRAIGHT = 0.94
+#: Largest turn of a rotational spring in a step, rad: its turns are counted.
+HALF = 1.5
 #: Shortest and longest step.
 SHORTEST, LONGEST = 1e-9, 0.25
 #: Component of λ in the tangent at which a point counts as a limit point: λ differs from its limit by the square.
@@ -102,6 +104,7 @@ class ArcPath:
                     yield (whole[0][1] if whole else end)._replace(factor=1.0, limit=False)
                     return
                 yield end._replace(limit=end is not new)
+            self.system.accept(new.q, new.factor)
             here, step = new, step * float(np.clip(np.sqrt(AIM / corrections), 0.5, 1.5))
 
     def _step(self, here: Point, length: float) -> tuple[Point | None, int]:
@@ -111,7 +114,7 @@ class ArcPath:
         last, stalled = np.inf, 0
         for number in range(1, ITERATIONS + 1):
             system.factorize(q, factor)
-            x, y = system.solve(system.residual(q, factor)), system.solve(system.applied(q, 1.0))
+            x, y = system.solve(system.residual(q, factor)), system.solve(system.load_rate(q, factor))
             self.iterations += 1
             more = -self._product(here.along, x) / (self._product(here.along, y) + here.rise)
             x += more * y
@@ -130,6 +133,8 @@ class ArcPath:
         """Whether the path turns more than it may between two points, of which one may be on another branch."""
         chord, rise = new.q - here.q, new.factor - here.factor
         length = float(np.sqrt(self._product(chord, chord) + rise**2))
+        if self.system.turned(new.q, new.factor) > HALF:
+            return True
         least = min(self._product(chord, p.along) + rise * p.rise for p in (here, new))
         return least < STRAIGHT * length or self._cosine(here, new) < STRAIGHT
 
@@ -139,7 +144,7 @@ class ArcPath:
     def _tangent(self, q: Array, factor: float, before: Point | None) -> Point | None:
         """An equilibrium with the path's tangent, which goes on as before, or from no load to more of it."""
         self.system.factorize(q, factor)
-        x = self.system.solve(self.system.applied(q, 1.0))
+        x = self.system.solve(self.system.load_rate(q, factor))
         length = float(np.sqrt(self._product(x, x) + 1.0))
         if not np.isfinite(length):
             return None

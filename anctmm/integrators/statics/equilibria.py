@@ -37,6 +37,8 @@ PATHS = ("load", "arclength")
 FIRST, POINTS = 1.0 / 32.0, 20_000
 #: Elements of a body with which a mesh of MANY nodes is asked whether the scene is a mechanism.
 COARSE = 8
+#: Advice where forces have no potential, and so no branch is one of least energy.
+LESS = "smaller loads, or a stiffer scene, may do"
 ADVICE = "branch='stable' finds a stable one"
 #: Bytes that are taken for each coordinate, as measured.
 MEMORY = 220.0
@@ -106,6 +108,11 @@ def solve_static(
     chain = Chain(scene, run)
     check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)
+    if branch == "stable" and not search.system.conservative:
+        raise DiscretisationError(
+            f"branch is 'stable' with a force that turns with its place in scene {scene.name!r}; 'path' is needed: "
+            f"such a force has no potential energy"
+        )
     search.newton(0.0)  # compiles
     stability_of(search.system, search.q, 0.0)
     search.reset()
@@ -167,7 +174,7 @@ def _stabilised(search: LoadPath) -> Advance:
 
     def advance(target: float) -> Status | None:
         status = search.reach(target)
-        if status is None or status.code != "diverged":
+        if status is None or status.code != "diverged" or not search.system.conservative:
             return status
         begin, factor, q = search.factor, search.factor, search.q
         for factor, q in stable_path(search.system, search.q, begin, target):  # noqa: B007
@@ -282,9 +289,10 @@ def _doubt(search: LoadPath, before: float) -> Status | None:
         case "singular":
             return singular(factor, *worst_element(search.chain, system.sizes(found.motion)))
         case "unstable":
-            mode = lowest_mode(system, search.q, factor)[1]
+            free = system.conservative
+            mode = lowest_mode(system, search.q, factor)[1] if free else found.motion
             worst = worst_element(search.chain, system.sizes(mode))
-            return unstable(factor, found.negative, *worst, before, ADVICE)
+            return unstable(factor, found.negative, *worst, before, ADVICE if free else LESS, found.flutter)
         case _:
             assert_never(found.kind)
 

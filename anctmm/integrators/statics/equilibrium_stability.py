@@ -10,7 +10,9 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigs
 
+from anctmm.discretise.chain import Joined
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.statics.static_system import StaticSystem
 
@@ -21,6 +23,8 @@ EPS = float(np.finfo(np.float64).eps)
 ROUNDING, TRIALS = 4.0 * EPS, 4
 #: Relative change of its answer from which on the tangent is singular as far as double precision can tell.
 SINGULAR = 0.5
+#: Unknowns up to which all motions are looked at, and the lowest of more; imaginary part that is no rounding.
+DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
 #: Steps of the inverse iteration, and relative change of the eigenvalue at which it ends.
 ITERATIONS, CONVERGED = 300, 1e-12
 
@@ -38,20 +42,54 @@ class Stability:
         Directions in which the energy falls.
     motion : ndarray, shape (rows, nodes)
         The motion that needs the least force, of any size.
+    flutter : bool
+        Whether motions grow that swing to and fro, as under forces without a potential.
     """
 
     kind: Literal["stable", "unstable", "singular"]
     negative: int
     motion: Array
+    flutter: bool = False
 
 
 def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
     """Stability of an equilibrium q, (rows, nodes), under a part of the load."""
     motion, singular = _softest(system, q, factor)
     negative = system.factorize(q, factor)
+    if not singular and not system.conservative:
+        return _by_motions(system, motion)
     if singular:
         return Stability("singular", negative, motion)
     return Stability("unstable" if negative else "stable", negative, motion)
+
+
+def _by_motions(system: StaticSystem, motion: Array) -> Stability:
+    """Stability under forces without a potential, with the tangent K factored last: small motions M ẍ + K x = 0.
+
+    They do not grow where the eigenvalues λ = ω² of K x = λ M x are positive. A negative one is a motion that leaves
+    without swinging; a complex pair is two frequencies that have become one (flutter). Both begin at low frequencies:
+    the lowest few are found, by inverse iteration in a Krylov space.
+    """
+    joined = Joined(system.chain)
+    n = joined.size
+
+    def soften(x: Array) -> Array:
+        return joined.unknowns(system.solve(joined.load(joined.gather(system.inertia(joined.spread(x))))))
+
+    if n <= DENSE:
+        inverse, shapes = np.linalg.eig(np.stack([soften(e) for e in np.eye(n)], axis=1))
+    else:
+        operator = LinearOperator((n, n), matvec=soften, dtype=float)
+        start = np.random.default_rng(0).standard_normal(n)
+        inverse, shapes = eigs(operator, LOWEST, which="LM", v0=start)
+    values = 1.0 / inverse
+    swings = np.abs(values.imag) > COMPLEX * np.abs(values)
+    leaves = ~swings & (values.real < 0.0)
+    grows = swings | leaves
+    if not grows.any():
+        return Stability("stable", 0, motion)
+    worst = joined.spread(np.real(shapes[:, int(np.argmax(np.where(grows, np.abs(inverse), 0.0)))]))
+    return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:

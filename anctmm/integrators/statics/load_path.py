@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 ITERATIONS = 20
 #: A gradient corrected by more than this is out of Newton's reach: the load step is halved at once.
 REACH = 0.7
+#: Largest turn of a rotational spring in a load step, rad: its turns are counted.
+HALF = 1.5
 #: Smallest load step, of the whole load.
 SMALLEST = 1e-6
 #: Corrections that no longer fall count as rounding below this size.
@@ -49,6 +51,7 @@ class LoadPath:
     def reset(self) -> None:
         """Back to the undeformed scene."""
         self.q = self.system.reference.copy()
+        self.system.restart()
         self.before: tuple[float, Array] | None = None
         self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
@@ -65,9 +68,10 @@ class LoadPath:
             kept = self.q.copy()
             if self.before is not None:
                 self.q += (self.q - self.before[1]) * (step / (self.factor - self.before[0]))
-            if self.newton(self.factor + step):
+            if self.newton(self.factor + step) and self.system.turned(self.q, self.factor + step) < HALF:
                 self.before = (self.factor, kept)
                 self.factor += step
+                self.system.accept(self.q, self.factor)
                 step *= 2.0
                 continue
             self.q, self.before = kept, None
@@ -171,6 +175,7 @@ class LoadPath:
                 return self.stuck(self.factor)
             self.q = q.copy()
         self.before, self.factor = None, target
+        self.system.accept(self.q, target)
         return None
 
     def stuck(self, factor: float) -> Status:

@@ -80,7 +80,7 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
     ndarray, shape (rows, nodes), or None
         None where none is found. Where a motion needs no force the minimum is not strict: any of its places will do.
     """
-    q, shift, least = start.copy(), 0.0, least_shift(system)
+    q, shift, least, turns = start.copy(), 0.0, least_shift(system), system.turns()
     for _ in range(TRIED):
         force = system.residual(q, factor)
         while system.factorize(q, factor, shift) > 0:
@@ -99,10 +99,13 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
             shift = max(4.0 * shift, least)
             continue
         q += x
+        system.accept(q, factor)
         if not system.size(q - start) <= motion:
+            system.accept_again(turns)
             return None
         if gain > GOOD:
             shift = 0.25 * shift if shift > 4.0 * least else 0.0
+    system.accept_again(turns)
     return None
 
 

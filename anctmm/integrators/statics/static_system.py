@@ -5,10 +5,19 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import elastic_forces, mass_product, strain_energy
 from anctmm.discretise.chain import Chain
-from anctmm.forces.actuation import Actuation, set_loads
+from anctmm.discretise.maps import vector_at
+from anctmm.forces.actuation import Actuation
+from anctmm.forces.connectors import TURN, add_connectors_at_end, connectors_energy, connectors_work
+from anctmm.forces.loads import DEAD, FOLLOWER, set_loads
+from anctmm.forces.potentials import potential_change
+from anctmm.jit.compiling import uncompiled
+from anctmm.recursion.low_rank import correct, factor_border, negative_of
 from anctmm.recursion.riccati import block_factors, factorize, links, solve
 
 Array = NDArray[np.float64]
+
+#: Step of the load factor by which forces of connectors are differentiated: they are linear in it, but for laws.
+RATE = 1e-3
 
 
 class StaticSystem:
@@ -27,20 +36,74 @@ class StaticSystem:
         self.reference = bodies.reference()
         self.values = actuation.load_table(np.zeros(1))[0]
         self.loads = actuation.loads()
+        #: Rows of the values that are loads: the others stay as they are.
+        self.scaled = len(self.loads.kinds)
         self.factors, self.tables = block_factors(chain), bodies.tables()
         self.links = links(chain)
         self.elastic = np.empty((bodies.rows, bodies.nodes))
+
+    @property
+    def conservative(self) -> bool:
+        """Whether all forces have a potential: those that turn with their place have none."""
+        return not (self.loads.kinds == FOLLOWER).any()
 
     def applied(self, q: Array, factor: float) -> Array:
         """Loads and gravity, N; a torque's generalized force depends on q."""
         dead = factor * self.chain.dead_load
         total = dead.copy()
-        set_loads(q, total, dead, self.loads, factor * self.values)
+        set_loads(q, total, dead, self.loads, self._values(factor))
         return total
 
+    def _values(self, factor: float) -> Array:
+        """Values of the loads at a load factor; connectors take theirs, of t = 0, by parts."""
+        values = self.values.copy()
+        values[: self.scaled] *= factor
+        if self.loads.connectors is not None:
+            self.loads.connectors.part[0] = factor
+        return values
+
     def residual(self, q: Array, factor: float) -> Array:
-        """Loads less elastic forces, minus the gradient of the potential energy; N."""
-        return self.applied(q, factor) - self.elastic_forces(q)
+        """Loads and forces of connectors less elastic forces, minus the gradient of the potential energy; N."""
+        return self._acting(q, factor) - self.elastic_forces(q)
+
+    def _acting(self, q: Array, factor: float) -> Array:
+        total = self.applied(q, factor)
+        add_connectors_at_end(self.loads.connectors, q, self._values(factor), total)
+        return total
+
+    def load_rate(self, q: Array, factor: float) -> Array:
+        """Derivative of the residual by the load factor, N."""
+        if self.loads.connectors is None:
+            return self.applied(q, 1.0)
+        return (self._acting(q, factor + RATE) - self._acting(q, factor - RATE)) / (2.0 * RATE)
+
+    def restart(self) -> None:
+        """Forget the turns of rotational springs: back to the undeformed scene."""
+        c = self.loads.connectors
+        if c is not None:
+            c.memory[:, 1] = np.where(c.kinds == TURN, 0.0, c.placed)
+
+    def accept(self, q: Array, factor: float) -> None:
+        """Count the turns of rotational springs from here on."""
+        self._acting(q, factor)
+        connectors_work(self.loads.connectors, False)
+
+    def turns(self) -> Array | None:
+        """What is counted until now, for `accept_again`."""
+        return None if self.loads.connectors is None else self.loads.connectors.memory.copy()
+
+    def accept_again(self, turns: Array | None) -> None:
+        """Back to turns counted before."""
+        if self.loads.connectors is not None and turns is not None:
+            self.loads.connectors.memory[:] = turns
+
+    def turned(self, q: Array, factor: float) -> float:
+        """Largest turn of a rotational spring since the equilibrium accepted last, rad."""
+        c = self.loads.connectors
+        if c is None:
+            return 0.0
+        self._acting(q, factor)
+        return float(np.abs(np.where(c.kinds == TURN, c.now[:, 1] - c.memory[:, 1], 0.0)).max())
 
     def elastic_forces(self, q: Array) -> Array:
         """Gradient of the strain energy, N; overwritten by the next call."""
@@ -52,13 +115,17 @@ class StaticSystem:
         """Factor K_T + shift · M (shift in 1/s²); the number of its negative pivots, that of its negative eigenvalues
         (Sylvester's law of inertia).
         """
-        values = factor * self.values
-        return int(factorize(q, self.tables, self.links, shift, 1.0, self.loads, values, self.factors))
+        values = self._values(factor)
+        negative = int(factorize(q, self.tables, self.links, shift, 1.0, self.loads, values, self.factors))
+        factor_border(self.loads.border, q, 1.0, self.loads, values, self.factors)
+        return negative + negative_of(self.loads.border)
 
     def solve(self, force: Array) -> Array:
         """Displacements under forces, with the matrix factored last; 0 for known components."""
         with np.errstate(all="ignore"):
-            return solve(self.factors, force)
+            x = solve(self.factors, force)
+            correct(self.loads.border, x)
+            return x
 
     def inertia(self, x: Array) -> Array:
         """Product of the mass matrix with x."""
@@ -72,15 +139,16 @@ class StaticSystem:
         A torque M has the potential −M θ, θ the angle of the vector it turns: by less than half a turn at once.
         """
         moved = new - q
-        change = self.strain_energy(new) - self.strain_energy(q)
+        change = self._elastic_energy(new) - self._elastic_energy(q)
         change -= factor * float((self.chain.dead_load * moved).sum())
-        for node, row, value in zip(self.loads.nodes, self.loads.rows, factor * self.values, strict=True):
-            if row == 0:
-                change -= float(value @ moved[:2, node])
+        for n in range(self.scaled):
+            value = factor * self.values[n]
+            a, b = (np.array(uncompiled(vector_at)(self.loads.targets, n, at)) for at in (q, new))
+            if self.loads.kinds[n] == DEAD:
+                change -= float(value @ (b - a))
             else:
-                a, b = q[row : row + 2, node], new[row : row + 2, node]
                 change -= value[0] * float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
-        return change
+        return change + potential_change(self.loads.connectors, q, new, self._values(factor))
 
     def sizes(self, x: Array) -> Array:
         """Largest component at each node, (nodes,): positions relative to the scene's length, gradients as they are."""
@@ -91,6 +159,9 @@ class StaticSystem:
         return float(self.sizes(x).max())
 
     def strain_energy(self, q: Array) -> float:
-        """Strain energy of all bodies, J."""
+        """Strain energy of all bodies, and energy of connectors at the last evaluation, J."""
+        return self._elastic_energy(q) + float(connectors_energy(self.loads.connectors))
+
+    def _elastic_energy(self, q: Array) -> float:
         t = self.tables
         return float(strain_energy(t.blend, q, t.first, t.kinds, t.constants))

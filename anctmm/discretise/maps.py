@@ -1,0 +1,200 @@
+"""Plane vectors that are linear in the coordinates: places of bodies, directions that turn with them, sums along beams.
+
+A vector is Σ (a g + b g⊥) + constant over vectors g of nodes, g⊥ being g turned by +90°. A point of an element is such
+a sum by its shape functions, a point of a rigid body r + p_x t + p_y t⊥. A force on it is a generalized force by the
+transposed sum. So all loads and connectors are alike, wherever they act.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.mesh import BodyMesh
+from anctmm.elements.shapes import hermite, hermite_load
+from anctmm.errors import unknown_kind
+from anctmm.jit.compiling import embedded, uncompiled
+from anctmm.model.loads import LOADS
+from anctmm.model.places import Place
+from anctmm.model.scene import Force, LineLoad, Point, Scene, Torque
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Distance of a place from a node, of an element's length, at which it is the node.
+AT_NODE = 1e-9
+
+
+class Term(NamedTuple):
+    """a g + b g⊥ of the vector g in rows `row`, `row` + 1 of a node."""
+
+    node: int
+    row: int
+    a: float
+    b: float = 0.0
+
+
+@dataclass(frozen=True)
+class Map:
+    """One vector.
+
+    Parameters
+    ----------
+    terms : tuple of Term
+    constant : (float, float)
+    """
+
+    terms: tuple[Term, ...] = ()
+    constant: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def site(self) -> int:
+        """The first node that it depends on; −1 without one."""
+        return min((term.node for term in self.terms), default=-1)
+
+    @property
+    def width(self) -> int:
+        """Number of nodes in a row that it depends on."""
+        return max((term.node for term in self.terms), default=-1) - self.site + 1 if self.terms else 0
+
+
+class Maps(NamedTuple):
+    """Vectors for kernels.
+
+    Parameters
+    ----------
+    start : ndarray of int, shape (vectors + 1,)
+        Where the terms of each begin.
+    node, row : ndarray of int, shape (terms,)
+    a, b : ndarray, shape (terms,)
+    constant : ndarray, shape (vectors, 2)
+    """
+
+    start: Ints
+    node: Ints
+    row: Ints
+    a: Array
+    b: Array
+    constant: Array
+
+
+def maps(vectors: Sequence[Map]) -> Maps:
+    """Vectors as kernels want them."""
+    terms = [term for vector in vectors for term in vector.terms]
+    node, row = (np.array([term[k] for term in terms], dtype=np.int64) for k in (0, 1))
+    a, b = (np.array([term[k] for term in terms], dtype=np.float64) for k in (2, 3))
+    start = np.cumsum([0, *(len(vector.terms) for vector in vectors)]).astype(np.int64)
+    constant = np.array([vector.constant for vector in vectors], dtype=np.float64).reshape(-1, 2)
+    return Maps(start, node, row, a, b, constant)
+
+
+def position_of(bodies: Bodies, place: Place) -> Map:
+    """Position of a place."""
+    mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
+    node, inside = _within(mesh, place)
+    if inside == 0.0:
+        return Map((Term(first + node, 0, 1.0),))
+    weights = hermite(inside, mesh.element.l)[0]
+    at = [(0, 0), (0, 2), (1, 0), (1, 2)]
+    return Map(tuple(Term(first + node + k, row, float(w)) for (k, row), w in zip(at, weights, strict=True)))
+
+
+def direction_of(bodies: Bodies, place: Place) -> Map:
+    """The vector that a torque turns at a place: r_x of a cable, r_y of a shear element."""
+    mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
+    node, inside = _within(mesh, place)
+    row = bodies.turning_row(place.body.name)
+    if inside == 0.0:
+        return Map((Term(first + node, row, 1.0),))
+    if row == 4:
+        return Map((Term(first + node, row, 1.0 - inside), Term(first + node + 1, row, inside)))
+    weights = hermite(inside, mesh.element.l, order=1)[0]
+    at = [(0, 0), (0, 2), (1, 0), (1, 2)]
+    return Map(tuple(Term(first + node + k, row, float(w)) for (k, row), w in zip(at, weights, strict=True)))
+
+
+def sum_along(bodies: Bodies, name: str) -> Map:
+    """∫ r dx along a beam, x its undeformed length: what a force per length acts on."""
+    mesh, first = bodies.mesh(name), bodies.first_node(name)
+    r_I, g_I, r_O, g_O = hermite_load(mesh.element.l)
+    r, g = np.zeros(mesh.nodes), np.zeros(mesh.nodes)
+    r[:-1] += r_I
+    r[1:] += r_O
+    g[:-1] += g_I
+    g[1:] += g_O
+    return Map(
+        tuple(
+            Term(first + i, row, float(w))
+            for i in range(mesh.nodes)
+            for row, w in ((0, r[i]), (2, g[i]))
+            if w != 0.0
+        )
+    )
+
+
+def constant_forces_on(scene: Scene, bodies: Bodies) -> Iterator[tuple[Map, Point]]:
+    """Loads that never change, and the vectors that they act on."""
+    for load in scene.loads:
+        match load:
+            case Force(value=(x, y), follower=False):
+                yield position_of(bodies, scene.place(load.end)), (x, y)
+            case LineLoad(value=(x, y)):
+                yield sum_along(bodies, load.body), (x, y)
+            case Force() | LineLoad() | Torque():
+                pass
+            case _:
+                raise unknown_kind("load", load, LOADS)
+
+
+def add_force(vector: Map, force: Point, f: Array) -> None:
+    """Add the generalized force of a force on a vector to f, (rows, nodes)."""
+    uncompiled(push)(maps([vector]), 0, *force, f)
+
+
+def _within(mesh: BodyMesh, place: Place) -> tuple[int, float]:
+    """Node before a place of a beam, and the part of the element behind it; 0 at the node."""
+    key = float(place.key)
+    along = (1.0 - key if mesh.flipped else key) * mesh.elements
+    nearest = round(along)
+    if abs(along - nearest) <= AT_NODE:
+        return nearest, 0.0
+    return int(along), along - int(along)
+
+
+@embedded
+def vector_at(maps, n, q):  # type: ignore[no-untyped-def]
+    """Vector n at coordinates q, (rows, nodes)."""
+    x, y = rate_at(maps, n, q)
+    return x + maps.constant[n, 0], y + maps.constant[n, 1]
+
+
+@embedded
+def rate_at(maps, n, v):  # type: ignore[no-untyped-def]
+    """Rate of vector n at velocities v, (rows, nodes)."""
+    x = y = 0.0
+    for k in range(maps.start[n], maps.start[n + 1]):
+        gx, gy = v[maps.row[k], maps.node[k]], v[maps.row[k] + 1, maps.node[k]]
+        x += maps.a[k] * gx - maps.b[k] * gy
+        y += maps.a[k] * gy + maps.b[k] * gx
+    return x, y
+
+
+@embedded
+def push(maps, n, x, y, f):  # type: ignore[no-untyped-def]
+    """Add the generalized force of a force (x, y) on vector n to f, (rows, nodes)."""
+    for k in range(maps.start[n], maps.start[n + 1]):
+        f[maps.row[k], maps.node[k]] += maps.a[k] * x + maps.b[k] * y
+        f[maps.row[k] + 1, maps.node[k]] += maps.a[k] * y - maps.b[k] * x
+
+
+@embedded
+def push_alike(maps, n, x, y, f):  # type: ignore[no-untyped-def]
+    """The same of a force of this size, with the signs that f has: the two do not cancel."""
+    for k in range(maps.start[n], maps.start[n + 1]):
+        i, row = maps.node[k], maps.row[k]
+        here, beside = abs(maps.a[k] * x + maps.b[k] * y), abs(maps.a[k] * y - maps.b[k] * x)
+        f[row, i] += np.copysign(here, f[row, i])
+        f[row + 1, i] += np.copysign(beside, f[row + 1, i])

@@ -1,0 +1,289 @@
+"""Springs, dampers and laws between two vectors of the coordinates: their forces, energy and work.
+
+A connector has a measure m: of a spring the length of b − a, of a rotational spring the angle from a to b, continuous.
+With its gradients G_a, G_b the force N(m, ṁ, t) acts on a as −N G_a and on b as −N G_b. N is
+k (m − l) + c (ṁ − l̇) + preload, or the value of a law.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, push, rate_at, vector_at
+from anctmm.errors import unknown_kind
+from anctmm.forces.laws import address_of, call_law
+from anctmm.jit.compiling import embedded
+from anctmm.jit.copies import writes
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, name_of
+from anctmm.model.places import Place
+from anctmm.model.scene import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SPRING, TURN = 0, 1
+#: Relative change of a law's arguments by which it is differentiated: a central difference.
+DIFFERENCE = 1e-5
+
+
+@writes("now", "memory", "v", "part")
+class Connectors(NamedTuple):
+    """Connectors for kernels.
+
+    Parameters
+    ----------
+    kinds : ndarray of int, shape (n,)
+        SPRING or TURN.
+    laws : ndarray of int, shape (n,)
+        Addresses of compiled laws, or 0.
+    numbers : ndarray, shape (n, 4)
+        Stiffness, damping, preload and free measure of each.
+    driven : ndarray of int, shape (n,)
+        Row of the values in which its free measure and the rate of that stand, or −1.
+    first, second : Maps
+        a and b; the ground is a constant.
+    placed : ndarray, shape (n,)
+        Measure in the reference; angles are counted from there.
+    unit : ndarray, shape (n,)
+        Size of a measure, m or rad.
+    now, memory : ndarray, shape (n, 3)
+        Force, measure and energy at the last evaluation, and at the last call of `connectors_work`.
+    v : ndarray, shape (rows, nodes)
+        Scratch: velocities at the end of an implicit step, where connectors act.
+    part : ndarray, shape (2,)
+        Part of preloads and of free measures less those placed, that acts: 1 but in statics. Weight of damping in the
+        matrix of an implicit step, relative to stiffness, 1/s.
+    """
+
+    kinds: Ints
+    laws: Ints
+    numbers: Array
+    driven: Ints
+    first: Maps
+    second: Maps
+    placed: Array
+    unit: Array
+    now: Array
+    memory: Array
+    v: Array
+    part: Array
+
+
+def driven_connectors(scene: Scene) -> list[Connector]:
+    """Connectors whose free length or angle is a function of time."""
+    return [connector for connector in scene.connectors if callable(free_of(connector))]
+
+
+def free_of(connector: Connector):  # type: ignore[no-untyped-def]
+    """Free length or angle as it is given."""
+    match connector:
+        case Spring():
+            return connector.length
+        case RotationalSpring():
+            return connector.angle
+        case _:
+            raise unknown_kind("connector", connector, CONNECTORS)
+
+
+def vectors_of(scene: Scene, bodies: Bodies, connector: Connector) -> tuple[Map, Map]:
+    """a and b of a connector."""
+    first, second = ends_of(scene, connector)
+    match connector:
+        case Spring():
+            end = (
+                position_of(bodies, second)
+                if isinstance(second, Place)
+                else Map(constant=second or (0.0, 0.0))
+            )
+            return position_of(bodies, first), end
+        case RotationalSpring():
+            turning = direction_of(bodies, first)
+            if second is None:
+                return Map(constant=(1.0, 0.0)), turning
+            assert isinstance(second, Place)  # a rotational spring has no point of the ground
+            return turning, direction_of(bodies, second)
+        case _:
+            raise unknown_kind("connector", connector, CONNECTORS)
+
+
+def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None:
+    """Connectors of a scene for kernels; None where there are none: then nothing of them is compiled.
+
+    Parameters
+    ----------
+    scene : Scene
+    bodies : Bodies
+    loads : int
+        Rows of the values before those of driven connectors.
+    """
+    things: Sequence[Connector] = scene.connectors
+    if not things:
+        return None
+    n, q = len(things), bodies.reference()
+    ends = [vectors_of(scene, bodies, thing) for thing in things]
+    kinds = np.array([SPRING if isinstance(thing, Spring) else TURN for thing in things], dtype=np.int64)
+    first, second = maps([a for a, _ in ends]), maps([b for _, b in ends])
+    placed = np.zeros(n)
+    for i in range(n):
+        a, b = _vector(first, i, q), _vector(second, i, q)
+        placed[i] = np.hypot(*(b - a)) if kinds[i] == SPRING else np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b)
+    unit = np.where((kinds == SPRING) & (placed > 0.0), placed, 1.0)
+    driven, numbers = np.full(n, -1, dtype=np.int64), np.zeros((n, 4))
+    for i, thing in enumerate(things):
+        free = free_of(thing)
+        numbers[i] = thing.stiffness, thing.damping, thing.preload, 0.0
+        if callable(free):
+            driven[i] = loads + int((driven >= 0).sum())
+        else:
+            numbers[i, 3] = placed[i] if free is None else free
+    laws = np.array(
+        [
+            0 if t.law is None else address_of(name_of(t), t.law, float(u))
+            for t, u in zip(things, unit, strict=True)
+        ],
+        dtype=np.int64,
+    )
+    memory = np.zeros((n, 3))
+    memory[:, 1] = np.where(kinds == SPRING, placed, 0.0)
+    return Connectors(
+        kinds, laws, numbers, driven, first, second, placed, unit, memory.copy(), memory, np.zeros_like(q),
+        np.array([1.0, 0.0]),
+    )  # fmt: skip
+
+
+def _vector(maps: Maps, n: int, q: Array) -> Array:
+    terms = slice(maps.start[n], maps.start[n + 1])
+    g = np.stack([q[maps.row[terms], maps.node[terms]], q[maps.row[terms] + 1, maps.node[terms]]])
+    turned = np.stack([-g[1], g[0]])
+    return maps.constant[n] + g @ maps.a[terms] + turned @ maps.b[terms]  # type: ignore[no-any-return]
+
+
+@embedded
+def measure(c, n, q):  # type: ignore[no-untyped-def]
+    """Measure m of a connector and its gradients by a and b; an angle is that nearest to the last one accepted."""
+    ax, ay = vector_at(c.first, n, q)
+    bx, by = vector_at(c.second, n, q)
+    if c.kinds[n] == SPRING:
+        x, y = bx - ax, by - ay
+        m = np.sqrt(x * x + y * y)
+        x, y = x / max(m, 1e-300), y / max(m, 1e-300)
+        return m, -x, -y, x, y
+    aa, bb = ax * ax + ay * ay, bx * bx + by * by
+    m = np.arctan2(ax * by - ay * bx, ax * bx + ay * by) - c.placed[n]
+    m += 2.0 * np.pi * np.round((c.memory[n, 1] - m) / (2.0 * np.pi))
+    return m, ay / aa, -ax / aa, -by / bb, bx / bb
+
+
+@embedded
+def free_measure(c, n, values):  # type: ignore[no-untyped-def]
+    """Free measure of a connector and its rate."""
+    free, rate = c.numbers[n, 3], 0.0
+    if c.driven[n] >= 0:
+        free, rate = values[c.driven[n], 0], values[c.driven[n], 1]
+    if c.part[0] != 1.0:
+        placed = c.placed[n] if c.kinds[n] == SPRING else 0.0
+        free = placed + c.part[0] * (free - placed)
+    return free, rate
+
+
+@embedded
+def force_of(c, n, x, rate, t):  # type: ignore[no-untyped-def]
+    """Force N of a connector at an elongation x and its rate."""
+    if c.laws[n] == 0:
+        return c.numbers[n, 0] * x + c.numbers[n, 1] * rate + c.part[0] * c.numbers[n, 2]
+    if c.part[0] == 1.0:
+        return call_law(c.laws[n], x, rate, t)
+    return call_law(c.laws[n], x, rate, t) - (1.0 - c.part[0]) * call_law(c.laws[n], 0.0, 0.0, t)
+
+
+@embedded
+def stored(c, n, x):  # type: ignore[no-untyped-def]
+    """Energy of a connector at an elongation x; none of a law."""
+    return 0.5 * c.numbers[n, 0] * x * x + c.part[0] * c.numbers[n, 2] * x
+
+
+@embedded
+def slopes(c, n, x, rate, t):  # type: ignore[no-untyped-def]
+    """Derivatives of N by elongation and rate."""
+    if c.laws[n] == 0:
+        return c.numbers[n, 0], c.numbers[n, 1]
+    h, g = DIFFERENCE * max(abs(x), c.unit[n]), DIFFERENCE * max(abs(rate), c.unit[n])
+    k = (call_law(c.laws[n], x + h, rate, t) - call_law(c.laws[n], x - h, rate, t)) / (2.0 * h)
+    d = (call_law(c.laws[n], x, rate + g, t) - call_law(c.laws[n], x, rate - g, t)) / (2.0 * g)
+    return k, d
+
+
+@embedded
+def add_connectors(connectors, q, v, values, f):  # type: ignore[no-untyped-def]
+    """Add the forces of connectors at q and v to f, (rows, nodes); what they are is kept in `now`."""
+    if connectors is not None:
+        t = values[len(values) - 1, 0]
+        for n in range(len(connectors.kinds)):
+            m, ax, ay, bx, by = measure(connectors, n, q)
+            ux, uy = rate_at(connectors.first, n, v)
+            wx, wy = rate_at(connectors.second, n, v)
+            free, rate = free_measure(connectors, n, values)
+            x = m - free
+            force = force_of(connectors, n, x, ax * ux + ay * uy + bx * wx + by * wy - rate, t)
+            push(connectors.first, n, -force * ax, -force * ay, f)
+            push(connectors.second, n, -force * bx, -force * by, f)
+            connectors.now[n, 0], connectors.now[n, 1] = force, m
+            connectors.now[n, 2] = stored(connectors, n, x)
+
+
+@embedded
+def add_connectors_at_end(connectors, q, values, f):  # type: ignore[no-untyped-def]
+    """The same at the velocities of `end_velocities`."""
+    if connectors is not None:
+        add_connectors(connectors, q, connectors.v, values, f)
+
+
+@embedded
+def connectors_work(connectors, moving):  # type: ignore[no-untyped-def]
+    """Work of connectors since the last call that is not their energy, J; 0 unless `moving`.
+
+    What was evaluated last is accepted: forces by the trapezoidal rule, less what energy has grown.
+    """
+    work = 0.0
+    if connectors is not None:
+        now, memory = connectors.now, connectors.memory
+        for n in range(len(connectors.kinds)):
+            if moving:
+                work -= 0.5 * (now[n, 0] + memory[n, 0]) * (now[n, 1] - memory[n, 1])
+                work += now[n, 2] - memory[n, 2]
+            for k in range(3):
+                memory[n, k] = now[n, k]
+    return work
+
+
+@embedded
+def connectors_energy(connectors):  # type: ignore[no-untyped-def]
+    """Energy of all connectors at the last evaluation, J."""
+    total = 0.0
+    if connectors is not None:
+        for n in range(len(connectors.kinds)):
+            total += connectors.now[n, 2]
+    return total
+
+
+@embedded
+def end_velocities(connectors, v, a, w, w_before, c):  # type: ignore[no-untyped-def]
+    """Velocities at the end of an implicit step where connectors act, from w there, as `implicit_step.finish` has them.
+
+    v, a, w and w_before: (rows, nodes); v and a of the start of the step.
+    """
+    if connectors is not None:
+        r = 1.0 / (1.0 - c.alpha_m)
+        now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+        for side in range(2):
+            table = connectors.first if side == 0 else connectors.second
+            for k in range(len(table.node)):
+                i = table.node[k]
+                for row in range(table.row[k], table.row[k] + 2):
+                    new = now * w[row, i] + then * w_before[row, i] - old * a[row, i]
+                    v_end = v[row, i] + c.h * ((1.0 - c.gamma) * a[row, i] + c.gamma * new)
+                    connectors.v[row, i] = v_end
+        connectors.part[1] = c.gamma / (c.beta * c.h) if c.h > 0.0 else 0.0

@@ -1,0 +1,146 @@
+"""Solving with a matrix that differs from that of the recursion by Σ c u vᵀ: Sherman, Morrison and Woodbury.
+
+With U and V the columns u and v, Y = A⁻¹ U by one sweep each, and S = 1 + c Vᵀ Y,
+
+    (A + U c Vᵀ)⁻¹ b = x − Y S⁻¹ c Vᵀ x,    x = A⁻¹ b.
+
+What couples distant nodes is of this form (`anctmm.forces.stiffness.Border`).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.forces.stiffness import Border, fill_border
+from anctmm.jit.compiling import embedded
+from anctmm.recursion.riccati import BlockFactors, sweep
+
+Array = NDArray[np.float64]
+
+
+@embedded
+def factor_border(border, q, stiffness, loads, values, factors):  # type: ignore[no-untyped-def]
+    """Bring the columns, Y and S up to date, the rest of the matrix being factored."""
+    if border is not None:
+        fill_border(border, q, stiffness, loads, values)
+        m = len(border.c)
+        for j in range(m):
+            border.load[:] = 0.0
+            for k in range(border.start[j], border.start[j + 1]):
+                border.load[border.row[k], border.node[k]] += border.left[k, 0]
+                border.load[border.row[k] + 1, border.node[k]] += border.left[k, 1]
+            sweep(factors, border.load, border.Y[j])
+        for i in range(m):
+            for j in range(m):
+                border.S[i, j] = border.c[i] * _product(border, i, border.Y[j]) + (1.0 if i == j else 0.0)
+        _factor(border.S, border.order)
+
+
+@embedded
+def _product(border, j, x):  # type: ignore[no-untyped-def]
+    """vᵀ x."""
+    total = 0.0
+    for k in range(border.start[j], border.start[j + 1]):
+        total += border.right[k, 0] * x[border.row[k], border.node[k]]
+        total += border.right[k, 1] * x[border.row[k] + 1, border.node[k]]
+    return total
+
+
+@embedded
+def _factor(S, order):  # type: ignore[no-untyped-def]
+    """L U of S with exchanges of rows, in place."""
+    m = len(S)
+    for k in range(m):
+        best = k
+        for i in range(k + 1, m):
+            if abs(S[i, k]) > abs(S[best, k]):
+                best = i
+        order[k] = best
+        if best != k:
+            for j in range(m):
+                S[k, j], S[best, j] = S[best, j], S[k, j]
+        for i in range(k + 1, m):
+            S[i, k] /= S[k, k]
+            for j in range(k + 1, m):
+                S[i, j] -= S[i, k] * S[k, j]
+
+
+@embedded
+def weights_of(border, x):  # type: ignore[no-untyped-def]
+    """S⁻¹ c Vᵀ x of x, (rows, nodes), in `border.z`."""
+    S, z, m = border.S, border.z, len(border.c)
+    for j in range(m):
+        z[j] = border.c[j] * _product(border, j, x)
+    for k in range(m):
+        best = border.order[k]
+        if best != k:
+            z[k], z[best] = z[best], z[k]
+        for i in range(k + 1, m):
+            z[i] -= S[i, k] * z[k]
+    for k in range(m - 1, -1, -1):
+        for j in range(k + 1, m):
+            z[k] -= S[k, j] * z[j]
+        z[k] /= S[k, k]
+
+
+@embedded
+def correct(border, x):  # type: ignore[no-untyped-def]
+    """Make x = A⁻¹ b, (rows, nodes), the solution with the whole matrix."""
+    if border is not None:
+        weights_of(border, x)
+        for j in range(len(border.c)):
+            for k in range(x.shape[0]):
+                for i in range(x.shape[1]):
+                    x[k, i] -= border.Y[j, k, i] * border.z[j]
+
+
+@embedded
+def correct_step(border, found, q, w, c, scale, size):  # type: ignore[no-untyped-def]
+    """Correct q and w, to which a solution without the border was added already, and that solution, (nodes, rows).
+
+    Returns the largest component, as `newton` counts it.
+    """
+    if border is None:
+        return size
+    weights_of(border, found.T)
+    for j in range(len(border.c)):
+        for k in range(q.shape[0]):
+            for i in range(q.shape[1]):
+                x = border.Y[j, k, i] * border.z[j]
+                found[i, k] -= x
+                q[k, i] -= c.to_q * x
+                w[k, i] -= c.to_w * x
+    largest, odd = 0.0, 0.0
+    for i in range(q.shape[1]):
+        for k in range(q.shape[0]):
+            x = found[i, k]
+            largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+            odd += x - x  # 0 unless infinite or not a number
+    return largest if odd == 0.0 else np.inf
+
+
+def negative_of(border: Border | None) -> int:
+    """Negative eigenvalues that a symmetric border adds to those of the matrix without it (Haynsworth 1968).
+
+    In(A + U c Uᵀ) = In(A) + In(−c⁻¹ − Uᵀ Y) − In(−c⁻¹), counted with the sign that the block matrix gives.
+    """
+    if border is None:
+        return 0
+    used = np.flatnonzero(border.c)
+    product = np.array([[_product_of(border, int(i), int(j)) for j in used] for i in used]).reshape(
+        len(used), -1
+    )
+    inverse = np.diag(1.0 / border.c[used])
+    after = np.linalg.eigvalsh(0.5 * (product + product.T) + inverse)
+    return int((after > 0.0).sum()) - int((border.c[used] > 0.0).sum())
+
+
+def _product_of(border: Border, i: int, j: int) -> float:
+    terms = slice(border.start[i], border.start[i + 1])
+    Y = border.Y[j]
+    here = np.stack(
+        [Y[border.row[terms], border.node[terms]], Y[border.row[terms] + 1, border.node[terms]]], axis=1
+    )
+    return float((border.right[terms] * here).sum())
+
+
+__all__ = ["BlockFactors", "correct", "correct_step", "factor_border", "negative_of", "weights_of"]
