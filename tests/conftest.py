@@ -1,10 +1,31 @@
 """Settings shared by all tests: hypothesis tries the same examples each time, and no example has a time limit.
 
-`--hypothesis-profile thorough` tries many new ones.
+`--hypothesis-profile thorough` tries many new ones. `-m "not slow"` leaves out what takes more than some seconds.
 """
 
+import pytest
 from hypothesis import settings
 
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
+
+#: Modules that are slow as a whole: they compile kernels of several solvers, for many kinds of scenes, run studies or
+#: commands, or hundreds of random scenes.
+SLOW = {
+    "integrators": ["damping", "divergence", "equilibrium_stability", "events", "graph_histories", "graph_motion",
+                    "graph_properties", "interrupted", "modes", "motion", "promise", "properties", "rates"],
+    "of_reference": ["agreement", "exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
+                     "random_scenes", "times"],
+    "of_studies": ["bench", "check", "command_lines", "conform", "extremes", "failures", "fidelity", "interruption",
+                   "page", "plugins", "refinement", "single_run", "small_scenes", "studies", "trade"],
+    "recursion": ["graphs", "random_graphs", "rigid"],
+    "results": ["energy_check"],
+}  # fmt: skip
+
+
+def pytest_collection_modifyitems(items):
+    """Mark the tests of slow modules."""
+    for item in items:
+        if item.path.stem.removeprefix("test_") in SLOW.get(item.path.parent.name, ()):
+            item.add_marker(pytest.mark.slow)

@@ -1,6 +1,9 @@
 """Random scenes by ANC-TMM and by another solver: is any answer "ok" and wrong?
 
-    python tests/helpers/random_against.py [--peer global-dae|exudyn-cable] [--first 0] [--count 1000] [--out TABLE.csv]
+    python tests/helpers/random_against.py [--peer global-dae|exudyn-cable] [--graphs] [--first 0] [--count 1000]
+        [--out TABLE.csv]
+
+Scenes are rows of bodies; with `--graphs` trees and loops, in several components.
 
 Both solve the same discrete equations, so that with fixed steps their histories agree to rounding, or as near as the
 motion lets anything agree: where they are farther apart, a disturbance of one rounding's size shows how far that leads.
@@ -14,6 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from random_graphs import asked_graph
 from random_scenes import Asked, asked
 
 from anctmm.discretise.discretisation import Discretisation
@@ -51,9 +55,9 @@ class Verdict:
     reason: str = ""
 
 
-def judge(seed: int, peer: str = "global-dae") -> Verdict:
+def judge(seed: int, peer: str = "global-dae", graphs: bool = False) -> Verdict:
     """Draw a scene, run it by both, compare."""
-    case = asked(seed, peer)
+    case = (asked_graph if graphs else asked)(seed, peer)
     run = case.run
     what = f"{run.integrator} {f'tolerance {run.tolerance:g} ' if run.tolerance else ''}{len(case.scene.bodies)} bodies"
     ours = _solve("anctmm", case.scene, run)
@@ -134,13 +138,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--peer", default="global-dae", choices=sorted(ROUNDING))
+    parser.add_argument("--graphs", action="store_true", help="trees and loops in place of rows")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--out", type=Path, help="a CSV table")
     options = parser.parse_args()
     rows = []
     for seed in range(options.first, options.first + options.count):
-        found = judge(seed, options.peer)
+        found = judge(seed, options.peer, options.graphs)
         rows.append(vars(found))
         if found.verdict not in (AGREE, REFUSED):
             print(*vars(found).values(), sep=" | ", flush=True)

@@ -6,9 +6,10 @@ their ends meet exactly. Everything follows from the seed; nothing is drawn else
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from random import Random
 
 import numpy as np
-from random_scenes import Push
+from random_scenes import Asked, Push, some_method, some_steps
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import Pulse, Quintic
@@ -96,6 +97,19 @@ def random_graph(seed, kinds=None, **options):
     Scene, Discretisation
     """
     return _Drawing(seed, kinds or Kinds()).drawn(options)
+
+
+def asked_graph(seed, peer="global-dae"):
+    """A scene of any topology and a short run, within what both ANC-TMM and a peer take.
+
+    Trees and loops, several components, joints that share ends, every support, drives, loads, initial velocities; both
+    integrators with their parameters; tolerances.
+    """
+    random = Random(seed)
+    method = some_method(random, peer)
+    elements = ("cable",) if peer.startswith("exudyn") else ("cable", "shear")
+    scene, run = random_graph(seed, Kinds(bodies=(2, 8), elements=elements))
+    return Asked(seed, scene, some_steps(random, scene, method, run.mesh, run.element))
 
 
 class _Drawing:

@@ -222,14 +222,18 @@ def asked(seed, peer="global-dae"):
     from rest or turn; loads of every kind; initial velocities; both integrators with their parameters; tolerances.
     """
     random = Random(seed)
-    method = random.choice([*["zhai", "generalized-alpha"] * 4, "tolerance"])
-    if peer.startswith("exudyn"):
-        method = "generalized-alpha"
+    method = some_method(random, peer)
     damped = random.random() < 0.25 and method == "zhai"
     links = [random.choice(["pin", "weld", "weld", "gap"]) for _ in range(random.randint(0, 3))]
     bodies = _some_bodies(random, len(links) + 1, damped)
     scene = _some_scene(random, bodies, links)
     return Asked(seed, scene, _some_run(random, scene, links, method, cables=peer.startswith("exudyn")))
+
+
+def some_method(random, peer):
+    """Zhai's steps, implicit ones, or those that a tolerance drives; Exudyn has no explicit joints."""
+    method = random.choice([*["zhai", "generalized-alpha"] * 4, "tolerance"])
+    return "generalized-alpha" if peer.startswith("exudyn") else method
 
 
 def _some_bodies(random, count, damped):
@@ -330,19 +334,19 @@ def _some_load(random, end):
 
 
 def _some_run(random, scene, links, method, cables):
-    """Elements (one kind along a weld) and an integrator; steps below the stability limit, where there is one."""
+    """Elements (one kind along a weld) and an integrator."""
     row = sorted(scene.bodies, key=lambda b: b.name)
     kind, element = random.choice(["cable", "shear"]), {}
     for b, link in zip(row, ["gap", *links], strict=True):
         kind = kind if link == "weld" else random.choice(["cable", "shear"])
         element[b.name] = "cable" if cables else kind
-    mesh = {b.name: random.randint(1, 3) for b in row}
-    options = {
-        "mesh": mesh,
-        "element": element,
-        "quadrature": random.choice(["full", "full", "reduced", "lobatto"]),
-    }
-    options["newton_tolerance"] = TOLERANCE
+    return some_steps(random, scene, method, {b.name: random.randint(1, 3) for b in row}, element)
+
+
+def some_steps(random, scene, method, mesh, element):
+    """An integrator with its parameters; steps below the stability limit, where there is one."""
+    quadrature = random.choice(["full", "full", "reduced", "lobatto"])
+    options = {"mesh": mesh, "element": element, "quadrature": quadrature, "newton_tolerance": TOLERANCE}
     if method == "tolerance":
         return Discretisation(tolerance=random.choice([1e-2, 1e-3]), t_end=0.1, output_dt=0.02, **options)
     if method == "generalized-alpha":

@@ -1,4 +1,4 @@
-"""Random scenes: no answer is "ok" and wrong. A hundred against the global DAE, a score against Exudyn.
+"""Random scenes: no answer is "ok" and wrong. Rows and graphs against the global DAE, rows against Exudyn.
 
 A thousand are tried by `python tests/helpers/random_against.py`. They are interpreted here: each scene is small, and
 the kernels of two solvers for every kind of scene would take minutes to compile; that compiled kernels find what the
@@ -11,15 +11,22 @@ import sys
 
 import planted
 import pytest
+from random_graphs import asked_graph
 from random_scenes import asked
+
+from anctmm.model.topology import junctions_of
 
 SCRIPT = planted.TABLE.with_name("random_against.py")
 
 
-@pytest.mark.parametrize(("peer", "count"), [("global-dae", 100), ("exudyn-cable", 20)])
-def test_no_answer_is_ok_and_wrong(peer, count):
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("peer", "count", "drawn"),
+    [("global-dae", 100, ()), ("global-dae", 20, ("--graphs",)), ("exudyn-cable", 20, ())],
+)
+def test_no_answer_is_ok_and_wrong(peer, count, drawn):
     done = subprocess.run(
-        [sys.executable, SCRIPT, "--peer", peer, "--count", str(count)],
+        [sys.executable, SCRIPT, "--peer", peer, "--count", str(count), *drawn],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(planted.ROOT)},
         capture_output=True, text=True, check=False,
     )  # fmt: skip
@@ -48,3 +55,18 @@ def test_scenes_are_drawn_of_every_kind():
     assert {a.run.integrator for a in drawn} == {"zhai", "generalized-alpha"}
     assert any(a.run.tolerance for a in drawn)
     assert asked(7) == asked(7)
+
+
+def test_graphs_are_drawn_of_every_kind():
+    drawn = [asked_graph(seed) for seed in range(60)]
+    junctions = [j for a in drawn for j in junctions_of(a.scene)]
+    assert any(len(j.ends) > 2 for j in junctions)
+    assert {a.run.integrator for a in drawn} == {"zhai", "generalized-alpha"}
+    assert any(a.run.tolerance for a in drawn)
+    assert any(len(a.scene.bodies) + 1 > len(junctions_of(a.scene)) for a in drawn)
+    assert {kind for a in drawn for kind in a.run.element.values()} == {"cable", "shear"}
+    assert {kind for a in map(asked_exudyn, range(9)) for kind in a.run.element.values()} == {"cable"}
+
+
+def asked_exudyn(seed):
+    return asked_graph(seed, "exudyn-cable")
