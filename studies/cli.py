@@ -12,6 +12,7 @@ from studies.command_line.options import duration, path, positive, read_options,
 from studies.command_line.progress import bar, sweeping
 
 if TYPE_CHECKING:
+    from anctmm.model.case import Case
     from studies.regression.check import Finding
     from studies.trade.recommend import Measured
 
@@ -175,8 +176,14 @@ def report(
 
 @app.command(cls=Command)
 def recommend(
-    scene: Annotated[str, typer.Argument(help="four-bar or cantilever-fall, or the beginning of it.")],
-    error: Annotated[str | None, typer.Option(help="Target error, relative: 1e-3.", metavar="NUMBER")] = None,
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="four-bar or cantilever-fall, or the beginning of it, or a file that defines CASES."
+        ),
+    ],
+    case: Chosen = None,
+    error: Target = None,
     budget: Annotated[
         str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
     ] = None,
@@ -189,25 +196,29 @@ def recommend(
             metavar="PATH",
         ),
     ] = None,
+    quick: Quick = False,
     rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
 ) -> None:
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
     from rich.console import Console
 
+    from studies.cases import find_case, is_file
     from studies.trade import recommend as advice
     from studies.trade.recommend_print import show, show_rerun, show_script
 
-    name = advice.scene_name(scene)
+    own = find_case(scene, case) if is_file(scene) or case is not None else None
+    name = advice.scene_name(scene) if own is None else own.name
     wish, limit = positive("--error", error), duration("--budget", budget)
     if wish is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
-    measured = _measured_trade(table)
+    origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
+    measured = _measured_trade(table) if own is None or table else _measured_case(own, wish, quick)
     choice = advice.choose(measured.points, name, wish, limit, element)
     console = Console()
     show(choice, measured.origin, advice.models_apart(measured, name, wish), console)
-    show_script(advice.script(choice.line), console)
+    show_script(advice.script(choice.line, origin), console)
     if rerun:
-        again = advice.rerun(choice.line, measured.histories, wish, choice.reached)
+        again = advice.rerun(choice.line, measured.histories, wish, choice.reached, origin)
         show_rerun(again, choice, wish, console)
         if not again.met:
             raise typer.Exit(Code.DIFFERS)
@@ -233,6 +244,16 @@ def _measured_trade(table: Path | None) -> "Measured":
         result = find("trade")(Options(), runner)
     write(result, Path("results"))
     return advice.of_result(result)
+
+
+def _measured_case(case: "Case", error: float | None, quick: bool) -> "Measured":
+    """The trade of a case of the user's, measured now; runs that were done before are kept."""
+    from studies.engine.study import Options, find
+    from studies.trade import recommend as advice
+
+    print(f"Measuring {case.name} (some minutes; with --quick less) …", file=sys.stderr)
+    with sweeping(quick) as runner:
+        return advice.of_result(find("trade")(Options(quick=quick, cases=(case,), error=error), runner))
 
 
 @app.command(cls=Command)

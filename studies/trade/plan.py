@@ -1,18 +1,20 @@
 """What the trade of error for time is measured over: elements, quadratures, integrators, meshes, steps, tolerances."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import ceil
 
 from anctmm.elements.kinds import QUADRATURES
+from anctmm.errors import AnctmmError
+from anctmm.model.case import Case
 from studies.engine.dynamics import Fine, Plan, Scheme
-from studies.engine.runner import Mesh
+from studies.engine.runner import Mesh, Reference
 from studies.engine.setting import stable_step
-from studies.scenes import BaseScene, cantilever_fall, four_bar
+from studies.scenes import cantilever_fall, four_bar
 
-STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4)
-#: Of the slower solvers the finest step is left out: their errors are those of ours.
-PEER_STEPS = STEPS[:-1]
+STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
+#: Target errors of the built-in scenes.
+WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
 #: Newton's tolerances: one that stops as soon as the step's error allows, and one near rounding.
 LOOSE, TIGHT = 1e-3, 1e-7
 #: Errors in time asked of the error-controlled steps.
@@ -28,24 +30,39 @@ FINE_STEP = {False: 6.25e-5, True: 2.5e-4}
 
 @dataclass(frozen=True)
 class Ladder:
-    """A base scene with the meshes to try, from coarse to fine, and its references.
+    """A case with the meshes to try, from coarse to fine, and its references.
 
     Parameters
     ----------
-    base : BaseScene
+    base : Case
     cable, shear, dense : tuple of Mesh
         Meshes of cables, of shear elements, and of the solver with a dense matrix.
     explicit_peers : tuple of str
         Solvers other than ours that can run it explicitly.
-    references : dict of element to Fine
+    references : dict of element to Fine or Reference
+    fine_step : float
+        Of the run on the same mesh that tells the step's error from the mesh's, s.
+    steps, quick_steps : tuple of float
+        Time steps to try, s, from long to short; of a quick run.
+    wishes : tuple of float
+        Target errors, from the largest to the smallest.
     """
 
-    base: BaseScene
+    base: Case
     cable: tuple[Mesh, ...]
     shear: tuple[Mesh, ...]
     dense: tuple[Mesh, ...]
     explicit_peers: tuple[str, ...]
-    references: dict[str, Fine]
+    references: Mapping[str, Fine | Reference]
+    fine_step: float
+    steps: tuple[float, ...] = STEPS
+    quick_steps: tuple[float, ...] = QUICK_STEPS
+    wishes: tuple[float, ...] = WISHES
+
+    @property
+    def peer_steps(self) -> tuple[float, ...]:
+        """Of the slower solvers the finest step is left out: their errors are those of ours."""
+        return self.steps[:-1] or self.steps
 
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
@@ -70,11 +87,11 @@ class Ladder:
         return [
             *(
                 _scheme(element, quadrature, IMPLICIT, (solver,), meshes, steps, newton)
-                for solver, steps in (("anctmm", STEPS), ("global-dae", PEER_STEPS))
+                for solver, steps in (("anctmm", self.steps), ("global-dae", self.peer_steps))
                 for newton in (LOOSE, TIGHT)
             ),
             # Exudyn bounds residuals by tolerances of its own
-            Scheme(element, quadrature, IMPLICIT, exudyn, meshes, lambda mesh: PEER_STEPS),
+            Scheme(element, quadrature, IMPLICIT, exudyn, meshes, lambda mesh: self.peer_steps),
         ]
 
     def _controlled(
@@ -103,7 +120,10 @@ class Ladder:
             base, options = self.base, {"element": element, "quadrature": quadrature}
             names = [body.name for body in base.scene.beams]
             by_body = mesh[0] if len(mesh) == 1 else dict(zip(names, mesh, strict=True))
-            limit = stable_step(base.scene, by_body, options)
+            try:
+                limit = stable_step(base.scene, by_body, options)
+            except AnctmmError:  # the solver itself says what it cannot do
+                return (base.interval,)
             largest = base.interval / ceil(base.interval / limit)
             work = sum(mesh) * base.duration / largest
             return tuple(largest / k for k in (1, 2) if k * work <= most)
@@ -111,11 +131,10 @@ class Ladder:
         return steps
 
     def _few(self) -> tuple[Scheme, ...]:
-        steps = (5e-3, 2e-3, 1e-3)
-        peers = ("global-dae", "exudyn-cable")
+        steps, peers = self.quick_steps, ("global-dae", "exudyn-cable")
         return (
             _scheme("cable", "lobatto", IMPLICIT, ("anctmm",), self.cable, steps, LOOSE),
-            _scheme("cable", "lobatto", IMPLICIT, ("anctmm", *peers), self.cable[:2], (5e-3,), TIGHT),
+            _scheme("cable", "lobatto", IMPLICIT, ("anctmm", *peers), self.cable[:2], steps[:1], TIGHT),
             *self._controlled("cable", "lobatto", self.cable[1:2], (3e-3,)),
             Scheme(
                 "cable",
@@ -139,7 +158,7 @@ def _scheme(
 
 
 def ladders(quick: bool) -> list[Ladder]:
-    """The two base scenes."""
+    """Of the two moving base scenes, each by hand."""
     return [_four_bar(quick), _cantilever(quick)]
 
 
@@ -149,7 +168,7 @@ def _four_bar(quick: bool) -> Ladder:
         (6, 24, 6),
     )  # fmt: skip
     shear: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8), (16, 64, 16))
-    references = {
+    references: dict[str, Fine | Reference] = {
         "cable": _fine((16, 64, 16), (12, 48, 12), 5e-5, "lobatto"),
         "shear": _fine((32, 128, 32), (16, 64, 16), 2.5e-4, "full"),
     }
@@ -159,13 +178,15 @@ def _four_bar(quick: bool) -> Ladder:
             "cable": _fine((8, 32, 8), (6, 24, 6), 2.5e-4, "lobatto"),
             "shear": _fine((16, 64, 16), (8, 32, 8), 1e-3, "full"),
         }
-    return Ladder(four_bar(), cable, shear, ((1, 4, 1), (2, 8, 2)), ("global-dae",), references)
+    return Ladder(
+        four_bar(), cable, shear, ((1, 4, 1), (2, 8, 2)), ("global-dae",), references, FINE_STEP[quick]
+    )
 
 
 def _cantilever(quick: bool) -> Ladder:
     cable: tuple[Mesh, ...] = ((4,), (6,), (8,), (12,), (16,), (24,), (32,), (48,), (64,))
     shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
-    references = {
+    references: dict[str, Fine | Reference] = {
         "cable": _fine((192,), (128,), 5e-5, "lobatto"),
         "shear": _fine((512,), (256,), 1.25e-4, "full"),
     }
@@ -176,7 +197,7 @@ def _cantilever(quick: bool) -> Ladder:
             "shear": _fine((256,), (128,), 1e-3, "full"),
         }
     peers = ("global-dae", "exudyn-cable")
-    return Ladder(cantilever_fall(), cable, shear, ((8,), (16,)), peers, references)
+    return Ladder(cantilever_fall(), cable, shear, ((8,), (16,)), peers, references, FINE_STEP[quick])
 
 
 def _fine(mesh: Mesh, coarser: Mesh, dt: float, quadrature: str) -> Fine:

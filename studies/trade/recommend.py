@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 
 from anctmm.errors import AnctmmError
+from anctmm.model.case import Case
+from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
 from studies.engine.files import check_checksum
 from studies.engine.runner import Trial
@@ -18,7 +20,7 @@ from studies.engine.study import Result
 from studies.engine.timing import undisturbed
 from studies.scenes import base_of, moving_scenes
 from studies.trade.choice import kinds_of, milliseconds, reaching, setting_of
-from studies.trade.snippet import snippet
+from studies.trade.snippet import snippet, snippet_of_file
 
 #: Runs of a rerun; its time is their median.
 REPEATS = 3
@@ -229,9 +231,28 @@ def scene_name(given: str) -> str:
     return found[0]
 
 
-def case_of(line: Mapping[Any, Any]) -> Trial:
-    """The case of a row of the points."""
-    base = base_of(str(line["scene"]))
+@dataclass(frozen=True)
+class Origin:
+    """A case, and how a script comes to its scene.
+
+    Parameters
+    ----------
+    case : Case
+    file : str
+        The user's file; empty for a scene that is built in, which is written out.
+    """
+
+    case: Case
+    file: str = ""
+
+    @classmethod
+    def of(cls, line: Mapping[Any, Any]) -> "Origin":
+        """The base scene of a row of the points."""
+        return cls(base_of(str(line["scene"])))
+
+
+def case_of(line: Mapping[Any, Any], base: Case) -> Trial:
+    """The run of a row of the points."""
     options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
     dt = float(line["dt"])
     # a table keeps nine digits; a run of a million steps needs them all
@@ -243,13 +264,22 @@ def case_of(line: Mapping[Any, Any]) -> Trial:
     )  # fmt: skip
 
 
-def script(line: Mapping[Any, Any]) -> str:
-    """The script that runs a row of the points."""
-    case, base = case_of(line), base_of(str(line["scene"]))
-    return snippet(case.scene, case.run(), case.solver, tuple(map(base.scene.probe, base.probes)))
+def script(line: Mapping[Any, Any], origin: Origin | None = None) -> str:
+    """The script that runs a row of the points; of the base scene of its name without an origin."""
+    origin = origin or Origin.of(line)
+    case, trial = origin.case, case_of(line, origin.case)
+    if origin.file:
+        return snippet_of_file(origin.file, case.name, trial.run(), trial.solver, case.probes)
+    return snippet(case.scene, trial.run(), trial.solver, case.probes)
 
 
-def rerun(line: Mapping[Any, Any], histories: pd.DataFrame, error: float | None, met: bool) -> Rerun:
+def rerun(
+    line: Mapping[Any, Any],
+    histories: pd.DataFrame,
+    error: float | None,
+    met: bool,
+    origin: Origin | None = None,
+) -> Rerun:
     """Run the script of a row of the points and measure its error against the kept reference.
 
     Parameters
@@ -261,8 +291,10 @@ def rerun(line: Mapping[Any, Any], histories: pd.DataFrame, error: float | None,
         Target.
     met : bool
         Whether the table says that the target error is met; else the measured error has to come again.
+    origin : Origin, optional
+        As of `script`.
     """
-    text, found = compile(script(line), "<recommended>", "exec"), []
+    text, found = compile(script(line, origin), "<recommended>", "exec"), []
     with undisturbed():
         for _ in range(REPEATS + 1):  # the first one compiles
             space: dict[str, Any] = {}
@@ -282,7 +314,13 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
         return float("nan")
     mine = histories[(histories["scene"] == scene) & (histories["element"] == element)]
     errors = []
-    for probe, path in mine.groupby(["body", "fraction"], sort=False):
-        u = solution.displacement(probe)
+    for (body, key), path in mine.groupby(["body", "fraction"], sort=False):
+        u = solution.displacement(_place(solution.scene, str(body), key))
         errors.append(history_error(u, path[["u_x", "u_y"]].to_numpy(float)))
     return max(errors)
+
+
+def _place(scene: Scene, body: str, key: Any) -> str | tuple[str, float]:
+    """A probe as a table has it: a fraction of a beam's length, or a point of another body."""
+    beams = {beam.name for beam in scene.beams}
+    return (body, float(key)) if body in beams else f"{body}.{key}"

@@ -1,13 +1,13 @@
 """A run as a script: scene and discretisation written in the public interface, to be copied and changed."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, Field, fields, is_dataclass
 from math import pi, sqrt
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
-from anctmm.model.scene import Pin, Scene, Weld
+from anctmm.model.scene import Pin, Probe, Scene, Weld
 from anctmm.model.sections import Circle, Rectangle, Section
 
 WIDTH = 100
@@ -19,18 +19,17 @@ class SnippetError(AnctmmError, ValueError):
     """Something cannot be written as code."""
 
 
-def snippet(
-    scene: Scene, run: Discretisation, solver: str, probes: tuple[tuple[str, float | str], ...]
-) -> str:
+def snippet(scene: Scene, run: Discretisation, solver: str, probes: Sequence[Probe]) -> str:
     """A script that runs a scene and leaves `solution`.
 
     Parameters
     ----------
     scene : Scene
+        Written out.
     run : Discretisation
     solver : str
         Registered name.
-    probes : tuple of (body, fraction)
+    probes : sequence of str or (body, fraction)
         Whose last places are printed.
 
     Raises
@@ -38,16 +37,31 @@ def snippet(
     SnippetError
         If the scene has a plain function, which has no text.
     """
+    return _script([], f"scene = {code(scene)}", run, solver, probes)
+
+
+def snippet_of_file(file: str, case: str, run: Discretisation, solver: str, probes: Sequence[Probe]) -> str:
+    """A script that runs a case of a user's file and leaves `solution`; parameters as of `snippet`."""
+    imports = ["from studies.cases import find_case"]
+    return _script(imports, f"scene = find_case({_text(file)}, {_text(case)}).scene", run, solver, probes)
+
+
+def _script(
+    imports: Sequence[str], scene: str, run: Discretisation, solver: str, probes: Sequence[Probe]
+) -> str:
     ours = solver == "anctmm"
-    imports = ["import anctmm as at", *([] if ours else ["from anctmm.solvers import registry"])]
     solve = "at.solve" if ours else f"registry.solver({_text(solver)})"
+    imports = ["import anctmm as at", *([] if ours else ["from anctmm.solvers import registry"]), *imports]
     lines = [
-        *imports, "", f"scene = {code(scene)}", f"run = {code(run)}", f"solution = {solve}(scene, run)",
+        *imports, "", scene, f"run = {code(run)}", f"solution = {solve}(scene, run)",
         'print(f"{solution.status}: {1e3 * solution.cost.cpu_s:.3g} ms")',
-        *(f"print({_text(body)}, {code(key)}, solution.position({_text(body)}, {code(key)})[-1])"
-          for body, key in probes),
+        *(f"print({_place(probe)}, solution.position({_place(probe)})[-1])" for probe in probes),
     ]  # fmt: skip
     return "\n".join(lines) + "\n"
+
+
+def _place(probe: Probe) -> str:
+    return _text(probe) if isinstance(probe, str) else f"({_text(probe[0])}, {_number(probe[1])})"
 
 
 def code(value: Any, indent: int = 0) -> str:

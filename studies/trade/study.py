@@ -2,21 +2,25 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import pandas as pd
 
+from anctmm.model.case import Case
 from anctmm.results.solution import Cost
+from studies.cases import assumptions_of
 from studies.engine.dynamics import Sweep, check_mesh, sweep
+from studies.engine.files import file_name
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Outcome, Runner, Trial, row, sample_rows
-from studies.engine.study import Options, Result
+from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise
-from studies.scenes import BaseScene
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
-from studies.trade.plan import FINE_STEP, Ladder, ladders
+from studies.trade.own_ladder import own_ladder
+from studies.trade.plan import Ladder, ladders
 from studies.trade.split import same_mesh, split
 from studies.trade.tables import (
     Traded,
@@ -41,24 +45,32 @@ COLUMNS = (
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study."""
-    every = ladders(options.quick)
+    """Run the study: of cases, or else of the two moving base scenes.
+
+    Raises
+    ------
+    StudyError
+        If a case is static, or a mesh asked for fits no scene.
+    """
+    check_taken(options, "trade")
+    every = _ladders(options, runner)
     _check_meshes(every, options)
     fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
     traded = [measure(ladder, mine, runner) for ladder, mine in fitting if mine.meshes != ()]
     points = pd.concat([t.frame for t in traded], ignore_index=True)
-    best, rivals, known = recommended(points), by_rival(points), references(traded)
+    wishes = tuple(sorted({wish for ladder in every for wish in ladder.wishes}, reverse=True))
+    best, rivals, known = recommended(points, wishes), by_rival(points, wishes), references(traded)
     return Result(
-        name="trade",
+        name="trade" if options.cases is None else file_name("-".join(["trade", *(c.name for c in options.cases)])),
         title="Which setting for which error",
         question="Solver, element, quadrature, integrator, mesh and step: what does an error cost, and where does it "
         "come from?",
         findings=tuple(findings(points, best, rivals, known)),
-        assumptions=tuple(dict.fromkeys(a for t in traded for a in t.base.assumptions)),
+        assumptions=tuple(dict.fromkeys(a for t in traded for a in assumptions_of(t.base))),
         tables=(
             advice(best.frame, rivals.frame), best, rivals,
             Table("front", "The front: no other setting is both better and cheaper", on_front(points)), known,
-            Table("points", "All settings", points, notes()), histories(traded),
+            Table("points", "All settings", points, notes([ladder.fine_step for ladder in every])), histories(traded),
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
@@ -66,10 +78,20 @@ def run(options: Options, runner: Runner) -> Result:
     )  # fmt: skip
 
 
+def _ladders(options: Options, runner: Runner) -> list[Ladder]:
+    """Of the cases asked for; those of the moving base scenes are there already."""
+    if options.cases is None:
+        return ladders(options.quick)
+    for case, mesh in product(options.cases, options.meshes or ()):
+        check_mesh(case.scene, mesh)
+    by_hand = {} if options.error else {ladder.base: ladder for ladder in ladders(options.quick)}
+    return [by_hand.get(case) or own_ladder(case, options, runner) for case in options.cases]
+
+
 def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
     swept = sweep(ladder.base, ladder.plan(options.quick), options, runner)
-    fine = same_mesh(swept, FINE_STEP[options.quick], runner)
+    fine = same_mesh(swept, ladder.fine_step, runner)
     rows = [
         row(o, swept.references[o.case.element]) | _asked(o.case) | split(swept, o, fine)
         for o in swept.outcomes
@@ -118,7 +140,7 @@ def _samples(outcome: Outcome, costs: Sequence[Cost]) -> list[dict[str, Any]]:
     return [row | {"round": "in turn"} for row in sample_rows(replace(outcome, costs=tuple(costs)))]
 
 
-def _fitting(base: BaseScene, options: Options) -> Options:
+def _fitting(base: Case, options: Options) -> Options:
     """The options with those meshes only that fit a scene: the two have different numbers of bodies."""
     if options.meshes is None:
         return options

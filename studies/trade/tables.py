@@ -6,18 +6,17 @@ from typing import Any
 
 import pandas as pd
 
+from anctmm.model.case import Case
 from anctmm.results.metrics import compare
 from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR
 from studies.engine.runner import Reference
 from studies.engine.tables import BUILD, Table, failed, times
-from studies.scenes import BaseScene
 from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
-from studies.trade.plan import FINE_STEP, MOST_EXPLICIT, MOST_EXPLICIT_PEER
+from studies.trade.plan import MOST_EXPLICIT, MOST_EXPLICIT_PEER, WISHES
 
-#: Target errors, and the one that sentences speak of.
-WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
+#: The target error that sentences speak of, or else the smallest.
 WISH = 1e-3
 #: What was found with a recommended setting.
 FOUND = (
@@ -33,20 +32,21 @@ SETTING = (
 class Traded:
     """One scene's points: a row a setting, the references by element, and all raw times."""
 
-    base: BaseScene
+    base: Case
     frame: pd.DataFrame
     references: Mapping[str, Reference]
     samples: list[dict[str, Any]]
 
 
-def notes() -> tuple[str, ...]:
-    """What a reader of the points must know."""
+def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
+    """What a reader of the points must know, with the fine steps of the scenes, s."""
     return (
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
         "mesh and step of the same element; reference_error: that reference's own uncertainty. Cable and shear "
         "element are two models: their distance stands in the table of references.",
         "step_error: against ANC–TMM with a step of "
-        f"{FINE_STEP[False]:g} s on the same mesh (quick: {FINE_STEP[True]:g} s), known to step_reference_error; "
+        f"{' or '.join(f'{h:.3g}' for h in dict.fromkeys(fine_steps))} s on the same mesh, known to "
+        "step_reference_error; "
         "mesh_error: of that run against the reference; error_from: the one more than twice the other. The two may "
         "cancel in part; a loose Newton tolerance counts as the step's.",
         "dt, or tolerance where the error drives the step. Explicit runs at 0.8 of the stability limit and at half of "
@@ -61,11 +61,11 @@ def notes() -> tuple[str, ...]:
     )
 
 
-def recommended(points: pd.DataFrame) -> Table:
+def recommended(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
     """The cheapest measured setting for each scene and target error, or the nearest if none reaches it."""
     rows = []
     for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
-        for wish in WISHES:
+        for wish in wishes:
             able = reaching(mine, wish)
             line = (able if len(able) else mine.sort_values("error")).iloc[0].to_dict()
             status = "ok" if len(able) else "not reached: this is the smallest error measured"
@@ -85,12 +85,12 @@ def recommended(points: pd.DataFrame) -> Table:
     return Table("recommended", "What to take for a target error", pd.DataFrame(rows), said)
 
 
-def by_rival(points: pd.DataFrame) -> Table:
+def by_rival(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
     """The cheapest setting of each kind (solver, element, how it steps) for each scene and target error."""
     points = points.assign(stepping=stepping(points))
     rows = []
     for scene, mine in points.groupby("scene", sort=False):
-        for wish in WISHES:
+        for wish in wishes:
             able = reaching(mine, wish)
             for kind, own in mine.groupby(KIND, sort=False):
                 first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
@@ -170,12 +170,15 @@ def histories(traded: Sequence[Traded]) -> Table:
 
 def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
     """What to take, and what the others cost, in one sentence; empty where nothing reaches the error."""
-    lines = records(best[(best["wished_error"] == WISH) & (best["status"] == "ok")])
+    if best.empty:
+        return ""
+    wish = WISH if (best["wished_error"] == WISH).any() else best["wished_error"].min()
+    lines = records(best[(best["wished_error"] == wish) & (best["status"] == "ok")])
     takes = "; ".join(
         f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
     )
-    others = _against(rivals, WISH)
-    return f"For an error of {WISH:g} take {takes}{others and f'; {others}'}." if takes else ""
+    others = _against(rivals, wish)
+    return f"For an error of {wish:g} take {takes}{others and f'; {others}'}." if takes else ""
 
 
 def _against(rivals: pd.DataFrame, wish: float) -> str:

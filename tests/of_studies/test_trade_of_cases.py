@@ -1,0 +1,115 @@
+"""The trade of error for time on scenes that nobody tuned for: references, recommendations, and what cannot run."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
+
+from studies.cases import cases_in, find_case
+from studies.cli import app
+from studies.engine.runner import Runner
+from studies.engine.study import Options, StudyError, find
+from studies.report.folder import write
+from studies.trade import recommend
+from studies.trade.own_ladder import SHARE
+
+ERROR = 1e-2
+
+
+def traded(file, **options):
+    case = cases_in(file)[0]
+    wanted = Options(**({"quick": True, "error": ERROR} | options), cases=(case,))
+    return case, find("trade")(wanted, Runner(None, repeats=1))
+
+
+@pytest.fixture(scope="module", params=FILES, ids=lambda f: Path(f).stem)
+def measured(request):
+    return request.param, *traded(request.param)
+
+
+@pytest.mark.slow
+def test_a_recommendation_run_again_meets_its_target(measured):
+    file, case, result = measured
+    found = recommend.of_result(result)
+    choice = recommend.choose(found.points, case.name, ERROR, None)
+    assert choice.reached, choice.remarks
+    again = recommend.rerun(choice.line, found.histories, ERROR, True, recommend.Origin(case, file))
+    assert again.met
+    assert again.error + choice.line["reference_error"] <= ERROR
+    assert again.status == "ok"
+
+
+@pytest.mark.slow
+def test_references_are_better_known_than_the_smallest_target(measured):
+    _, _, result = measured
+    known = result.table("references").frame
+    assert set(known["element"]) == {"cable", "shear"}
+    assert (known["uncertainty"] <= SHARE * ERROR).all()
+    assert list(result.table("recommended").frame["wished_error"]) == [ERROR]
+
+
+@pytest.mark.slow
+def test_texts_speak_of_this_scene(measured):
+    _, case, result = measured
+    texts = [*result.findings, *result.answers, *(n for t in result.tables for n in t.notes)]
+    texts += [p.caption for p in result.pictures]
+    assert any(case.name in text for text in texts)
+    assert not [t for t in texts if re.search("crank|coupler|follower|four-bar|cantilever", t)]
+
+
+@pytest.mark.slow
+def test_the_trade_of_one_scene_does_not_overwrite_that_of_the_base_scenes(measured, tmp_path):
+    _, case, result = measured
+    folder = write(result, tmp_path)
+    assert folder.name == f"trade-{case.name}"
+    assert recommend.read(folder).points["scene"].eq(case.name).all()
+
+
+@pytest.mark.slow
+def test_a_solver_that_cannot_do_the_scene_is_a_row_with_the_reason():
+    _, result = traded(DOUBLE_PENDULUM, solvers=("anctmm", "pyelastica"))
+    points = result.table("points").frame
+    refused = points[points["solver"] == "pyelastica"]
+    assert len(refused)
+    assert refused["status"].str.match("(unsupported|refused): .").all()
+    assert np.isnan(refused["error"]).all()
+
+
+@pytest.mark.slow
+def test_recommend_takes_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ANCTMM_CACHE", str(tmp_path / "cache"))
+    arguments = ["recommend", THROWN_CHAIN, "--error", "1e-2", "--quick"]
+    done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
+    assert done.exit_code == 0, done.output
+    assert "Recommended: " in done.output
+    assert f'scene = find_case("{THROWN_CHAIN}", "thrown-chain").scene' in done.output
+    assert "meets the target error 0.01" in done.output
+
+
+def test_a_static_case_has_no_trade():
+    case = find_case(PORTAL_FRAME, "portal-frame-at-rest")
+    with pytest.raises(StudyError, match="is a static equilibrium; a motion"):
+        find("trade")(Options(quick=True, cases=(case,)), Runner(None))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["recommend", PORTAL_FRAME, "--error", "1e-2"], "has 2 cases; --case is needed"),
+        (
+            ["recommend", PORTAL_FRAME, "--case", "portal-frame-at-rest", "--error", "1e-2"],
+            "a static equilibrium",
+        ),
+        (["recommend", THROWN_CHAIN], "--error and --budget are both missing"),
+        (["recommend", "nowhere.py", "--error", "1e-2"], "no such file"),
+        (["study", "trade", THROWN_CHAIN, "--elements", "2/2"], "needs 1 or 3 numbers"),
+        (["study", "trade", THROWN_CHAIN, "--element", "cable"], "takes no --element"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments, said):
+    done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
+    assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
