@@ -89,6 +89,11 @@ def once(chain: Chain, find: Callable[[Chain], T], what: Any = None) -> T:
     return found[key]
 
 
+def is_found(chain: Chain, what: Any) -> bool:
+    """Whether `once` has found something of a chain."""
+    return what in vars(chain).get("_found", ())
+
+
 def light(chain: Chain, find: Callable[[Chain], T]) -> T:
     """The same for what takes memory: of long chains it is found each time."""
     return once(chain, find) if chain.bodies.nodes <= NODES else find(chain)

@@ -14,7 +14,7 @@ Known coordinates are known as positions; their velocities and accelerations fol
 in an index-3 solution of the equations with multipliers.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +42,7 @@ from anctmm.integrators.implicit_step import (
     new_damping,
     new_state,
 )
-from anctmm.integrators.newton import Newton, new_newton, single_will_do, solve_step
+from anctmm.integrators.newton import Newton, new_newton, parts, single_will_do, solve_step
 from anctmm.integrators.newton_failure import stalled
 from anctmm.integrators.output import (
     Output,
@@ -53,6 +53,7 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.compiling import kernel
+from anctmm.jit.second_process import side_by_side
 from anctmm.recursion.riccati import (
     BlockFactors,
     Links,
@@ -94,13 +95,21 @@ def integrate(chain: Chain) -> Solution:
     out, single = record.arrays(), system.factors.L.dtype == np.float32
     of_step = once(chain, _coefficients)
 
-    def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
+    def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
         tables = actuation.hub_table(t), actuation.load_table(t)
-        arguments = system._replace(newton=newton)[:-1]
-        return int(advance(begin, end, run.steps, run.stride, c, *arguments, out, system.damping, *tables))
+        fixed = (*system._replace(newton=newton)[:-1], out, system.damping)
+        return begin, end, run.steps, run.stride, c, *fixed, *tables
 
-    once(chain, lambda _: one(0, 0), what=advance)  # compiles
+    def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
+        return int(advance(*arguments(begin, end, c, newton)))
+
+    def compiles(_: Chain) -> None:
+        call = arguments(0, 0, of_step, newton)
+        with side_by_side(*parts(state, of_step, *system[1:4], system.loads, newton)):
+            advance(*call)
+
+    once(chain, compiles, what=advance)
     record.start()
     drives = actuation.hub_table(np.zeros(1))[0]
     start(state, hubs, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)

@@ -10,22 +10,32 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import (
     FIRST_BODY,
+    Tables,
     body_after,
     window_forces,
     window_inertia,
 )
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
-from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit_step import add_damping_forces, predict, stiffened_bodies, velocities_at_end
+from anctmm.forces.loads import Loads, set_loads
+from anctmm.integrators.implicit_step import (
+    State,
+    add_damping_forces,
+    predict,
+    stiffened_bodies,
+    velocities_at_end,
+)
 from anctmm.integrators.stability import element_bound
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
+from anctmm.jit.second_process import Task
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
+    BlockFactors,
+    Links,
     factorize,
     find_unknowns,
     meet_inboard,
@@ -86,6 +96,26 @@ def single_will_do(chain: Chain) -> bool:
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     condition = 1.0 + element_bound(chain, stiffened_bodies(chain.bodies, c)) ** 2 / c.to_w
     return float(np.finfo(np.float32).eps) * condition <= ROUNDED
+
+
+def parts(
+    state: State,
+    c: Coefficients,
+    tables: Tables,
+    links: Links,
+    factors: BlockFactors,
+    loads: Loads,
+    newton: Newton,
+) -> tuple[list[Task], list[Task]]:
+    """The largest kernels of `solve_step`, for `side_by_side`: one half of all that is compiled, and some more."""
+    q, w, scale = state.q, state.w, newton.scale
+    values = np.zeros((len(loads.kinds), 2))
+    aside = [(factorize, (q, tables, links, c.to_w, c.to_q, loads, values, factors))]
+    here = [
+        (_forward, (q, w, state.f, tables, factors, factors.loops, state.loads)),
+        (_backward, (q, w, c, scale, factors, factors.loops, state.loads)),
+    ]
+    return aside, here
 
 
 @inlined

@@ -7,14 +7,15 @@ Coordinates that are known are known at all three levels, so nothing drifts. Dam
 v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
 """
 
-from typing import NamedTuple
+from contextlib import nullcontext
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, resist
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.kept_chains import once, own
+from anctmm.discretise.kept_chains import is_found, once, own
 from anctmm.forces.actuation import (
     Hubs,
     hub_reactions,
@@ -37,6 +38,7 @@ from anctmm.integrators.output import (
 from anctmm.integrators.stability import check_step, largest_step
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
+from anctmm.jit.second_process import Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.border import (
     KEPT,
@@ -126,16 +128,15 @@ def integrate(chain: Chain) -> Solution:
     if run.check_stability:
         once(chain, check_step)
     actuation, record = once(chain, actuation_of), Record(chain)
-    fixed = own(chain, _system)
-    before_out, behind_out = fixed[:7], fixed[7:]
-    out, q, rigid = record.arrays(), fixed.state.q, fixed.rigid
+    out = record.arrays()
+    with nullcontext() if is_found(chain, advance) else side_by_side(_parts(chain, out)):
+        fixed = own(chain, _system)
+        once(chain, lambda _: advance(*_call(chain, fixed, out, 0, 0)), what=advance)  # compiles
+    q, rigid = fixed.state.q, fixed.rigid
 
     def one(begin: int, end: int) -> int:
-        t = run.times(np.arange(begin, end))
-        tables = actuation.hub_table(t), actuation.load_table(t)
-        return int(advance(begin, end, *before_out, out, *behind_out, *tables))
+        return int(advance(*_call(chain, fixed, out, begin, end)))
 
-    once(chain, lambda _: one(0, 0), what=advance)  # compiles
     record.start()
     failed = run_batches(chain, actuation.width, one, record.solution)
     if failed < 0:
@@ -144,6 +145,26 @@ def integrate(chain: Chain) -> Solution:
     before = record.q[kept - 1] if kept else chain.bodies.reference()
     status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
     return record.solution(kept, status, failed)
+
+
+def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tuple[Any, ...]:
+    """Arguments of `advance`."""
+    actuation, t = once(chain, actuation_of), chain.run.times(np.arange(begin, end))
+    return begin, end, *system[:7], out, *system[7:], actuation.hub_table(t), actuation.load_table(t)
+
+
+def _parts(chain: Chain, out: Output) -> list[Task]:
+    """Kernels that `advance` calls, for a second process: what it reaches first, and what is large."""
+    actuation, q = once(chain, actuation_of), chain.bodies.reference()
+    hubs, loads = actuation.hubs(), actuation.loads()
+    drives, values = actuation.hub_table(np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
+    return [
+        (turn_hubs, (hubs, drives)),
+        (place_hubs, (q, q, hubs)),
+        (set_loads, (q, q, q, loads, values)),
+        (keep, (0, 1, q, q, q, chain.bodies.tables(), loads.connectors, out)),
+        (work_done, (True, q, hubs, loads, values)),
+    ]
 
 
 def _system(chain: Chain) -> System:

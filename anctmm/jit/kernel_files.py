@@ -9,6 +9,8 @@ import hashlib
 import os
 import pickle
 import platform
+import re
+import shutil
 import tempfile
 import time
 from collections import defaultdict
@@ -24,13 +26,18 @@ import numpy as np
 from numba.core import config, sigutils
 from numba.core.caching import _Cache
 from numba.core.compiler import CompileResult
+from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
 from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
+from anctmm.jit.second_process import wait_for
 
-MAGIC = b"anctmm kernel 2\n"
+#: Of all layouts of these files, and of this one.
+KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 2\n"
+#: Directories of an earlier layout, one for each version of all sources, beside that of the files.
+EARLIER = re.compile(r"kernels(-[0-9a-f]+)+")
 #: Of a file, and of one that is being written.
 ENDING, UNFINISHED = ".kernel", ".part"
 #: Versions of a kernel's code that are kept for each signature: those of several branches of work.
@@ -80,9 +87,15 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         path = self._path(signature, target_context.codegen())
         if path is None:
             return None
+        wait_for(path)
         try:
             target_context.refresh()
-            payload = _payload(path.read_bytes())
+            content = path.read_bytes()
+            if content.startswith(KIND) and not content.startswith(
+                MAGIC
+            ):  # of another layout: it is replaced
+                return None
+            payload = _payload(content)
             parts = pickle.loads(payload)
             restore = CompileResult._rebuild if parts[0][1] == "object" else restored_callee
             found = restore(target_context, *parts)
@@ -109,8 +122,13 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         try:
             write_whole(path, MAGIC + hashlib.sha256(payload).digest() + payload)
             remove_unused(path.parent)
+            remove_earlier(path.parent.parent)
         except OSError as error:
             _not_kept(error.strerror or str(error), str(path.parent))
+
+    def file_of(self, types: tuple[Any, ...]) -> Path | None:
+        """The file of a signature's types for this machine; None where nothing is kept."""
+        return self._path(types, cpu_target.target_context.codegen())
 
     def _path(self, signature: Any, codegen: Any) -> Path | None:
         """The file of a signature for this machine."""
@@ -171,6 +189,22 @@ def remove_unused(place: Path, now: float | None = None) -> None:
                 os.unlink(path)
         else:
             room += size
+
+
+@lru_cache
+def remove_earlier(place: Path) -> None:
+    """Remove directories of an earlier layout that nobody has written into for a day; looked for once.
+
+    Parameters
+    ----------
+    place : Path
+        Where they lie, beside that of the kernels.
+    """
+    for entry in os.scandir(place):
+        if EARLIER.fullmatch(entry.name) and entry.is_dir(follow_symlinks=False):
+            with suppress(OSError):  # removed by another process
+                if time.time() - entry.stat(follow_symlinks=False).st_mtime > _DAY:
+                    shutil.rmtree(entry.path, ignore_errors=True)
 
 
 def _payload(content: bytes) -> bytes:

@@ -130,6 +130,12 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         return entry
 
 
+def compile_for_callers(kernel: Kernel, types: tuple[Any, ...]) -> None:
+    """Compile a kernel as a caller that is compiled would have it done."""
+    with _for_caller():
+        kernel.compile(types)
+
+
 def is_callee(found: Any) -> bool:
     """Whether a compiled signature can only be linked into callers."""
     return isinstance(found.library, CalleeLibrary)

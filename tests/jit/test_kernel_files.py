@@ -9,7 +9,7 @@ import numba
 import pytest
 
 from anctmm.jit import kernel_files
-from anctmm.jit.kernel_files import DAYS, ENDING, ROOM, VERSIONS, remove_unused
+from anctmm.jit.kernel_files import DAYS, ENDING, ROOM, VERSIONS, remove_earlier, remove_unused
 
 SOURCE = '''
 """A docstring."""
@@ -48,6 +48,35 @@ def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_does(tmp_path
     assert run(SOURCE.replace("A docstring", "Another one,\n\nlonger")) == ["7.0", "1", "0"]
     assert run(SOURCE.replace("2.0 * x", "3.0 * x")) == ["10.0", "0", "1"]
     assert run(SOURCE) == ["7.0", "1", "0"]
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
+def test_files_of_another_layout_are_replaced_without_a_word(tmp_path):
+    environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    (tmp_path / "edited.py").write_text(SOURCE)
+
+    def run():
+        command = [sys.executable, "-c", "import edited; edited.report()"]
+        done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+        return done.stdout.split(), "readable" in done.stderr
+
+    assert run() == (["7.0", "0", "1"], False)
+    for file in tmp_path.rglob(f"*{ENDING}"):
+        file.write_bytes(b"anctmm kernel 1\n" + bytes(100))
+    assert run() == (["7.0", "0", "1"], False)
+    assert run() == (["7.0", "1", "0"], False)
+
+
+def test_directories_of_earlier_layouts_are_removed(tmp_path):
+    names = ["kernels", "kernels-0a1b2c", "kernels-0a1b2c-99ff", "kernels-of-mine", "runs", "kernels-77"]
+    for name in names:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "file").write_bytes(b"")
+        os.utime(tmp_path / name, (1.0, 1.0))
+    os.utime(tmp_path / "kernels-77")  # in use
+    remove_earlier(tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"kernels", "kernels-of-mine", "runs", "kernels-77"}
 
 
 def fill(place, name, days, size=10):

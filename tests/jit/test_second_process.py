@@ -1,0 +1,172 @@
+"""Compiling in two processes: the same kernels, none compiled twice, and one process where two cannot be."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from samples import beam
+
+import anctmm as at
+from anctmm.discretise import kept_chains
+from anctmm.integrators import generalized_alpha, zhai
+from anctmm.jit import second_process
+from anctmm.jit.kernel_files import directory
+
+SCRIPT = """
+import os, sys
+import numpy as np
+from anctmm.jit import second_process
+from small_kernels import inner, outer
+x = np.arange(5.0)
+{change}
+with second_process.side_by_side([(inner, (x, 1.0))]):
+    print(outer(x), sum(inner.stats.cache_hits.values()))
+assert not second_process._running
+try:
+    print(os.waitpid(-1, os.WNOHANG))
+except ChildProcessError:
+    print("no child")
+"""
+#: What is changed before the run.
+ALONE = "second_process._worthwhile = lambda: False"
+BESIDE = "second_process._worthwhile = lambda: True"
+FAILING = {
+    "cannot start": "sys.executable = '/nowhere/python'",
+    "has no executable": "sys.executable = None",
+    "fails": "second_process._PROGRAM = 'raise SystemExit(3)'",
+    "dies": "second_process._PROGRAM = 'import os; os.kill(os.getpid(), 9)'",
+    "does nothing": "second_process.PATIENCE = 1.0; second_process._PROGRAM = 'import time; time.sleep(600)'",
+}
+
+
+def answer(change, cache):
+    """What a process prints that calls a kernel, kept in a directory, for the first time."""
+    paths = os.pathsep.join(
+        filter(None, [str(Path(__file__).parents[1] / "helpers"), os.environ.get("PYTHONPATH")])
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(change=change)],
+        env=os.environ | {"ANCTMM_CACHE": str(cache), "PYTHONPATH": paths},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert all("compil" in line for line in done.stderr.splitlines()), done.stderr
+    return done.stdout
+
+
+def test_what_a_second_process_compiles_is_not_compiled_here(tmp_path):
+    assert answer(ALONE, tmp_path / "one") == "60.0 0\nno child\n"
+    assert answer(BESIDE, tmp_path / "two") == "60.0 1\nno child\n"
+    for of in (tmp_path / "one", tmp_path / "two"):
+        assert {f.name.partition("-")[0] for f in of.rglob("*.kernel")} == {
+            "small_kernels.inner",
+            "small_kernels.outer",
+        }
+
+
+@pytest.mark.parametrize("how", FAILING)
+def test_whatever_becomes_of_the_second_process_the_answer_is_the_same(how, tmp_path):
+    assert answer(f"{BESIDE}; {FAILING[how]}", tmp_path) == "60.0 0\nno child\n"
+
+
+SCENES = {
+    "hinged": ([at.Pin("a.start"), at.Pin("a.end", "b.start")], []),
+    "driven": ([at.Clamp("a.start", at.Quintic(1.0, 1.0)), at.Pin("a.end", "b.start")], [at.Torque("b.end", 1.0)]),
+    "triangle": ([at.Pin("a.end", "b.start"), at.Pin("b.end", "c.start"), at.Pin("c.end", "a.start")], []),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("module", [zhai, generalized_alpha])
+@pytest.mark.parametrize(("kind", "name"), [("cable", "hinged"), ("shear", "driven"), ("cable", "triangle")])
+def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, module, monkeypatch):
+    """Else it would work in vain, and in every process again."""
+    joints, loads = SCENES[name]
+    bodies = [beam(), beam("b", (1.0, 0.0), (1.0, 1.0))]
+    bodies += [beam("c", (1.0, 1.0), (0.0, 0.0))] if name == "triangle" else []
+    integrator = "zhai" if module is zhai else "generalized-alpha"
+    asked = []
+
+    def watched(aside):
+        asked.extend(aside)
+
+    monkeypatch.setattr(second_process, "_second", watched)
+    kept_chains._chains.clear()
+    found = at.solve(
+        at.Scene(name, bodies, joints, loads),
+        mesh=2,
+        integrator=integrator,
+        dt=1e-5,
+        t_end=2e-5,
+        element=kind,
+    )
+    assert found.status.ok, found.status
+    assert asked
+    if directory() is not None:
+        unknown = [
+            k.py_func.__name__
+            for k, args in asked
+            if not second_process._known(k, second_process._types(args))
+        ]
+        assert not unknown
+
+
+def test_a_warm_process_starts_no_second_one(monkeypatch):
+    scene = at.Scene("one", [beam()], [at.Pin("a.start")])
+    at.solve(scene, mesh=2, integrator="zhai", dt=1e-5, t_end=2e-5)
+    monkeypatch.setattr(
+        second_process, "_start", lambda tasks: pytest.fail(f"{len(tasks)} kernels asked for")
+    )
+    monkeypatch.setattr(second_process, "_worthwhile", lambda: True)
+    monkeypatch.setattr(second_process, "_Second", lambda *_: pytest.fail("started"))
+    kept_chains._chains.clear()
+    assert at.solve(scene, mesh=2, integrator="zhai", dt=1e-5, t_end=2e-5).status.ok
+
+
+def test_waiting_ends_with_the_file_with_the_process_and_with_patience(tmp_path, monkeypatch):
+    monkeypatch.setattr(second_process, "PATIENCE", 0.5)
+
+    def waited(program, file):
+        process = subprocess.Popen([sys.executable, "-c", program], start_new_session=True)
+        second = second_process._Second(process, frozenset([file]))
+        monkeypatch.setattr(second_process, "_running", [second])
+        began = time.monotonic()
+        second_process.wait_for(Path(tmp_path / "another"))
+        assert time.monotonic() - began < 0.2
+        second_process.wait_for(file)
+        second.end()
+        assert process.returncode is not None
+
+    file = tmp_path / "kernel"
+    waited("pass", file)
+    waited("import time; time.sleep(100)", file)
+    file.write_bytes(b"")
+    monkeypatch.setattr(second_process, "PATIENCE", 100.0)
+    waited("import time; time.sleep(100)", file)
+
+
+@pytest.mark.parametrize(
+    ("processors", "load", "expected"), [(1, 0.0, False), (2, 0.5, True), (2, 2.5, False), (8, 2.5, True)]
+)
+def test_a_second_process_is_started_where_a_processor_is_free(processors, load, expected, monkeypatch):
+    monkeypatch.setattr(second_process, "_processors", lambda: processors)
+    monkeypatch.setattr(os, "getloadavg", lambda: (load, 0.0, 0.0), raising=False)
+    assert second_process._worthwhile() is expected
+
+
+@pytest.mark.parametrize("program", ["", None, "/opt/bin/another-program"])
+def test_another_program_with_python_inside_is_not_started(program, monkeypatch):
+    monkeypatch.setattr(second_process, "_processors", lambda: 2)
+    monkeypatch.setattr(os, "getloadavg", lambda: (0.0, 0.0, 0.0), raising=False)
+    assert second_process._worthwhile()
+    monkeypatch.setattr(sys, "executable", program)
+    assert not second_process._worthwhile()
+
+
+def test_arguments_have_types():
+    assert len(second_process._types((1, 2.0, np.zeros(3), None, True))) == 5
