@@ -1,9 +1,11 @@
 """Exact solutions, in closed form or solved to rounding; nothing here knows a finite element.
 
 Static cantilevers of three continua (`cantilever_static`, `solve_static`, `solve_rod`, `solve_director`),
-their closed forms, the elastic catenary, natural frequencies, and the rigid motions that stiff beams tend to.
+their closed forms, the elastic catenary, natural frequencies, the rigid motions that stiff beams tend to, and
+mechanisms of rigid bodies.
 """
 
+from reference.exact.andrews import andrews_squeezer
 from reference.exact.cantilever import Cantilever
 from reference.exact.catenary import Catenary
 from reference.exact.closed_forms import (
@@ -18,6 +20,7 @@ from reference.exact.frequencies import (
     euler_bernoulli_frequencies,
     timoshenko_frequencies,
 )
+from reference.exact.mechanisms import OffsetDoublePendulum, Oscillator, slider_crank
 from reference.exact.pendulums import DoublePendulum, FreeBar, Pendulum, bar_reduced_length
 from reference.exact.rods import Rigidity, RodShape, solve_rod
 from reference.exact.scenes import cantilever_problem, cantilever_static, solve_static
@@ -28,9 +31,12 @@ __all__ = [
     "DirectorShape",
     "DoublePendulum",
     "FreeBar",
+    "OffsetDoublePendulum",
+    "Oscillator",
     "Pendulum",
     "Rigidity",
     "RodShape",
+    "andrews_squeezer",
     "axial_frequencies",
     "bar_reduced_length",
     "cantilever_problem",
@@ -40,6 +46,7 @@ __all__ = [
     "inextensible_tip",
     "moment_arc",
     "poisson_locking_factor",
+    "slider_crank",
     "solve_director",
     "solve_rod",
     "solve_static",
