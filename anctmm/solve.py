@@ -11,6 +11,7 @@ from anctmm.discretise.methods import GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
 from anctmm.errors import StepError
 from anctmm.integrators import generalized_alpha, step_control, zhai
+from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
 from anctmm.model.bodies import beam_of
 from anctmm.model.needs import refuse
@@ -28,7 +29,9 @@ OFFER = Offer(lacks=uncombined() | LACKING)
 
 
 @accounted
-def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+def solve(
+    scene: Scene, run: Discretisation | None = None, *, start: Solution | None = None, **options: Any
+) -> Solution:
     """Simulate a scene by ANC-TMM.
 
     Parameters
@@ -36,6 +39,10 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
     scene : Scene
     run : Discretisation, optional
         Or its fields as keywords.
+    start : Solution, optional
+        An equilibrium of `solve_static` of the same bodies and joints, mesh and elements: the motion starts there,
+        preloaded. Loads, gravity and connectors may be others, as where a load is let go. The undeformed scene
+        without it.
 
     Returns
     -------
@@ -52,6 +59,8 @@ def solve(scene: Scene, run: Discretisation | None = None, **options: Any) -> So
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
     chain = chain_of(scene, discretise(run, options, fixed_step=False), _checked_chain)
+    if start is not None:
+        chain = started(chain, start)
     method = once(chain, _method)
     match method:
         case Zhai():

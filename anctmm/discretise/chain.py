@@ -5,7 +5,7 @@ node of its own, also where ends are joined.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TypeGuard
 
@@ -43,6 +43,8 @@ class Chain:
     ----------
     scene : Scene
     run : Discretisation
+    start : ndarray, shape (k, rows, nodes), optional
+        Equilibria on the way to that which the motion starts from, the last one.
 
     Raises
     ------
@@ -57,6 +59,7 @@ class Chain:
 
     scene: Scene
     run: Discretisation
+    start: Array | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         refuse(self.scene, LACKING, "ANC-TMM")
@@ -153,6 +156,10 @@ class Chain:
                 held = None if clamp is not None else 2 if junction.grounded else 0
                 mask[:held, [self.node(end) for end in group]] = True
         return mask
+
+    def start_coordinates(self) -> Array:
+        """Coordinates at t = 0, (rows, nodes)."""
+        return self.bodies.reference() if self.start is None else self.start[-1].copy()
 
     @cached_property
     def dead_load(self) -> Array:

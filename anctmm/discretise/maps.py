@@ -94,6 +94,8 @@ def maps(vectors: Sequence[Map]) -> Maps:
 def position_of(bodies: Bodies, place: Place) -> Map:
     """Position of a place."""
     mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
+    if mesh.nodes == 1:
+        return Map(_of_one_node(mesh, first, place))
     node, inside = _within(mesh, place)
     if inside == 0.0:
         return Map((Term(first + node, 0, 1.0),))
@@ -105,6 +107,8 @@ def position_of(bodies: Bodies, place: Place) -> Map:
 def direction_of(bodies: Bodies, place: Place) -> Map:
     """The vector that a torque turns at a place: r_x of a cable, r_y of a shear element."""
     mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
+    if mesh.nodes == 1:
+        return Map((Term(first, 2, 1.0),))
     node, inside = _within(mesh, place)
     row = bodies.turning_row(place.body.name)
     if inside == 0.0:
@@ -119,6 +123,8 @@ def direction_of(bodies: Bodies, place: Place) -> Map:
 def sum_along(bodies: Bodies, name: str) -> Map:
     """∫ r dx along a beam, x its undeformed length: what a force per length acts on."""
     mesh, first = bodies.mesh(name), bodies.first_node(name)
+    if mesh.nodes == 1:
+        return Map((Term(first, 0, mesh.body.length),))
     r_I, g_I, r_O, g_O = hermite_load(mesh.element.l)
     r, g = np.zeros(mesh.nodes), np.zeros(mesh.nodes)
     r[:-1] += r_I
@@ -152,6 +158,15 @@ def constant_forces_on(scene: Scene, bodies: Bodies) -> Iterator[tuple[Map, Poin
 def add_force(vector: Map, force: Point, f: Array) -> None:
     """Add the generalized force of a force on a vector to f, (rows, nodes)."""
     uncompiled(push)(maps([vector]), 0, *force, f)
+
+
+def _of_one_node(mesh: BodyMesh, first: int, place: Place) -> tuple[Term, ...]:
+    """A point of a body of one node, whose vectors are its centre and, of a rigid body, (1, 0) in the reference."""
+    center = mesh.reference[0, 0]
+    x, y = place.position[0] - float(center[0]), place.position[1] - float(center[1])
+    if mesh.vectors == 1 or x == y == 0.0:
+        return (Term(first, 0, 1.0),)
+    return Term(first, 0, 1.0), Term(first, 2, x, y)
 
 
 def _within(mesh: BodyMesh, place: Place) -> tuple[int, float]:

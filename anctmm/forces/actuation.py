@@ -11,7 +11,7 @@ from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.forces.connectors import driven_connectors, free_of
+from anctmm.forces.connectors import count_turns, driven_connectors, free_of
 from anctmm.forces.loads import Loads, loads_of, loads_work
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
@@ -62,10 +62,13 @@ class Actuation:
     ----------
     scene : Scene
     bodies : Bodies
+    start : ndarray, shape (k, rows, nodes), optional
+        Coordinates on the way to the start of a motion: rotational springs count their turns there.
     """
 
     scene: Scene
     bodies: Bodies
+    start: Array | None = None
 
     @cached_property
     def driven(self) -> list[tuple[End, Clamp]]:
@@ -96,7 +99,10 @@ class Actuation:
 
     def loads(self) -> Loads:
         """Varying loads and connectors for kernels, with a memory of their own."""
-        return loads_of(self.scene, self.bodies, varying_loads(self.scene))
+        loads = loads_of(self.scene, self.bodies, varying_loads(self.scene))
+        for q in () if self.start is None else self.start:
+            count_turns(loads.connectors, q)
+        return loads
 
     def hub_table(self, t: Array) -> Array:
         """Angle, rate and acceleration of each driven clamp at times `t`, (n, hubs, 3)."""

@@ -15,7 +15,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, push, rate_at, vector_at
 from anctmm.errors import unknown_kind
 from anctmm.forces.laws import address_of, call_law
-from anctmm.jit.compiling import embedded
+from anctmm.jit.compiling import embedded, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.places import Place
@@ -175,6 +175,13 @@ def measure(c, n, q):  # type: ignore[no-untyped-def]
     m = np.arctan2(ax * by - ay * bx, ax * bx + ay * by) - c.placed[n]
     m += 2.0 * np.pi * np.round((c.memory[n, 1] - m) / (2.0 * np.pi))
     return m, ay / aa, -ax / aa, -by / bb, bx / bb
+
+
+def count_turns(connectors: Connectors | None, q: Array) -> None:
+    """Take the measures at coordinates q for the last ones accepted."""
+    if connectors is not None:
+        for n in range(len(connectors.kinds)):
+            connectors.memory[n, 1] = uncompiled(measure)(connectors, n, q)[0]
 
 
 @embedded

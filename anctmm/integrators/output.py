@@ -141,7 +141,7 @@ def _dofs(chain: Chain) -> int:
 
 def actuation_of(chain: Chain) -> Actuation:
     """What acts on a chain in time."""
-    return Actuation(chain.scene, chain.bodies)
+    return Actuation(chain.scene, chain.bodies, chain.start)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:

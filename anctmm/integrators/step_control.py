@@ -36,7 +36,16 @@ from anctmm.integrators.implicit_start import balance
 from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
 from anctmm.integrators.newton import Newton, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
-from anctmm.integrators.output import STEP, Output, Record, gradient_size, keep, too_large, worst_element
+from anctmm.integrators.output import (
+    STEP,
+    Output,
+    Record,
+    actuation_of,
+    gradient_size,
+    keep,
+    too_large,
+    worst_element,
+)
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.pacing import paced
 from anctmm.recursion.low_rank import correct
@@ -71,7 +80,7 @@ class Control(NamedTuple):
     are relative. method: αm, αf, β, γ. times: of the outputs, s. counts: accepted and rejected steps. scale: largest
     displacement, of a pilot run or until now, m, (1,). load and x: scratch, (rows, nodes). angles, values: of
     drives and loads at the start and at the end of the step, (2, drives, 3) and (2, loads, 2). missed: scratch, (2,).
-    reference: undeformed coordinates. bulge: largest displacement beside each node that a unit of its gradient makes,
+    reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
     m, (nodes,). moved: that displacement of each node, m, (nodes,). progress: where the run stands, see `Progress`.
     """
 
@@ -130,7 +139,7 @@ def integrate(chain: Chain) -> Solution:
         If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
     run = chain.run
-    actuation, record = Actuation(chain.scene, chain.bodies), Record(chain)
+    actuation, record = actuation_of(chain), Record(chain)
     actions = timeline(
         [c for _, c in actuation.driven],
         varying_loads(chain.scene),
@@ -218,7 +227,7 @@ def _march(
         np.zeros((2, drives, 3)),
         np.zeros((2, histories - drives + min(len(chain.scene.connectors), 1), 2)),
         np.zeros(2),
-        bodies.reference(),
+        chain.start_coordinates(),
         np.concatenate([np.full(m.nodes, BULGE * m.element.l) for m in bodies.meshes]),
         moved.copy(),
         np.array(Progress(0.0, FIRST * chain.run.exact_dt, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),

@@ -142,7 +142,7 @@ def integrate(chain: Chain) -> Solution:
     if failed < 0:
         return record.solution(len(record.q), Status(), run.steps)
     kept = 1 + (failed - 1) // run.stride
-    before = record.q[kept - 1] if kept else chain.bodies.reference()
+    before = record.q[kept - 1] if kept else chain.start_coordinates()
     status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
     return record.solution(kept, status, failed)
 
@@ -170,7 +170,7 @@ def _parts(chain: Chain, out: Output) -> list[Task]:
 def _system(chain: Chain) -> System:
     """What the steps of a run start from."""
     run, bodies, actuation = chain.run, chain.bodies, once(chain, actuation_of)
-    q, v = bodies.reference(), chain.initial_velocity()
+    q, v = chain.start_coordinates(), chain.initial_velocity()
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     scratch = np.zeros((1, 1)) if chain.split else np.zeros_like(q)
     flat = (q.ravel(), v.ravel(), even.ravel(), odd.ravel())

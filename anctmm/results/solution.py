@@ -38,9 +38,9 @@ Fractions = float | str | Sequence[float] | Array
 class Energy:
     """Energies at the output times, J, each (n,); NaN where a solver does not give one.
 
-    kinetic + strain + potential − work is constant in the exact motion. `potential` is that of gravity and of
-    constant forces, zero at t = 0; `work` is what drives, torques and forces that vary in time have done, less what
-    damping took.
+    kinetic + strain + potential − work is constant in the exact motion. `strain` is that of bodies and springs,
+    `potential` that of gravity and of constant forces, zero in the undeformed scene; `work` is what drives, torques,
+    laws and forces that vary in time or turn with their place have done, less what damping took.
     """
 
     kinetic: Array

@@ -1,0 +1,70 @@
+"""Where a run starts from: an equilibrium that was found before."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.errors import DiscretisationError, shown
+from anctmm.results.fields import HermiteField, RigidField
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+NEEDED = "start needs a Solution of solve_static of the same bodies, joints, mesh and elements"
+#: Statuses of equilibria that are whole.
+WHOLE = ("ok", "unstable", "singular", "imprecise")
+
+
+def started(chain: Chain, rest: object) -> Chain:
+    """A scene that starts from an equilibrium.
+
+    Loads, gravity and connectors may be others than those of the equilibrium, as where a load is let go.
+
+    Parameters
+    ----------
+    chain : Chain
+    rest : Solution
+        Of `solve_static`; its last output is taken.
+
+    Raises
+    ------
+    DiscretisationError
+        If it is none, or of other bodies or joints, another mesh or other elements.
+    """
+    if not isinstance(rest, Solution):
+        raise DiscretisationError(f"start is {shown(rest)}; {NEEDED}")
+    name = f"start of scene {rest.scene.name!r}"
+    if rest.stable is None or not len(rest.t):
+        raise DiscretisationError(f"{name} is no static equilibrium of ANC-TMM; {NEEDED}")
+    if rest.status.code not in WHOLE:
+        raise DiscretisationError(f"{name} ended with {rest.status.code!r} ({rest.status.message}); {NEEDED}")
+    for what in ("bodies", "joints"):
+        if getattr(rest.scene, what) != getattr(chain.scene, what):
+            raise DiscretisationError(f"{name} has other {what} than scene {chain.scene.name!r}; {NEEDED}")
+    _check_cut(name, chain, rest)
+    path = [_flat(chain, rest, k) for k in range(len(rest.t))]
+    return replace(chain, start=np.array(path))
+
+
+def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
+    assert rest.run is not None  # solve_static tells it
+    here, there = chain.run.of(chain.scene), rest.run.of(rest.scene)
+    for beam, (elements, kind) in here.items():
+        if there[beam] != (elements, kind):
+            raise DiscretisationError(
+                f"{name} has body {beam!r} cut into {there[beam][0]} elements {there[beam][1]!r}, and the run into "
+                f"{elements} elements {kind!r}; {NEEDED}"
+            )
+
+
+def _flat(chain: Chain, rest: Solution, k: int) -> Array:
+    """Coordinates of output k, (rows, nodes)."""
+    found = []
+    for mesh in chain.bodies.meshes:
+        field = rest.fields[mesh.body.name]
+        assert isinstance(field, HermiteField | RigidField)  # what solve_static of ANC-TMM gives
+        coordinates = field.coordinates[k].reshape(mesh.nodes, -1, 2)[:, : mesh.vectors]
+        found.append(mesh.unflipped(coordinates))
+    return chain.bodies.flat(found)
