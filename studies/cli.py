@@ -14,6 +14,7 @@ from studies.command_line.progress import bar, sweeping
 if TYPE_CHECKING:
     from anctmm.model.case import Case
     from studies.regression.check import Finding
+    from studies.regression.scenes import Watch
     from studies.trade.recommend import Measured
 
 __all__ = ["app", "main", "read_options", "sweeping"]
@@ -280,6 +281,15 @@ def bench(
 
 @app.command(cls=Command)
 def check(
+    file: Annotated[str | None, typer.Argument(help="A Python file of yours that defines CASES.")] = None,
+    case: Chosen = None,
+    elements: Annotated[
+        str | None,
+        typer.Option(help="Of the file's cases: elements of each beam, or of all.", metavar="MESH"),
+    ] = None,
+    dt: Annotated[
+        str | None, typer.Option("--dt", help="Of the file's cases: time step, s.", metavar="NUMBER")
+    ] = None,
     only: Annotated[
         str | None,
         typer.Option(help="Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", metavar="LIST"),
@@ -309,19 +319,19 @@ def check(
     from studies.engine.processes import processors
     from studies.regression import check as checking
     from studies.regression.report import show, write_check
-    from studies.regression.scenes import declared_in, tasks_of
-    from studies.regression.small_watches import all_watches
+    from studies.regression.scenes import tasks_of
 
     asked, solvers = texts("--only", only), texts("--solver", solver)
-    every = tasks_of(declared_in(scenes) if scenes else all_watches())
+    every = tasks_of(_watches(file, case, elements, dt, scenes))
     tasks = checking.select(every, asked, solvers)
-    stored = baselines or (scenes.parent / "baselines" if scenes else checking.BASELINES)
+    own = scenes or (Path(file) if file else None)
+    stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
     check_writable(out / "check")
     findings: list[checking.Finding] = []
     work = (
         checking.update(tasks, stored)
         if update
-        else checking.check(tasks, stored, whole=not asked and not solvers, workers=processors())
+        else checking.check(tasks, stored, whole=not asked and not solvers and not case, workers=processors())
     )
     with bar(Console(stderr=True)) as progress:
         task = progress.add_task("running", total=len(tasks))
@@ -333,6 +343,28 @@ def check(
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
     raise typer.Exit(_verdict(findings))
+
+
+def _watches(
+    file: str | None, case: str | None, elements: str | None, dt: str | None, scenes: Path | None
+) -> "tuple[Watch, ...]":
+    """What is watched: cases of a file, what another declares, or all that is built in."""
+    from studies.cases import cases_in, find_cases
+    from studies.command_line.options import one
+    from studies.regression.of_cases import watches_of
+    from studies.regression.scenes import declared_in
+    from studies.regression.small_watches import all_watches
+
+    if file is None:
+        for option, value in (("--case", case), ("--elements", elements), ("--dt", dt)):
+            if value is not None:
+                raise BadOption(f"{option} is {value!r} without a file; a file that defines CASES is needed")
+        return declared_in(scenes) if scenes else all_watches()
+    if scenes is not None:
+        raise BadOption(f"--scenes is {str(scenes)!r} beside file {file!r}; one of them is allowed")
+    options = read_options(elements, dt, None, quick=True)
+    cases = cases_in(file) if case is None else find_cases(file, case)
+    return watches_of(cases, one("--elements", options.meshes), one("--dt", options.steps))
 
 
 @app.command(cls=Command)

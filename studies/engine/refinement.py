@@ -270,13 +270,13 @@ class Refinement:
     def _longest_step(self, i: int) -> float:
         """Step of the coarsest level, s, a whole part of the interval of output."""
         case = self.case
-        limit = case.duration / FEWEST_STEPS
+        limit = inf
         if self.setup.integrator == "zhai":
             options = {"element": self.setup.element, "quadrature": self.setup.quadrature}
             mesh = Trial(case.scene, self.setup.solver, self.mesh_at(i)).by_body
             with suppress(AnctmmError):  # the solver itself says what it cannot do
-                limit = min(limit, stable_step(case.scene, mesh, options))
-        return case.interval / _parts(case.interval / limit * (1.0 - 1e-9))
+                limit = stable_step(case.scene, mesh, options)
+        return longest_step(case, limit)
 
 
 @dataclass(frozen=True)
@@ -346,7 +346,13 @@ def coarsest_mesh(case: Case, element: str) -> Mesh:
     if kind.rigid or not lengths:
         return (1,) * max(len(lengths), 1)
     most = COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER
-    return tuple(max(1, round(most * length / max(lengths))) for length in lengths)
+    return tuple(ceil(most * length / max(lengths) * (1.0 - 1e-9)) for length in lengths)
+
+
+def longest_step(case: Case, limit: float = inf) -> float:
+    """The longest step to begin with, s: a whole part of the interval of output, no longer than a limit."""
+    limit = min(limit, case.duration / FEWEST_STEPS)
+    return case.interval / _parts(case.interval / limit * (1.0 - 1e-9))
 
 
 def _parts(least: float) -> int:

@@ -1,0 +1,87 @@
+"""`anctmm check my.py`: do the scenes of a user's file still move as they did?"""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
+
+import anctmm as at
+from studies.cases import cases_in, find_case
+from studies.cli import app
+from studies.regression.of_cases import watches_of
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def told(*arguments):
+    done = CliRunner().invoke(app, ["check", *map(str, arguments)], env={"COLUMNS": "200"})
+    return done.exit_code, " ".join(done.output.split())
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda f: Path(f).stem)
+def test_a_file_is_stored_and_then_the_same(file):
+    count = len(cases_in(file))
+    code, output = told(file, "--baselines", "kept", "--solver", "anctmm", "--update")
+    assert code == 0, output
+    assert len(list(Path("kept").glob("*/*/anctmm.csv"))) == count
+    code, output = told(file, "--baselines", "kept", "--solver", "anctmm")
+    assert code == 0, output
+    assert f"{count} same" in output
+
+
+def test_a_changed_scene_is_found(tmp_path):
+    source = Path(THROWN_CHAIN).read_text()
+    Path("my.py").write_text(source)
+    assert told("my.py", "--solver", "anctmm", "--update")[0] == 0
+    assert list(Path("baselines").glob("*/*/*.csv"))  # beside the file
+    Path("my.py").write_text(source.replace("spin=4.0", "spin=4.0001"))
+    code, output = told("my.py", "--solver", "anctmm")
+    assert (code, "1 differs" in output) == (1, True), output
+
+
+def test_nothing_stored_is_told():
+    code, output = told(THROWN_CHAIN, "--baselines", "kept")
+    assert (code, "no such directory; --update makes it" in output) == (2, True), output
+
+
+def test_one_case_of_a_file():
+    arguments = [PORTAL_FRAME, "--case", "portal-frame-at-rest", "--baselines", "kept", "--solver", "anctmm"]
+    assert told(*arguments, "--update")[0] == 0
+    assert [p.parent.parent.name for p in Path("kept").glob("*/*/*.csv")] == ["portal-frame-at-rest"]
+    assert told(*arguments)[0] == 0
+
+
+def test_what_is_watched_is_coarse_and_short_to_read():
+    (watch,) = watches_of([find_case(DOUBLE_PENDULUM)])
+    run = watch.runs["cable"]
+    assert run.mesh == {"upper": 4, "lower": 4}
+    assert (run.t_end, run.output_dt) == (0.4, 0.02)
+    many = at.Case(watch.scene, watch.probes, t_end=1.0, output_dt=1e-3)
+    assert round(1.0 / watches_of([many])[0].runs["cable"].output_dt) == 20
+    assert watches_of([many], mesh=(3,), dt=5e-4)[0].runs["cable"].mesh == 3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nowhere.py"], "no such file"),
+        ([THROWN_CHAIN, "--case", "arm"], "'arm' and is unknown"),
+        ([THROWN_CHAIN, "--elements", "2/2"], "needs 1 or 3 numbers"),
+        ([THROWN_CHAIN, "--elements", "2,3"], "one is allowed here"),
+        ([THROWN_CHAIN, "--dt", "0.007"], "whole number of steps"),
+        (
+            [PORTAL_FRAME, "--case", "portal-frame-at-rest", "--dt", "1e-3"],
+            "a static equilibrium; it has no step",
+        ),
+        ([THROWN_CHAIN, "--scenes", THROWN_CHAIN], "one of them is allowed"),
+        (["--case", "arm"], "--case is 'arm' without a file"),
+        (["--dt", "1e-3"], "--dt is '1e-3' without a file"),
+    ],
+)
+def test_what_is_wrong_is_named(arguments, said):
+    code, output = told(*arguments)
+    assert (code, said in output) == (2, True), output
