@@ -17,8 +17,8 @@ SLOW = {
                     "graph_properties", "interrupted", "modes", "motion", "promise", "properties", "rates"],
     "of_reference": ["agreement", "exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
                      "random_scenes", "times"],
-    "of_studies": ["bench", "check", "command_lines", "conform", "extremes", "failures", "fidelity", "interruption",
-                   "page", "plugins", "refinement", "single_run", "small_scenes", "studies", "trade"],
+    "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes", "failures", "fidelity", "interruption",
+                   "page", "plugins", "refinement", "single_run", "small_scenes", "studies", "trade", "trade_of_cases"],
     "recursion": ["graphs", "random_graphs", "rigid"],
     "results": ["energy_check"],
 }  # fmt: skip
