@@ -5,12 +5,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isnan
 from pathlib import Path
-from typing import Any
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any
 
 from studies.engine import provenance
 from studies.engine.files import atomic_write
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 ACCURACY = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
@@ -48,12 +49,14 @@ class Table:
 
     name: str
     title: str
-    frame: pd.DataFrame
+    frame: "pd.DataFrame"
     notes: tuple[str, ...] = ()
 
 
 def accuracy(rows: Sequence[dict[str, Any]], notes: Iterable[str] = ()) -> Table:
     """Who is how wrong."""
+    import pandas as pd  # a third of a second, which commands that show no table do not take
+
     frame = pd.DataFrame(rows, columns=list(ACCURACY))
     standard = (
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, "
@@ -66,6 +69,8 @@ def accuracy(rows: Sequence[dict[str, Any]], notes: Iterable[str] = ()) -> Table
 
 def cpu_time(rows: Sequence[dict[str, Any]], notes: Iterable[str] = ()) -> Table:
     """What it costs, with ratios to ANC-TMM at the same setting."""
+    import pandas as pd
+
     frame = pd.DataFrame(rows)
     if not frame.empty:
         frame["us_per_step"] = 1e6 * frame["cpu_s"] / frame["steps"].where(frame["steps"] > 0)
@@ -80,12 +85,12 @@ def cpu_time(rows: Sequence[dict[str, Any]], notes: Iterable[str] = ()) -> Table
     return Table("cpu_time", "CPU time: what it costs", frame, (*standard, *notes))
 
 
-def _base_time(frame: pd.DataFrame) -> pd.Series:
+def _base_time(frame: "pd.DataFrame") -> "pd.Series":
     base = frame[frame["solver"] == BASE_SOLVER].drop_duplicates(SETTING)[[*SETTING, "cpu_s"]]
     return frame[SETTING].merge(base, on=SETTING, how="left")["cpu_s"].set_axis(frame.index)
 
 
-def failed(frame: pd.DataFrame) -> pd.DataFrame:
+def failed(frame: "pd.DataFrame") -> "pd.DataFrame":
     """Rows of the runs that are not whole; "ok: …" is a whole run with a remark."""
     return frame[frame["status"].str.split(":").str[0] != "ok"]
 
@@ -102,16 +107,18 @@ def times(ratio: float) -> str:
     return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
 
 
-def cells(frame: pd.DataFrame) -> list[list[str]]:
+def cells(frame: "pd.DataFrame") -> list[list[str]]:
     """All cells of a frame as text."""
     return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]
 
 
 def markdown(table: Table) -> str:
     """The table with its title, its notes and the machine."""
+    from pandas.api.types import is_numeric_dtype
+
     columns = [str(c) for c in table.frame.columns]
     body = [[c.replace("|", "\\|") for c in line] for line in cells(table.frame)]
-    numeric = [pd.api.types.is_numeric_dtype(t) for t in table.frame.dtypes]
+    numeric = [is_numeric_dtype(t) for t in table.frame.dtypes]
     rule = ["---:" if n else "---" for n in numeric]
     lines = ["| " + " | ".join(line) + " |" for line in [columns, rule, *body]]
     notes = [f"- {note}" for note in table.notes]
