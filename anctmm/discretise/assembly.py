@@ -5,9 +5,9 @@ so that comparing their times compares methods.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,12 @@ from anctmm.elements.dispatch import (
     element_forces,
     element_tangents,
 )
-from anctmm.elements.kinds import Element
+from anctmm.elements.kinds import CABLE, Element
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
+from anctmm.model.places import Key
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -63,15 +64,15 @@ class Bodies:
 
     Parameters
     ----------
-    meshes : sequence of BodyMesh
+    meshes : sequence of BodyMesh and NodeMesh
     """
 
-    meshes: Sequence[BodyMesh]
+    meshes: Sequence[Any]
 
     @cached_property
     def rows(self) -> int:
         """Components of a node: 4, or 6 where there is a shear element."""
-        return 2 * max(m.vectors for m in self.meshes)
+        return 2 * max(2, *(m.vectors for m in self.meshes))
 
     @cached_property
     def first(self) -> Ints:
@@ -90,8 +91,9 @@ class Bodies:
 
     @cached_property
     def kinds(self) -> Ints:
-        """Kernels of each body, CABLE or SHEAR."""
-        return np.array([m.kind.kernels for m in self.meshes], dtype=np.int64)
+        """Kernels of each body, CABLE or SHEAR; of one without elements those of any other, to compile nothing more."""
+        any_one = next((m.kernels for m in self.meshes if m.kernels is not None), CABLE)
+        return np.array([any_one if m.kernels is None else m.kernels for m in self.meshes], dtype=np.int64)
 
     @cached_property
     def blend(self) -> tuple[int, ...]:
@@ -101,8 +103,8 @@ class Bodies:
     @cached_property
     def constants(self) -> Array:
         """Constants of the element kernels, a row a body."""
-        rows = [_constants_of(m.element, m.kind.kernels) for m in self.meshes]
-        table = np.zeros((len(rows), max(map(len, rows))))
+        rows = [_constants_of(m.element, m.kernels) if isinstance(m, BodyMesh) else () for m in self.meshes]
+        table = np.zeros((len(rows), max(1, *map(len, rows))))
         for line, row in zip(table, rows, strict=True):
             line[: len(row)] = row
         return table
@@ -110,21 +112,25 @@ class Bodies:
     @cached_property
     def damping(self) -> Array | None:
         """Kelvin-Voigt damping of each body, s; None where no body has any: then nothing of it is compiled."""
-        table = np.array([m.element.damping for m in self.meshes])
+        table = np.array([m.damping for m in self.meshes])
         return table if table.any() else None
 
     def stiffened(self, factors: Iterable[float]) -> "Bodies":
         """The bodies with so many times their stiffness each."""
         pairs = zip(self.meshes, factors, strict=True)
-        return Bodies([replace(mesh, element=mesh.element.stiffened(f)) for mesh, f in pairs])
+        return Bodies([mesh.stiffened(f) for mesh, f in pairs])
 
     @cached_property
     def masses(self) -> Array:
-        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in the rows r, r_x, r_y of I and O."""
+        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in the rows r, r_x, r_y of I and O.
+
+        That of a body of one node stands in the rows of I.
+        """
         table = np.zeros((len(self.meshes), 6, 6))
         for line, mesh in zip(table, self.meshes, strict=True):
             at = [0, 1, 2, 3, 4, 5] if mesh.vectors == 3 else [0, 1, 3, 4]
-            line[np.ix_(at, at)] = mesh.element.mass
+            mass = mesh.scalar_mass
+            line[np.ix_(at[: len(mass)], at[: len(mass)])] = mass
         return table
 
     def flat(self, fields: Sequence[Array]) -> Array:
@@ -155,22 +161,22 @@ class Bodies:
         """Forces of gravity, (rows, nodes), N."""
         return self.flat([m.weight for m in self.meshes])
 
-    def node(self, name: str, side: int) -> int:
-        """Node at the start (0) or end (1) of a body."""
+    def node(self, name: str, key: Key) -> int:
+        """Node at the start (0) or end (1) of a body, or that of a body of one node."""
         i = self._places[name]
-        return int(self.first[i]) + self.meshes[i].node(side)
+        return int(self.first[i]) + self.meshes[i].node(key)
 
     def first_node(self, name: str) -> int:
         """First node of a body."""
         return int(self.first[self._places[name]])
 
-    def mesh(self, name: str) -> BodyMesh:
-        """Mesh of a body."""
+    def mesh(self, name: str) -> Any:
+        """Mesh of a body, `BodyMesh` or `NodeMesh`."""
         return self.meshes[self._places[name]]
 
     def turning_row(self, name: str) -> int:
         """First row of the vector that a torque on the body turns: r_x of a cable, r_y of a shear element."""
-        return self.mesh(name).kind.turning_row
+        return self.mesh(name).turning_row
 
     @cached_property
     def _places(self) -> dict[str, int]:
@@ -181,7 +187,7 @@ class Bodies:
         """Body and element, counted from the body's start, next to a node."""
         i = int(np.searchsorted(self.first, node, side="right")) - 1
         mesh = self.meshes[i]
-        element = min(node - int(self.first[i]), mesh.elements - 1)
+        element = max(min(node - int(self.first[i]), mesh.elements - 1), 0)
         return mesh.body.name, mesh.elements - 1 - element if mesh.flipped else element
 
     def tables(self) -> Tables:
@@ -257,6 +263,9 @@ def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type:
                     out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, i + 1]
         node += count
         if node == last and node < end:
+            if node == first[body]:  # a body of one node
+                for c in range(w.shape[0]):
+                    buffer[c * BLOCK + node - start] += factor * m[c // 2, c // 2] * w[c, node]
             node += 1
             body += 1
 
@@ -352,7 +361,9 @@ def strain_energy(blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, co
     """Strain energy of all bodies, J."""
     total = 0.0
     for b in range(len(kinds)):
-        total += element_energy(blend, kinds[b], q, first[b], first[b + 1] - 1 - first[b], constants[b])
+        count = first[b + 1] - 1 - first[b]
+        if count > 0:
+            total += element_energy(blend, kinds[b], q, first[b], count, constants[b])
     return total
 
 
@@ -376,6 +387,9 @@ def kinetic_energy(v: Array, first: Ints, masses: Array) -> float:
     vectors = v.shape[0] // 2
     for b in range(len(first) - 1):
         m = masses[b]
+        if first[b + 1] - first[b] == 1:
+            for k in range(v.shape[0]):
+                total += 0.5 * m[k // 2, k // 2] * v[k, first[b]] ** 2
         for i in range(first[b], first[b + 1] - 1):
             for k in range(vectors):
                 for n in range(vectors):

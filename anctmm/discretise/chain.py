@@ -15,18 +15,22 @@ from scipy.sparse import csr_array
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.kept import KeptUnknowns, Port
 from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.maps import add_force, constant_forces_on
-from anctmm.discretise.mesh import body_meshes
-from anctmm.discretise.plan import WELD, Kept, Plan, Vertex, plan_of, vertices_of
+from anctmm.discretise.mesh import passed_meshes
+from anctmm.discretise.plan import WELD, Kept, Plan, plan_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
+from anctmm.discretise.vertices import Vertex, vertices_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
-from anctmm.model.joints import Weld
+from anctmm.model.bodies import Beam
+from anctmm.model.joints import Prismatic, Weld
 from anctmm.model.needs import refuse
 from anctmm.model.places import End
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene
-from anctmm.model.topology import Junction, junctions_of
+from anctmm.model.topology import Junction, end_of, junctions_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -66,14 +70,19 @@ class Chain:
         kinds = self.run.of(self.scene)
         for joint in self.scene.joints:
             if isinstance(joint, Weld):
-                names = [self.scene.body_end(end)[0].name for end in joint.ends]
-                if not all(kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names):
+                bodies = [self.scene.place(end).body for end in joint.ends]
+                names = [
+                    body.name for body in bodies if isinstance(body, Beam) and body.name not in self.rigid
+                ]
+                if names and not all(
+                    kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names
+                ):
                     raise DiscretisationError(
                         f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
                         f"a weld needs one kind on both sides, or kinds whose nodes have the same vectors "
                         f"(a pin does not)"
                     )
-        check_rigid_loops(self.scene, {name: kind for name, (_, kind) in kinds.items()})
+        check_rigid_loops(self.scene, self.rigid)
 
     @cached_property
     def junctions(self) -> tuple[Junction, ...]:
@@ -83,17 +92,33 @@ class Chain:
     @cached_property
     def vertices(self) -> list[Vertex]:
         """Junctions, less what the ground holds apart."""
-        return vertices_of(self.junctions)
+        return vertices_of(self.scene, self.junctions, self.rigid)
 
     @cached_property
     def plan(self) -> Plan:
         """Order and links of the bodies."""
-        return plan_of([body.name for body in self.scene.beams], self.vertices)
+        nodes = {body.name for body in self.scene.bodies if isinstance(body, PointMass)} | self.rigid.keys()
+        return plan_of([body.name for body in self.scene.bodies], self.vertices, nodes)
 
     @cached_property
     def bodies(self) -> Bodies:
         """Bodies in the order and direction in which they are passed."""
-        return Bodies(body_meshes(self.scene, self.run, [(s.body, s.reversed) for s in self.plan.steps]))
+        return Bodies(passed_meshes(self.scene, self.run, [(s.body, s.reversed) for s in self.plan.steps]))
+
+    @cached_property
+    def kept(self) -> KeptUnknowns:
+        """Kept unknowns, and what holds between them."""
+        return KeptUnknowns(self)
+
+    @cached_property
+    def rigid(self) -> dict[str, None]:
+        """Names of the rigid bodies, beams without strain among them, in the order of the scene."""
+        cut = self.run.of(self.scene)
+        return {
+            body.name: None
+            for body in self.scene.bodies
+            if isinstance(body, RigidBody) or (body.name in cut and kind_of(cut[body.name][1]).rigid)
+        }
 
     def node(self, end: End) -> int:
         """Node at an end of a body."""
@@ -124,7 +149,7 @@ class Chain:
     def frame_of(self, to: End | Kept) -> End:
         """The end whose frame is that of an end, or of the gradients of a kept junction's group: the group's first."""
         if isinstance(to, Kept):
-            return self.plan.kept[to.junction].groups[to.group or 0][0]
+            return self.plan.kept[to.junction].welded[to.group or 0][0]
         return to
 
     def turn_between(self, one: End, two: End) -> tuple[float, float]:
@@ -154,12 +179,24 @@ class Chain:
         for junction in self.junctions:
             for group, clamp in zip(junction.groups, junction.clamps, strict=True):
                 held = None if clamp is not None else 2 if junction.grounded else 0
-                mask[:held, [self.node(end) for end in group]] = True
+                nodes = [
+                    self.node(end) for end in group if end[0] not in self.rigid
+                ]  # those have constraints
+                mask[:held, nodes] = True
+                if len(nodes) == len(group) and self._does_not_turn(junction, group):
+                    mask[2:, nodes] = True
         return mask
 
     def start_coordinates(self) -> Array:
         """Coordinates at t = 0, (rows, nodes)."""
         return self.bodies.reference() if self.start is None else self.start[-1].copy()
+
+    def _does_not_turn(self, junction: Junction, group: tuple[End, ...]) -> bool:
+        """Whether a prismatic joint in the ground holds the gradients of a group."""
+        return any(
+            isinstance(guide, Prismatic) and guide.body is None and end_of(self.scene, guide.place) in group
+            for guide in junction.guides
+        )
 
     @cached_property
     def dead_load(self) -> Array:
@@ -183,12 +220,29 @@ class Chain:
             )
             for i, w in zip(nodes, turns, strict=True):
                 v[row : row + 2, i] = (mean * w).real, (mean * w).imag
+        for end, port in self.on_bodies():
+            at = self.kept.homes[:, port.unknowns[port.unknowns >= 0]]
+            v[port.shared, self.node(end)] = (port.map[:, port.unknowns >= 0] @ v[at[0], at[1]])[port.shared]
         v[self.prescribed] = 0.0
         return v
 
+    def on_bodies(self) -> Iterator[tuple[End, Port]]:
+        """Ends that are joined to rigid bodies, and what they take from these."""
+        for j, vertex in enumerate(self.plan.kept):
+            for group in vertex.groups if vertex.body is not None else ():
+                kept = Kept(j, 0 if group == vertex.groups[0] else None)
+                yield from (
+                    (end, self.kept.port(kept, end, True)) for end in group if end != (vertex.body, 1)
+                )
+
     def shared(self) -> Iterator[tuple[int, list[End]]]:
-        """Vectors that several ends share, by their first rows: places of joined ends, gradients of welded ones."""
+        """Vectors that several ends share, by their first rows: places of joined ends, gradients of welded ones.
+
+        Those that ends share with rigid bodies are left out: `on_bodies` has them.
+        """
         for vertex in self.vertices:
+            if vertex.body is not None:
+                continue
             shared = [(0, [end for group in vertex.groups for end in group])]
             shared += [(row, list(g)) for g in vertex.groups for row in range(2, self.bodies.rows, 2)]
             yield from ((row, ends) for row, ends in shared if len(ends) > 1)
@@ -231,6 +285,13 @@ class Joined:
                 master[row : row + 2, j] = False
                 for k, n, value in ((0, 0, c), (0, 1, -s), (1, 0, s), (1, 1, c)):
                     entries.append((index[row + k, j], index[row + n, i], value))
+        for end, port in chain.on_bodies():
+            j = chain.node(end)
+            for own in map(int, np.flatnonzero(port.shared & ~chain.prescribed[:, j])):
+                master[own, j] = False
+                for p in np.flatnonzero(port.map[own]):
+                    home = chain.kept.homes[:, port.unknowns[p]]
+                    entries.append((index[own, j], index[home[0], home[1]], port.map[own, p]))
         self.masters = index[master]
         number = np.full(index.size, -1)
         number[self.masters] = np.arange(self.masters.size)

@@ -68,6 +68,7 @@ def _to_be_kept(chain: Chain) -> bool:
         nodes <= NODES
         and outputs * nodes * chain.bodies.rows <= OUTPUTS
         and all(body.velocity is None for body in chain.scene.beams)
+        and not (chain.plan.kept and chain.kept.constraints.drives)
     )
 
 

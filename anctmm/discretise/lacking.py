@@ -2,7 +2,7 @@
 
 from anctmm.model.needs import MECHANISMS
 
-#: What acts on beams: loads and connectors.
+#: What it does.
 DONE = {
     "springs",
     "rotational-springs",
@@ -11,5 +11,12 @@ DONE = {
     "interior-loads",
     "follower-forces",
     "line-loads",
+    "rigid-bodies",
+    "point-masses",
+    "sliders",
+    "prismatic-joints",
+    "driven-guides",
+    "moving-guides",
+    "driven-welds",
 }
 LACKING = frozenset(MECHANISMS) - DONE

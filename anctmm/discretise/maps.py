@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.mesh import BodyMesh
+from anctmm.discretise.node_mesh import NodeMesh
 from anctmm.elements.shapes import hermite, hermite_load
 from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import embedded, uncompiled
@@ -93,6 +94,10 @@ def maps(vectors: Sequence[Map]) -> Maps:
 
 def position_of(bodies: Bodies, place: Place) -> Map:
     """Position of a place."""
+    if isinstance(rigid := bodies.mesh(place.body.name), NodeMesh):
+        x, y = np.subtract(place.position, rigid.center).tolist()
+        node, turning = bodies.first_node(place.body.name), rigid.inertia is not None and (x or y)
+        return Map((Term(node, 0, 1.0), *((Term(node, 2, x, y),) if turning else ())))
     mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
     if mesh.nodes == 1:
         return Map(_of_one_node(mesh, first, place))
@@ -105,7 +110,9 @@ def position_of(bodies: Bodies, place: Place) -> Map:
 
 
 def direction_of(bodies: Bodies, place: Place) -> Map:
-    """The vector that a torque turns at a place: r_x of a cable, r_y of a shear element."""
+    """The vector that a torque turns at a place: r_x of a cable, r_y of a shear element, t of a rigid body."""
+    if isinstance(bodies.mesh(place.body.name), NodeMesh):
+        return Map((Term(bodies.first_node(place.body.name), 2, 1.0),))
     mesh, first = bodies.mesh(place.body.name), bodies.first_node(place.body.name)
     if mesh.nodes == 1:
         return Map((Term(first, 2, 1.0),))

@@ -5,18 +5,19 @@ wants it.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.node_mesh import NodeMesh, node_mesh
 from anctmm.elements.kinds import Element, ElementKind, kind_of
 from anctmm.errors import unknown_kind
-from anctmm.model.bodies import beam_of
 from anctmm.model.loads import LOADS
 from anctmm.model.needs import not_offered
+from anctmm.model.places import Key
 from anctmm.model.scene import Beam, Force, LineLoad, Load, Scene, Torque
 
 Array = NDArray[np.float64]
@@ -101,7 +102,36 @@ class BodyMesh:
         f[1:] += per_element[1]
         return f
 
-    def node(self, side: int) -> int:
+    @property
+    def kernels(self) -> int:
+        """Which kernels its elements have."""
+        return self.kind.kernels
+
+    @property
+    def turning_row(self) -> int:
+        """First component of the vector that a torque turns."""
+        return self.kind.turning_row
+
+    @property
+    def damping(self) -> float:
+        """Kelvin-Voigt damping, s."""
+        return self.element.damping
+
+    @property
+    def element_length(self) -> float:
+        """Length of an element, m."""
+        return self.element.l
+
+    @property
+    def scalar_mass(self) -> Array:
+        """Mass of an element, a row and a column for each vector of its two nodes."""
+        return self.element.mass
+
+    def stiffened(self, factor: float) -> "BodyMesh":
+        """The same with so many times its stiffness."""
+        return replace(self, element=self.element.stiffened(factor))
+
+    def node(self, side: Key) -> int:
         """Node at the body's start (0) or end (1)."""
         return self.nodes - 1 if bool(side) != self.flipped else 0
 
@@ -132,8 +162,28 @@ def body_meshes(
     return [_body_mesh(scene, run.quadrature, name, *cut[name], flipped) for name, flipped in passed]
 
 
+def passed_meshes(
+    scene: Scene, run: Discretisation, passed: Iterable[tuple[str, bool]]
+) -> list[BodyMesh | NodeMesh]:
+    """Meshes of bodies by name and whether flipped; rigid bodies, stiff beams among them, and masses are single nodes.
+
+    Raises
+    ------
+    MeshError
+        If the discretisation does not fit the scene's bodies.
+    """
+    cut, found = run.of(scene), list[BodyMesh | NodeMesh]()
+    for name, flipped in passed:
+        elements, kind = cut.get(name, (0, ""))
+        if not elements or kind_of(kind).rigid:
+            found.append(node_mesh(scene.body(name), scene.gravity))
+        else:
+            found.append(_body_mesh(scene, run.quadrature, name, elements, kind, flipped))
+    return found
+
+
 def _body_mesh(scene: Scene, quadrature: str, name: str, elements: int, kind: str, flipped: bool) -> BodyMesh:
-    body = beam_of(scene.beam(name))
+    body = scene.beam(name)
     # only small meshes are kept between runs, and none whose velocities a function of the user's gives
     make = _kept_mesh if elements <= KEPT and body.velocity is None else _mesh
     return make(body, quadrature, elements, kind, scene.gravity, flipped)
@@ -160,14 +210,14 @@ def build(scene: Scene, run: Discretisation) -> dict[str, BodyMesh]:
     return {mesh.body.name: mesh for mesh in body_meshes(scene, run)}
 
 
-def constant_forces(scene: Scene) -> list[tuple[str, int, tuple[float, float]]]:
-    """Constant forces as (body, side, force)."""
+def constant_forces(scene: Scene) -> list[tuple[str, Key, tuple[float, float]]]:
+    """Constant forces as (body, key of the place, force)."""
     found = []
     for load in scene.loads:
         match load:
             case Force(value=(x, y)):
-                body, side = scene.body_end(load.end)
-                found.append((body.name, side, (x, y)))
+                name, key = scene.place(load.end).end
+                found.append((name, key, (x, y)))
             case Force() | Torque():
                 pass
             case LineLoad():

@@ -4,40 +4,27 @@ Bodies are the edges of a graph, the places where their ends meet its vertices. 
 root: what lies inboard of a junction is condensed, and the condensed matrices of all ends that arrive there are summed
 up, S = Σ S_child (Rui et al. 2020, 10.1007/s11044-019-09711-2). A loop has no leaf. So some of its junctions are kept:
 the stretches between them are condensed to both their ends, and the small graph of kept junctions is solved at last.
-Kept are the junctions where three or more stretches of loops meet, and one of each loop that has none.
+Kept are the junctions where three or more stretches of loops meet, and one of each loop that has none. Always kept are
+rigid bodies, and junctions that constraints act on: guides and driven hinges.
 
 A place held by the ground is no connection: each group of ends welded there to each other is a vertex of its own, and
-each end that is clamped there.
+each end that is clamped there. Ends that are joined to a rigid body, at whatever point of it, are one vertex: the body.
+A body of one node, a point mass or a rigid body, stands at the vertex where its node is, as its end 1.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+from anctmm.discretise.vertices import Vertex
 from anctmm.model.places import End
-from anctmm.model.topology import Junction
 
 #: What leads from a body's outboard node onwards: nothing, the place alone, or the place and all gradients.
 BREAK, PIN, WELD = 0, 1, 2
 
 
-class Vertex(NamedTuple):
-    """Ends that share what is unknown.
-
-    Parameters
-    ----------
-    groups : tuple of tuple of End
-        Ends welded to each other; groups are hinged to each other.
-    held : bool
-        Whether their place is known.
-    """
-
-    groups: tuple[tuple[End, ...], ...]
-    held: bool
-
-
 class Kept(NamedTuple):
-    """Where an end leads to at a kept junction: its number, and the group whose gradients it shares, or None."""
+    """Where an end leads to at a kept vertex: its number, and the welded group whose gradients it shares, or None."""
 
     junction: int
     group: int | None
@@ -85,27 +72,13 @@ class Plan:
     ----------
     steps : tuple of Step
     kept : tuple of Vertex
-        Junctions that loops are closed by; of their groups those of several ends.
     """
 
     steps: tuple[Step, ...]
     kept: tuple[Vertex, ...]
 
 
-def vertices_of(junctions: Iterable[Junction]) -> list[Vertex]:
-    """Vertices of the graph of junctions."""
-    found = []
-    for junction in junctions:
-        if not junction.grounded:
-            found.append(Vertex(junction.groups, False))
-            continue
-        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-            parts = [group] if clamp is None else [(end,) for end in group]
-            found.extend(Vertex((part,), True) for part in parts)
-    return found
-
-
-def plan_of(bodies: Sequence[str], vertices: Sequence[Vertex]) -> Plan:
+def plan_of(bodies: Sequence[str], vertices: Sequence[Vertex], nodes: Collection[str] = ()) -> Plan:
     """Order of elimination of bodies, in the order of their first ends that are leaves.
 
     Parameters
@@ -113,8 +86,10 @@ def plan_of(bodies: Sequence[str], vertices: Sequence[Vertex]) -> Plan:
     bodies : sequence of str
     vertices : sequence of Vertex
         Every end of every body is in one of them.
+    nodes : collection of str
+        Of the bodies those of one node, whose one end is their end 1.
     """
-    planner = _Planner(bodies, vertices)
+    planner = _Planner(bodies, vertices, frozenset(nodes))
     planner.order_bodies()
     return planner.linked()
 
@@ -122,18 +97,22 @@ def plan_of(bodies: Sequence[str], vertices: Sequence[Vertex]) -> Plan:
 class _Planner:
     """Bodies put in order one after another, and then linked."""
 
-    def __init__(self, bodies: Sequence[str], vertices: Sequence[Vertex]) -> None:
-        self.bodies, self.vertices = bodies, vertices
+    def __init__(self, bodies: Sequence[str], vertices: Sequence[Vertex], nodes: frozenset[str]) -> None:
+        self.bodies, self.vertices, self.nodes = bodies, vertices, nodes
         self.ends = [[end for group in vertex.groups for end in group] for vertex in vertices]
         self.at = {end: v for v, ends in enumerate(self.ends) for end in ends}
+        #: Ends of bodies that lead on to another vertex.
+        self.edges = [[end for end in ends if end[0] not in nodes] for ends in self.ends]
         self.core = self._core()
         self.kept: dict[int, int] = {}
         self.order: dict[str, Step] = {}
 
     def order_bodies(self) -> None:
         """Put the bodies of every component in order: chains and trees from their first leaf, then what has none."""
-        ends = [(name, side) for name in self.bodies for side in (0, 1)]
-        for end in [e for e in ends if len(self.ends[self.at[e]]) == 1] + ends:
+        ends: list[End] = [
+            (name, side) for name in self.bodies for side in ((1,) if name in self.nodes else (0, 1))
+        ]
+        for end in [e for e in ends if len(self.edges[self.at[e]]) == 1] + ends:
             if end[0] not in self.order:
                 self._component(self._reached(self.at[end]))
 
@@ -152,24 +131,22 @@ class _Planner:
             if v in self.kept:
                 for end, (_, to) in self._to_kept(v, leaving).items():
                     steps[place[end[0]]] = replace(steps[place[end[0]]], start=to)
-        return Plan(
-            tuple(steps), tuple(Vertex(_welded(self.vertices[v]), self.vertices[v].held) for v in self.kept)
-        )
+        return Plan(tuple(steps), tuple(self.vertices[v] for v in self.kept))
 
     def _core(self) -> set[str]:
         """Bodies that are part of a loop, or lie between loops: what is left when leaves are taken off."""
-        degree = [len(ends) for ends in self.ends]
-        left = set(self.bodies)
-        leaves = [v for v, d in enumerate(degree) if d == 1]
+        degree = [len(ends) for ends in self.edges]
+        left = set(self.bodies) - self.nodes
+        leaves = [v for v, d in enumerate(degree) if d == 1 and not self.vertices[v].forced]
         while leaves:
-            end = next((e for e in self.ends[leaves.pop()] if e[0] in left), None)
+            end = next((e for e in self.edges[leaves.pop()] if e[0] in left), None)
             if end is None:
                 continue
             left.remove(end[0])
             for side in (0, 1):
                 v = self.at[end[0], side]
                 degree[v] -= 1
-                if degree[v] == 1:
+                if degree[v] == 1 and not self.vertices[v].forced:
                     leaves.append(v)
         return left
 
@@ -178,7 +155,7 @@ class _Planner:
         found = {first: None}
         queue = [first]
         for v in queue:  # it grows
-            for name, side in self.ends[v]:
+            for name, side in self.edges[v]:
                 u = self.at[name, 1 - side]
                 if u not in found:
                     found[u] = None
@@ -188,11 +165,11 @@ class _Planner:
     def _component(self, reached: list[int]) -> None:
         """Put the bodies of one component in order."""
         core = {v: [e for e in self.ends[v] if e[0] in self.core] for v in reached}
-        core = {v: ends for v, ends in core.items() if ends}
+        core = {v: ends for v, ends in core.items() if ends or self.vertices[v].forced}
         if not core:
             self._tree(reached[-1])  # far from the first leaf: a chain runs from end to end
             return
-        kept = [v for v, ends in core.items() if len(ends) > 2] or [min(core)]
+        kept = [v for v, ends in core.items() if len(ends) > 2 or self.vertices[v].forced] or [min(core)]
         self.kept |= {v: len(self.kept) + i for i, v in enumerate(kept)}
         for v in core:
             self._tree(v)
@@ -208,8 +185,9 @@ class _Planner:
         while stack:
             name, side = stack.pop()
             outboard.append((name, side))
-            beyond = (name, 1 - side)
-            stack += [e for e in reversed(self.ends[self.at[beyond]]) if e != beyond]
+            if name not in self.nodes:
+                beyond: End = (name, 1 - int(side))
+                stack += [e for e in reversed(self.ends[self.at[beyond]]) if e != beyond]
         for name, side in reversed(outboard):
             self.order[name] = Step(name, reversed=side == 0)
 
@@ -225,13 +203,8 @@ class _Planner:
 
     def _to_kept(self, v: int, ends: list[End]) -> dict[End, tuple[int, Kept]]:
         """What ends are linked to at a kept junction."""
-        group = {e: g for g, members in enumerate(_welded(self.vertices[v])) for e in members}
+        group = {e: g for g, members in enumerate(self.vertices[v].welded) for e in members}
         return {e: (WELD if e in group else PIN, Kept(self.kept[v], group.get(e))) for e in ends}
-
-
-def _welded(vertex: Vertex) -> tuple[tuple[End, ...], ...]:
-    """Groups of several ends: another end's gradients are its own."""
-    return tuple(group for group in vertex.groups if len(group) > 1)
 
 
 def _to_end(vertex: Vertex, arriving: list[End], leaving: list[End]) -> dict[End, tuple[int, End]]:

@@ -7,14 +7,14 @@ is singular, and accelerations found there are not those of the bodies (second-o
 DOI 10.1137/S0895480192229236).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, listed
+from anctmm.model.bodies import Beam
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import Junction, Sets, junctions_of
@@ -37,24 +37,26 @@ class Row(NamedTuple):
     arms: tuple[Array | None, ...]
 
 
-def check_rigid_loops(scene: Scene, kinds: Mapping[str, str]) -> None:
+def check_rigid_loops(scene: Scene, names: Iterable[str]) -> None:
     """Refuse rigid bodies in a singular position.
 
     Parameters
     ----------
     scene : Scene
-    kinds : mapping of str to str
-        Element kind of every body.
+    names : iterable of str
+        Of the rigid bodies.
 
     Raises
     ------
     DiscretisationError
         Naming the bodies.
     """
-    rigid = {name for name, kind in kinds.items() if kind_of(kind).rigid}
+    rigid = set(names)
     if not rigid:
         return
     junctions = junctions_of(scene)
+    if any(junction.guides or junction.hinges for junction in junctions):
+        return  # lines have equations of their own
     loops = _loops(junctions, rigid)
     rows = [row for junction in junctions if loops for row in _rows(scene, junction, rigid)]
     for bodies in loops:
@@ -80,9 +82,10 @@ def _together(ends: list[End], arms: list[Array | None], held: bool) -> Iterator
 
 
 def _arm(scene: Scene, end: End) -> Array:
-    """From the start of a body to one of its ends, m."""
-    body = scene.beam(end[0])
-    return end[1] * (np.array(body.end) - np.array(body.start))
+    """From the first place of a body to one of its places, m."""
+    body = scene.body(end[0])
+    first = body.start if isinstance(body, Beam) else body.position_at("center")
+    return np.subtract(body.position_at(end[1]), first)  # type: ignore[arg-type]
 
 
 def _loops(junctions: Sequence[Junction], rigid: set[str]) -> list[set[str]]:
@@ -104,8 +107,8 @@ def _loops(junctions: Sequence[Junction], rigid: set[str]) -> list[set[str]]:
 
 def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
     """The second-order test of one loop, or of loops that are connected."""
-    first = {body.name: 3 * k for k, body in enumerate(b for b in scene.beams if b.name in bodies)}
-    scale = max(scene.beam(name).length for name in bodies)
+    first = {body.name: 3 * k for k, body in enumerate(b for b in scene.bodies if b.name in bodies)}
+    scale = max(scene.body(name).extent for name in bodies) or 1.0
     equations = [
         _equation(row, axis, first, scale)
         for row in rows
@@ -122,7 +125,7 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
             strained = (np.abs(stress) @ np.abs(J)).reshape(-1, 3).max(axis=1) > PARTING
             names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
             raise DiscretisationError(
-                f"element is 'rigid' for bodies {listed(names)}, whose joints hold them taut or folded: they cannot "
+                f"bodies {listed(names)} are rigid, and their joints hold them taut or folded: they cannot "
                 f"make a motion that is open to them at first; start from another position, or let one of them bend "
                 f"('cable' or 'shear')"
             )

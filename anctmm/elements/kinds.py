@@ -9,7 +9,7 @@ A new kind needs an entry in `KINDS`, and of what it does not share with another
   `damping_force`, `mass`, `gravity`, `stiffened`, `damping`, `l` and `vectors_per_node`; energy, force
   and dissipation complex-step safe;
 - kernels, a module such as `cable_kernel`, with a number here and their choice in `dispatch`;
-- where it is kept in shape by constraints, its part of `anctmm.recursion.border`.
+- where it has no strain, its node in `anctmm.discretise.node_mesh`.
 
 A solver that stands beside ANC-TMM names the kinds it takes (`check_kinds`): a new kind is refused by all of them until
 they do.
@@ -120,7 +120,7 @@ _SHEAR = ElementKind(
 )  # fmt: skip
 _RIGID = ElementKind(
     "rigid", "rigid bodies", RigidElement, CABLE, ("r", "r_x"), "r_x",
-    rigid=True, integrators=("zhai",), statics=False, optional=True,
+    rigid=True, optional=True,
 )  # fmt: skip
 
 #: All kinds, by name.

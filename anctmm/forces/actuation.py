@@ -72,13 +72,14 @@ class Actuation:
 
     @cached_property
     def driven(self) -> list[tuple[End, Clamp]]:
-        """Ends that a driven clamp holds, directly or through welds."""
+        """Ends of beams that a driven clamp holds, directly or through welds."""
         return [
             (end, clamp)
             for junction in junctions_of(self.scene)
             for group, clamp in zip(junction.groups, junction.clamps, strict=True)
             if clamp is not None and clamp.angle is not None
             for end in group
+            if self.bodies.mesh(end[0]).elements
         ]
 
     @property

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.constraints import Drive
 from anctmm.forces.connectors import free_of
 from anctmm.forces.histories import (
     JUMP,
@@ -22,7 +23,7 @@ from anctmm.forces.histories import (
 from anctmm.jit.compiling import inlined
 from anctmm.model.connectors import Connector, free_name, name_of
 from anctmm.model.loads import load_text, width_of
-from anctmm.model.scene import Clamp, Load
+from anctmm.model.scene import Load
 
 Array = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ class Timeline(NamedTuple):
     Parameters
     ----------
     pieces : Pieces
-        Of the drives of turning clamps, and then of the loads.
+        Of the drives, and then of the loads.
     stops : ndarray, shape (k,)
         Times at which steps must end beside the outputs, ascending, and one after the run, s.
     anew : ndarray of bool, shape (k,)
@@ -50,7 +51,7 @@ class Timeline(NamedTuple):
 
 
 def timeline(
-    clamps: Sequence[Clamp],
+    drives: Sequence[Drive],
     loads: Sequence[Load],
     connectors: Sequence[Connector],
     t_end: float,
@@ -60,8 +61,8 @@ def timeline(
 
     Parameters
     ----------
-    clamps : sequence of Clamp
-        Those that turn.
+    drives : sequence of Drive
+        Of driven clamps, and of constraints.
     loads : sequence of Force, Torque, LineLoad
         Those whose generalized force varies.
     connectors : sequence of Spring, RotationalSpring
@@ -77,11 +78,9 @@ def timeline(
         If a history cannot be followed, or a drive jumps.
     """
     calendar, found = Calendar(t_end, outputs), []
-    for clamp in clamps:
-        assert clamp.angle is not None
-        name = f"clamp {clamp.end!r} angle"
-        found.append(represent(name, clamp.angle, 3, calendar))
-        check_drive(name, found[-1])
+    for drive in drives:
+        found.append(represent(drive.name, drive.history, 3, calendar))
+        check_drive(drive.name, found[-1])
     found += [_of_load(load, calendar) for load in loads]
     for connector in connectors:
         name = f"{name_of(connector)} {free_name(connector)}"

@@ -31,6 +31,7 @@ from anctmm.forces.actuation import (
     turn_hubs,
     work_done,
 )
+from anctmm.forces.driving import drive_table, drive_width
 from anctmm.forces.loads import Loads
 from anctmm.integrators.implicit_start import start
 from anctmm.integrators.implicit_step import (
@@ -42,6 +43,7 @@ from anctmm.integrators.implicit_step import (
     new_damping,
     new_state,
 )
+from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.newton import Newton, new_newton, parts, single_will_do, solve_step
 from anctmm.integrators.newton_failure import stalled
 from anctmm.integrators.output import (
@@ -54,6 +56,7 @@ from anctmm.integrators.output import (
 )
 from anctmm.jit.compiling import kernel
 from anctmm.jit.second_process import side_by_side
+from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.recursion.riccati import (
     BlockFactors,
     Links,
@@ -97,7 +100,7 @@ def integrate(chain: Chain) -> Solution:
 
     def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
-        tables = actuation.hub_table(t), actuation.load_table(t)
+        tables = drive_table(chain, actuation, t), actuation.load_table(t)
         fixed = (*system._replace(newton=newton)[:-1], out, system.damping)
         return begin, end, run.steps, run.stride, c, *fixed, *tables
 
@@ -111,16 +114,18 @@ def integrate(chain: Chain) -> Solution:
 
     once(chain, compiles, what=advance)
     record.start()
-    drives = actuation.hub_table(np.zeros(1))[0]
+    drives = drive_table(chain, actuation, np.zeros(1))[0]
     start(state, hubs, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
 
     def so_far(kept: int, status: Status, steps: int) -> Solution:
         return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
 
-    failed = run_batches(chain, actuation.width, one, so_far)
+    failed = run_batches(chain, drive_width(chain, actuation), one, so_far)
     if failed < 0:
         return so_far(len(record.q), Status(), run.steps)
-    return so_far(1 + (failed - 1) // run.stride, stalled(chain, failed, state, newton), failed)
+    when = float(run.times(np.array([failed]))[0])
+    status = locked(chain, state.q, rows_in(system.factors.loops), when, failed)
+    return so_far(1 + (failed - 1) // run.stride, status or stalled(chain, failed, state, newton), failed)
 
 
 def _system(chain: Chain) -> System:
@@ -163,7 +168,7 @@ def advance(
 ) -> int:
     """From step `begin` to step `end`; the step whose Newton iteration failed, or −1.
 
-    The two tables hold the values of driven clamps, (steps + 1, hubs, 3), and of loads, (steps + 1, loads, 2), from
+    The two tables hold the values of drives, (steps + 1, drives, 3), and of loads, (steps + 1, loads, 2), from
     `begin` on.
     Step −1 has no length (`NO_STEP`) and ends at t = 0.
     """
@@ -176,6 +181,8 @@ def advance(
             values = load_table[step - first]
             hub_reactions(q, w, f, tables, hubs)
             out.work[0] += work_done(step > 0, q, hubs, loads, values)
+        if step >= 0:
+            out.work[0] += work_of_drives(factors.loops, step > 0, q)
         if step >= 0 and (step % stride == 0 or step == steps):
             if too_large(q, STRETCH_LIMIT):
                 newton.history[:] = 0.0  # no iteration failed
@@ -189,6 +196,7 @@ def advance(
         begin_step(unfinished, flat, coefficients)
         if driven:
             turn_hubs(hubs, hub_table[step + 1 - first])
+        set_drives(factors.loops, hub_table[step + 1 - first], len(hubs.nodes))
         if not solve_step(
             state,
             coefficients,

@@ -17,6 +17,7 @@ from anctmm.integrators.implicit_step import Damping, State, add_damping_forces,
 from anctmm.integrators.newton import Newton
 from anctmm.jit.compiling import kernel, uncompiled
 from anctmm.recursion.accelerations import by_blocks
+from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
 from anctmm.recursion.riccati import BlockFactors, Links, factorize
 
 Array = NDArray[np.float64]
@@ -80,7 +81,10 @@ def balance(
         add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
         dissipated(state.q, state.q, damping)
     add_connectors(loads.connectors, state.q, state.v, values, state.f)
+    set_drives(factors.loops, drives, len(hubs.nodes))
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
+    ask_anew(factors, factors.loops, len(hubs.nodes), drives, state.q, state.v, state.w_before)
     by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
+    take_anew(factors.loops)
     _, _, flat_a, flat_w, _, _ = state.flat
     copy(flat_w, flat_a)

@@ -14,6 +14,7 @@ from anctmm.discretise.assembly import (
     resist,
 )
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.loads import set_loads
 from anctmm.jit.compiling import embedded, inlined
@@ -62,7 +63,7 @@ class Damping(NamedTuple):
 
 def new_state(chain: Chain) -> State:
     """State of a scene at t = 0, accelerations apart."""
-    q, v, dead = chain.start_coordinates(), chain.initial_velocity(), chain.dead_load
+    q, v, dead = chain.start_coordinates(), fitting_velocity(chain), chain.dead_load
     a, w, q_before, w_before = (np.zeros_like(q) for _ in range(4))
     flat = tuple(x.ravel() for x in (q, v, a, w, q_before, w_before))
     return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]), flat)

@@ -32,6 +32,7 @@ from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.jit.second_process import Task
+from anctmm.recursion.constrained import KEPT, ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
     BlockFactors,
@@ -153,6 +154,7 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
     _, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
+    begin_newton(factors.loops)
     for iteration in range(ITERATIONS):
         set_loads(q, f, dead, loads, load_values)
         end_velocities(loads.connectors, v, a, w, w_before, coefficients)
@@ -170,7 +172,9 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
             velocities_at_end(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
             add_damping_forces(q, f, dead, tables, loads, load_values, damping)
         add_connectors_at_end(loads.connectors, q, load_values, f)
+        off = ask_correction(factors.loops, coefficients.to_q != 0.0, q, v, w)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
+        take_correction(factors.loops)
         size = _backward(q, w, coefficients, newton.scale, factors, factors.loops, arrived)
         size = correct_step(loads.border, arrived, q, w, coefficients, newton.scale, size)
         history[iteration] = size
@@ -179,14 +183,17 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
             break
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
-        if size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance):
+        small = size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance)
+        if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             counts[2] = 1 if iteration >= MANY else 0
+            end_newton(factors.loops)
             return True
         if iteration > 0 and rate > SLOW:
             counts[2] = 1
             stalls += 1 if size < ROUNDING else 0
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
-                return True
+                end_newton(factors.loops)
+                return off <= KEPT
         last = size
     counts[2] = 1
     return False

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, assert_never
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,10 @@ from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
+from anctmm.model.bodies import Beam, Body
+from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
-from anctmm.results.fields import HermiteField
+from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import (
     Cost,
     Energy,
@@ -99,10 +101,10 @@ class Record:
         """
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
-        q, lengths, static = self.q[:kept], once(chain, _lengths), t is not None
+        q, static = self.q[:kept], t is not None
         rates, second = ({}, {}) if static else (chain.bodies.by_body(x[:kept]) for x in (self.v, self.a))
         fields = {
-            name: HermiteField(path, lengths[name], rates.get(name), second.get(name))
+            name: _field(chain.scene.body(name), path, rates.get(name), second.get(name))
             for name, path in chain.bodies.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
@@ -131,8 +133,23 @@ def _reference(chain: Chain) -> Array:
     return chain.bodies.reference()
 
 
-def _lengths(chain: Chain) -> dict[str, float]:
-    return {beam.name: beam.length for beam in chain.scene.beams}
+def _field(body: Body, q: Array, v: Array | None, a: Array | None) -> HermiteField | RigidField:
+    """Motion of a body from its coordinates and their rates, (outputs, nodes, vectors, 2)."""
+    match body:
+        case Beam():
+            return HermiteField(q, body.length, v, a)
+        case RigidBody():
+            arms = {key: body.arm(key) for key in body.points}
+            return RigidField(q[:, 0], arms, None if v is None else v[:, 0], None if a is None else a[:, 0])
+        case PointMass():
+            rates = (None if x is None else _standing(x, 0.0) for x in (v, a))
+            return RigidField(_standing(q, 1.0), {}, *rates)
+    assert_never(body)
+
+
+def _standing(series: Array, x: float) -> Array:
+    """Coordinates of a point mass, (outputs, 1, 1, 2), with those of a vector (x, 0), (outputs, 2, 2)."""
+    return np.stack([series[:, 0, 0], np.tile([x, 0.0], (len(series), 1))], axis=1)
 
 
 def _dofs(chain: Chain) -> int:

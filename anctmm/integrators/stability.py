@@ -11,17 +11,16 @@ from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator
 from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
 from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.mesh import Element
+from anctmm.discretise.mesh import BodyMesh, Element
 from anctmm.errors import StabilityError
 from anctmm.integrators.connected import Connected
-from anctmm.recursion.border import project, rigid_system
 from anctmm.recursion.riccati import mass_factors, solve
 
 Array = NDArray[np.float64]
 
 #: Step of the central difference of the elastic force; the force is a smooth function of gradients of size 1.
 DIFFERENCE = 1e-6
-#: Coordinates up to which a scene with rigid bodies is linearised as a dense matrix.
+#: Coordinates up to which a scene with constraints is linearised as a dense matrix.
 DENSE = 400
 
 
@@ -72,7 +71,8 @@ def highest_frequency(
     """
     bodies = bodies or chain.bodies
     q = bodies.reference() if q is None else q
-    inverse, rigid = mass_factors(chain), rigid_system(chain)
+    inverse = mass_factors(chain, q)
+    constrained = chain.plan.kept and chain.kept.constraints.names
     join = Joined(chain)
     buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
     connected = Connected(chain)
@@ -94,15 +94,12 @@ def highest_frequency(
         return join.gather(out)
 
     def divided(f: Array) -> Array:
-        a = solve(inverse, join.load(f))
-        return join.unknowns(a if rigid is None else project(rigid, q, a))
+        return join.unknowns(solve(inverse, join.load(f)))
 
     n = join.size
-    if n == 0 or not (chain.scene.connectors or any(not m.kind.rigid for m in bodies.meshes)):
+    if n == 0 or not (chain.scene.connectors or any(mesh.elements for mesh in bodies.meshes)):
         return 0.0
-    if n < 3 or (
-        rigid is not None and n <= DENSE
-    ):  # few freedoms beside the coordinates may stop Lanczos early
+    if n < 3 or (constrained and n <= DENSE):  # few freedoms beside the coordinates may stop Lanczos early
         A = np.stack([divided(stiffness(e)) for e in np.eye(n)])
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
     operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
@@ -147,8 +144,12 @@ def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
 
     With other `bodies` of the same nodes, theirs.
     """
-    one_of_each = {mesh.element: mesh for mesh in (bodies or chain.bodies).meshes}
-    return max(_frequency(e, tuple(mesh.reference[:2].ravel().tolist())) for e, mesh in one_of_each.items())
+    meshes = [mesh for mesh in (bodies or chain.bodies).meshes if isinstance(mesh, BodyMesh)]
+    one_of_each = {mesh.element: mesh for mesh in meshes}
+    return max(
+        (_frequency(e, tuple(mesh.reference[:2].ravel().tolist())) for e, mesh in one_of_each.items()),
+        default=0.0,
+    )
 
 
 @lru_cache

@@ -9,6 +9,9 @@ What happens between the ends of a step is no part of this. So what a load does 
 is added: its impulse ∫|f − f_line| dt, times h as if it came at the start; and what a drive does beside the cubic of
 its angles and rates, times the length of the scene. Both vanish faster than the rest as steps fall.
 
+Where there are constraints between rigid bodies or guides, a step of another length starts anew, too: their multipliers
+would be wrong there.
+
 Steps end where loads or drives break; where a load or the acceleration of a drive jumps, accelerations start anew.
 The lag of a at such a start is found by a first try of the step.
 
@@ -30,10 +33,12 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import Actuation, Hubs, hub_reactions, turn_hubs, work_done
 from anctmm.forces.connectors import driven_connectors, measure, slopes
+from anctmm.forces.driving import drives_of
 from anctmm.forces.loads import Loads, load_at
 from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
 from anctmm.integrators.implicit_start import balance
 from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
+from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.newton import Newton, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import (
@@ -48,8 +53,10 @@ from anctmm.integrators.output import (
 )
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.pacing import paced
+from anctmm.recursion.constrained import constrained, set_drives, work_of_drives
 from anctmm.recursion.low_rank import correct
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
+from anctmm.recursion.rows import Rows
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
@@ -57,6 +64,8 @@ Array = NDArray[np.float64]
 
 #: Share of the tolerance that the sum of local errors may take: errors cancel in part.
 SHARE = 1.0
+#: The same with constraints: at steps of other length their multipliers bring errors that the estimate does not see.
+WITH_CONSTRAINTS = 0.2
 #: First step and smallest step, of the interval of output and of the run.
 FIRST, SMALLEST = 1.0 / 16.0, 1e-9
 #: Relative change of the step beyond which the iteration matrix is renewed.
@@ -76,18 +85,19 @@ PILOT, PILOTED, ROUNDS = 0.05, 5e-3, 4
 class Control(NamedTuple):
     """Step control: sum of local errors that is allowed, error coefficient, run length (s).
 
-    reach: length that drives turn, m. small: part of the largest displacement to which errors of nodes that move less
-    are relative. method: αm, αf, β, γ. times: of the outputs, s. counts: accepted and rejected steps. scale: largest
-    displacement, of a pilot run or until now, m, (1,). load and x: scratch, (rows, nodes). angles, values: of
-    drives and loads at the start and at the end of the step, (2, drives, 3) and (2, loads, 2). missed: scratch, (2,).
-    reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
-    m, (nodes,). moved: that displacement of each node, m, (nodes,). progress: where the run stands, see `Progress`.
+    reach: length that each drive moves by a unit, m. small: part of the largest displacement to which errors of nodes
+    that move less are relative. method: αm, αf, β, γ. times: of the outputs, s. counts: accepted and rejected steps.
+    scale: largest displacement, of a pilot run or until now, m, (1,). load and x: scratch, (rows, nodes). angles,
+    values: of drives and loads at the start and at the end of the step, (2, drives, 3) and (2, loads, 2). missed:
+    scratch, (2,). reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its
+    gradient makes, m, (nodes,). moved: that displacement of each node, m, (nodes,). progress: where the run stands,
+    see `Progress`.
     """
 
     allowed: float
     coefficient: float
     t_end: float
-    reach: float
+    reach: Array
     small: float
     method: tuple[float, float, float, float]
     times: Array
@@ -141,7 +151,7 @@ def integrate(chain: Chain) -> Solution:
     run = chain.run
     actuation, record = actuation_of(chain), Record(chain)
     actions = timeline(
-        [c for _, c in actuation.driven],
+        drives_of(chain, actuation),
         varying_loads(chain.scene),
         driven_connectors(chain.scene),
         run.t_end,
@@ -196,6 +206,7 @@ class Marched(NamedTuple):
     counts: tuple[int, int, int]
     state: State
     newton: Newton
+    rows: Rows | None
 
 
 def _march(
@@ -210,13 +221,15 @@ def _march(
 ) -> Marched:
     """Run over `times` with a tolerance, relative to `floor` or `moved` at least."""
     bodies, state, newton = chain.bodies, new_state(chain), new_newton(chain)
+    factors = block_factors(chain)
     method = GeneralizedAlpha(chain.run.spectral_radius)
-    drives, histories = len(actuation.driven), len(actions.pieces.steady)
+    turns = [drive.turns for drive in drives_of(chain, actuation)]
+    drives, histories = len(turns), len(actions.pieces.steady)
     control = Control(
-        SHARE * tolerance,
+        tolerance * (SHARE if rows_in(factors.loops) is None else WITH_CONSTRAINTS),
         abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
         chain.run.t_end,
-        chain.length,
+        np.where(turns, chain.length, 1.0),
         SMALL,
         (method.alpha_m, method.alpha_f, method.beta, method.gamma),
         times,
@@ -228,7 +241,7 @@ def _march(
         np.zeros((2, histories - drives + min(len(chain.scene.connectors), 1), 2)),
         np.zeros(2),
         chain.start_coordinates(),
-        np.concatenate([np.full(m.nodes, BULGE * m.element.l) for m in bodies.meshes]),
+        np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
         moved.copy(),
         np.array(Progress(0.0, FIRST * chain.run.exact_dt, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),
     )
@@ -237,7 +250,7 @@ def _march(
         state,
         bodies.tables(),
         links(chain),
-        block_factors(chain),
+        factors,
         actuation.hubs(),
         actuation.loads(),
         newton,
@@ -254,12 +267,17 @@ def _march(
             break
     counts = int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1])
     reached = Progress(*control.progress)
-    return Marched(int(reached.kept), reached.t, code == DONE, stopped, control.moved, counts, state, newton)
+    rows = rows_in(factors.loops)
+    return Marched(
+        int(reached.kept), reached.t, code == DONE, stopped, control.moved, counts, state, newton, rows
+    )
 
 
 def _stuck(chain: Chain, marched: Marched) -> Status:
     """What is known of a run that ended early."""
     t, state, newton = marched.t, marched.state, marched.newton
+    if (found := locked(chain, state.q, marched.rows, t)) is not None:
+        return found
     if newton.history.any():
         body, element = worst_element(chain, correction_size(chain, state))
         what = (
@@ -310,6 +328,7 @@ def advance(
                 balance(state, tables, links, factors, hubs, loads, angles[1], values[1], None)
                 hub_reactions(q, w, state.f, tables, hubs)
                 work_done(False, q, hubs, loads, values[1])
+                work_of_drives(factors.loops, False, q)
                 newton.counts[1] += 1
                 newton.counts[2] = 1
                 start, first, last = False, True, 0.0
@@ -332,7 +351,13 @@ def advance(
                 code = STUCK
                 break
             if last > 0.0 and h != last:
-                _shift(state, control, 1.0 - h / last)
+                if constrained(factors.loops):
+                    balance(state, tables, links, factors, hubs, loads, angles[1], values[1], None)
+                    newton.counts[1] += 1
+                    newton.counts[2] = 1
+                    first = True
+                else:
+                    _shift(state, control, 1.0 - h / last)
             last = 0.0
             c = _coefficients(h, control.method)
             begin_step(False, state.flat, c)
@@ -340,6 +365,7 @@ def advance(
             final = t + h > stop - 0.5 * h
             set_actions(pieces, stop if final else t + h, False, angles[1], values[1])
             turn_hubs(hubs, angles[1])
+            set_drives(factors.loops, angles[1], len(hubs.nodes))
             if abs(h - factored) > STALE * h:
                 newton.counts[2] = 1
             if newton.counts[2] != 0:
@@ -371,6 +397,7 @@ def advance(
             control.counts[0] += 1
             hub_reactions(q, w, state.f, tables, hubs)
             out.work[0] += work_done(True, q, hubs, loads, values[1])
+            out.work[0] += work_of_drives(factors.loops, True, q)
             _measure(q, control)
             ratio = 0.9 * np.sqrt(allowed / max(error, 1e-300))
             if ratio < 0.9 or ratio > 1.25:  # small changes would only cost factorizations
@@ -428,7 +455,7 @@ def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type:
         for i in range(q.shape[1]):
             x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
     mass_product(x, tables.first, tables.masses, tables.buffer, load)
-    drives = len(hubs.nodes)
+    drives = angles.shape[1]
     for n in range(len(loads.kinds)):
         missed_impulse(pieces, drives + n, t, c.h, values[0, n], values[1, n], missed)
         fx, fy = load_at(loads, n, q, missed[0], missed[1])
@@ -438,11 +465,12 @@ def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type:
     correct(loads.border, x)
     turned = 0.0
     for h in range(drives):
-        turned = max(turned, missed_turn(pieces, h, t, c.h, angles[0, h], angles[1, h]))
+        missing = control.reach[h] * missed_turn(pieces, h, t, c.h, angles[0, h], angles[1, h])
+        turned = max(turned, missing)
     largest, least = 0.0, control.small * control.scale[0]
     for i in range(q.shape[1]):
         largest = max(largest, _size(x, i, control.bulge) / max(control.moved[i], least))
-    return largest + turned * control.reach / control.scale[0]
+    return largest + turned / control.scale[0]
 
 
 @embedded

@@ -18,13 +18,14 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import is_found, once, own
 from anctmm.forces.actuation import (
     Hubs,
-    hub_reactions,
     place_hubs,
     turn_hubs,
     work_done,
 )
 from anctmm.forces.connectors import add_connectors
+from anctmm.forces.driving import drive_table, drive_width
 from anctmm.forces.loads import Loads, set_loads
+from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     Output,
     Record,
@@ -40,15 +41,13 @@ from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.second_process import Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks, by_scalars
-from anctmm.recursion.border import (
-    KEPT,
-    Rigid,
-    constrain_accelerations,
+from anctmm.recursion.constrained import (
+    ask_accelerations,
     constrain_motion,
-    rigid_system,
-    strains,
+    take_accelerations,
 )
 from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, no_split_factors, split_factors
+from anctmm.recursion.rows import Rows, row_work
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
 
@@ -104,7 +103,7 @@ class System(NamedTuple):
     hubs: Hubs
     loads: Loads
     damping: Damping | None
-    rigid: Rigid | None
+    rows: Rows | None
 
 
 def integrate(chain: Chain) -> Solution:
@@ -132,25 +131,27 @@ def integrate(chain: Chain) -> Solution:
     with nullcontext() if is_found(chain, advance) else side_by_side(_parts(chain, out)):
         fixed = own(chain, _system)
         once(chain, lambda _: advance(*_call(chain, fixed, out, 0, 0)), what=advance)  # compiles
-    q, rigid = fixed.state.q, fixed.rigid
+    q, rows = fixed.state.q, fixed.rows
 
     def one(begin: int, end: int) -> int:
         return int(advance(*_call(chain, fixed, out, begin, end)))
 
     record.start()
-    failed = run_batches(chain, actuation.width, one, record.solution)
+    failed = run_batches(chain, drive_width(chain, actuation), one, record.solution)
     if failed < 0:
         return record.solution(len(record.q), Status(), run.steps)
     kept = 1 + (failed - 1) // run.stride
     before = record.q[kept - 1] if kept else chain.start_coordinates()
-    status = _locked(chain, failed, q, rigid) or _diverged(chain, failed, q, before)
+    t = float(run.times(np.array([failed]))[0])
+    status = locked(chain, q, rows, t, failed) or _diverged(chain, failed, q, before)
     return record.solution(kept, status, failed)
 
 
 def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tuple[Any, ...]:
     """Arguments of `advance`."""
     actuation, t = once(chain, actuation_of), chain.run.times(np.arange(begin, end))
-    return begin, end, *system[:7], out, *system[7:], actuation.hub_table(t), actuation.load_table(t)
+    tables = drive_table(chain, actuation, t), actuation.load_table(t)
+    return begin, end, *system[:7], out, *system[7:], *tables
 
 
 def _parts(chain: Chain, out: Output) -> list[Task]:
@@ -174,39 +175,17 @@ def _system(chain: Chain) -> System:
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     scratch = np.zeros((1, 1)) if chain.split else np.zeros_like(q)
     flat = (q.ravel(), v.ravel(), even.ravel(), odd.ravel())
+    block = None if chain.split else mass_factors(chain)
     return System(
         Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),
         State(q, v, even, odd, dead.copy(), dead, scratch, flat),
         bodies.tables(),
         split_factors(chain) if chain.split else no_split_factors(chain),
-        None if chain.split else mass_factors(chain),
+        block,
         actuation.hubs(),
         actuation.loads(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
-        rigid_system(chain),
-    )
-
-
-def _locked(chain: Chain, step: int, q: Array, rigid: Rigid | None) -> Status | None:
-    """What is known of a run whose rigid bodies have not kept their shape at a step; None where they have."""
-    if rigid is None or not np.isfinite(q).all():
-        return None
-    strain = strains(rigid, q)
-    worst = int(np.abs(strain).argmax())
-    if abs(strain[worst]) <= KEPT:
-        return None
-    body, element = chain.bodies.element_at(int(rigid.nodes[worst]))
-    t = float(chain.run.times(np.array([step]))[0])
-    return Status(
-        "failed",
-        f"rigid body {body!r} would have to change its length by {strain[worst]:.1e} of itself at t = {t:.6g} s "
-        f"(step {step}): joints and drives leave the rigid bodies no place there, as where a linkage locks; "
-        f"a flexible body, other lengths or another drive may do, or, where the linkage can move, a smaller dt than "
-        f"{chain.run.dt:g} s",
-        time=t,
-        step=step,
-        body=body,
-        element=element,
+        None if block is None else rows_in(block.loops),
     )
 
 
@@ -240,17 +219,16 @@ def advance(
     loads: Loads,
     out: Output,
     damping: Damping | None,
-    rigid: Rigid | None,
+    rows: Rows | None,
     hub_table: Array,
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
 
-    `block` is None unless there is an angled weld, `damping` unless a material has some, `rigid` unless a body is: only
-    the branches that a scene needs are compiled.
+    `block` is None where x and y do not mix in the mass (`Chain.split`), `damping` unless a material has some, `rows`
+    unless there are constraints: only the branches that a scene needs are compiled.
 
-    The two tables hold the values of driven clamps, (steps, hubs, 3), and of loads, (steps, loads, 2), from step
-    `begin` on.
+    The two tables hold the values of drives, (steps, drives, 3), and of loads, (steps, loads, 2), from step `begin` on.
     """
     q, v, f = state.q, state.v, state.f
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
@@ -259,16 +237,25 @@ def advance(
     L, G, D, places = split
     driven = len(hubs.nodes) + len(loads.touched) > 0
     flat_q, flat_v, flat_even, flat_odd = state.flat
+    one = min(1, q.shape[1] - 1)
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
-        if damping is not None or rigid is not None:
+        if damping is not None:
             for k in range(f.shape[0]):
                 for i in range(f.shape[1]):
                     f[k, i] = state.dead[k, i]
         if driven:
             turn_hubs(hubs, hub_table[step - begin])
             place_hubs(q, v, hubs)
-        if rigid is not None and not constrain_motion(rigid, step == 0, q, v):
+        if rows is not None and not constrain_motion(
+            block,
+            block.loops,  # type: ignore[union-attr]
+            len(hubs.nodes),
+            hub_table[step - begin],
+            q,
+            v,
+            state.scratch,
+        ):
             return step
         if driven:
             set_loads(q, f, state.dead, loads, load_table[step - begin])
@@ -298,11 +285,15 @@ def advance(
                 now,
             )
         else:
+            if rows is not None:
+                ask_accelerations(block.loops)
             by_blocks(q, f, tables, hubs, block, state.scratch, now)
-        if rigid is not None:
-            constrain_accelerations(rigid, q, v, f, now)
-            hub_reactions(q, now, f, tables, hubs)
-        check = now[0, 1] + now[1, 1] + now[2, 1] + now[3, 1]  # what is not finite anywhere is so here
+            if rows is not None:
+                take_accelerations(block.loops)
+                out.work[0] += row_work(rows, step > 0)
+        check = (
+            now[0, one] + now[1, one] + now[2, one] + now[3, one]
+        )  # what is not finite anywhere is so here
         if check - check != 0.0:
             return step
         if driven:

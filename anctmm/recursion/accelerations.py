@@ -93,7 +93,7 @@ def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L
                     a[4, i], a[5, i] = tdx + dx, tdy + dy
                     dx, dy = -L[4, i] * tdx - L[4, i] * dx, -L[4, i] * tdy - L[4, i] * dy
                     odx, ody = buffer[10 * BLOCK + j], buffer[11 * BLOCK + j]
-        if at[place] == last:
+        if at[place] == last and last > first[b]:
             rx, ry, gx, gy, dx, dy = _taken(director, waiting[take[place]], rx, ry, gx, gy, dx, dy)
             place += 1
         rx, ry = rx + f[0, last] - orx, ry + f[1, last] - ory
@@ -143,7 +143,7 @@ def _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a):  
                 if director:
                     dx, dy = a[4, n], a[5, n]
             place -= 1
-        if at[place] == last:
+        if at[place] == last and last > first[b]:
             place -= 1
         for i in range(last, first[b] - 1, -1):
             if i == last and of[1, b] >= 0:

@@ -6,62 +6,27 @@ node i has, beside its loads, a coupling C_i with them. Where node i is eliminat
     K_i = C_iᵀ G_i,    C_{i+1} = −L_i C_i,    S ← S − K_i C_i,
 
 forwards −K_i b_i are loads on x, and backwards a_i loses K_iᵀ x. At its end a stretch leaves the condensed matrices of
-both ends and their coupling (a two-port). Their sum over all stretches is the matrix of the kept unknowns: sparse, in
-an order of little fill (minimum degree), factored as L D Lᵀ row by row (Davis 2005, 10.1145/1114268.1114277).
+both ends and their coupling (a two-port). Their sum over all stretches is the matrix of the kept unknowns (`sparse`).
+
+An end takes from the kept unknowns x what a linear map says, a = W x: the place and the gradients of a junction, or of
+a point p that is fixed in a rigid body, r + p_x t + p_y t⊥, and t turned. So it leaves Wᵀ S W and Wᵀ e there.
 """
 
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, eye_array
-from scipy.sparse.linalg import splu
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept import Port
 from anctmm.discretise.plan import Kept
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.recursion.branches import Branches
+from anctmm.recursion.rows import Rows, rows_of
+from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-
-class Sparse(NamedTuple):
-    """A symmetric matrix M and its factors, M = L D Lᵀ.
-
-    Parameters
-    ----------
-    above : ndarray of int, shape (n + 1,)
-        Where the entries of each column above and on the diagonal begin.
-    above_row : ndarray of int
-    values : ndarray
-        Those entries of M.
-    left : ndarray of int, shape (n + 1,)
-        Where the columns of each row of L begin.
-    left_column : ndarray of int
-        In ascending order.
-    below : ndarray of int, shape (n + 1,)
-        Where the rows of each column of L begin.
-    below_row : ndarray of int
-    L : ndarray
-        Entries of L, column by column.
-    D : ndarray, shape (n,)
-    filled : ndarray of int, shape (n,)
-    row : ndarray, shape (n,)
-        Scratch.
-    """
-
-    above: Ints
-    above_row: Ints
-    values: Array
-    left: Ints
-    left_column: Ints
-    below: Ints
-    below_row: Ints
-    L: Array
-    D: Array
-    filled: Ints
-    row: Array
 
 
 class Loops(NamedTuple):
@@ -77,16 +42,24 @@ class Loops(NamedTuple):
     start : ndarray of int, shape (places,)
         Port at which the stretch began that is left before the place, or −1.
     unknowns : ndarray of int, shape (ports, d)
-        Numbers of the kept unknowns that an end shares, or −1.
-    turn : ndarray, shape (ports, d, d)
-        W: components of the end from the kept unknowns, a = W x; rows and columns of what is not shared are 0.
+        Numbers of the kept unknowns that an end takes something of, or −1.
+    shared : ndarray of bool, shape (ports, d)
+        Components of the end that they give.
+    maps : ndarray, shape (ports, d, d)
+        W: components of the end from its kept unknowns, a = W x; rows of what is not shared are 0.
     own : ndarray of int, shape (ports, d, d)
         Where the entries of a port's condensed matrix stand in `Sparse.values`, or −1: above the diagonal only.
     cross : ndarray of int, shape (ports, d, d)
         For a port at the end of a stretch: where its coupling with the start stands.
     matrix : Sparse
+    rows : Rows
+        Constraints between kept unknowns.
+    load : ndarray, shape (n,)
+        What constraints put on the kept unknowns, and their right sides: 0 but where somebody asks for them.
     x : ndarray, shape (n,)
         Loads on the kept unknowns, then these.
+    moved : ndarray, shape (n,)
+        Scratch: what a projection adds to the kept unknowns.
     through : ndarray, shape (d,)
         Of the stretch: −Σ K b, or the kept unknowns at its start.
     coupling, condensed, passed : ndarray, shape (d, d)
@@ -98,11 +71,15 @@ class Loops(NamedTuple):
     end: Ints
     start: Ints
     unknowns: Ints
-    turn: Array
+    shared: NDArray[np.bool_]
+    maps: Array
     own: Ints
     cross: Ints
     matrix: Sparse
+    rows: Rows
+    load: Array
     x: Array
+    moved: Array
     through: Array
     coupling: Array
     condensed: Array
@@ -110,71 +87,49 @@ class Loops(NamedTuple):
 
 
 def loops(chain: Chain, branches: Branches) -> Loops | None:
-    """Loops of a scene; None where it has none: then nothing of this module is compiled."""
+    """Loops of a scene; None where nothing is kept: then nothing of this module is compiled."""
     if not chain.plan.kept:
         return None
-    d, nodes, first = chain.bodies.rows, chain.bodies.nodes, chain.bodies.first
-    place = {int(node): e for e, node in enumerate(branches.at)}
-    begin, end, start = np.full((3, len(branches.at)), -1)
-    ports: list[tuple[Kept, tuple[float, float]]] = []
-    current = -1
-    for b, step in enumerate(chain.plan.steps):
-        if step.start is not None:
-            begin[place[int(first[b])]] = current = len(ports)
-            turn = (1.0, 0.0)
-            if step.start.group is not None:
-                turn = chain.turn_between(chain.frame_of(step.start), step.inboard)
-            ports.append((step.start, turn))
-        if isinstance(step.to, Kept):
-            e = place[int(first[b + 1])]
-            end[e], start[e] = len(ports), current
-            ports.append((step.to, (1.0, 0.0)))  # the weld there has turned all to its frame
-            current = -1
-    table, size = _unknowns(chain, [kept for kept, _ in ports])
+    d, nodes, kept = chain.bodies.rows, chain.bodies.nodes, chain.kept
+    begin, end, start, ports = _ports(chain, branches)
+    table = np.array([port.unknowns for port in ports]).reshape(-1, d)
     ends = np.stack([end, start])[:, (end >= 0) & (start >= 0)]
-    used = _pairs(table, ends)
-    table = np.where(table >= 0, _order(size, used)[table], -1)
-    matrix = _sparse(size, _pairs(table, ends))
+    pairs = np.concatenate([_pairs(table, ends), kept.constraints.pairs], axis=1)
+    number = order_of(pairs, kept.dual, kept.blocks)
+    dual = np.empty_like(kept.dual)
+    dual[number] = kept.dual
+    matrix = sparse(number[pairs], dual)
+    table = np.where(table >= 0, number[table], -1)
     own = matrix_places(matrix, table, table)
     own[table[:, :, None] > table[:, None, :]] = -1  # each entry once
     cross = np.full_like(own, -1)
     cross[ends[0]] = matrix_places(matrix, *table[ends])
-    W = _turns(table, np.array([turn for _, turn in ports]).reshape(-1, 2))
     return Loops(
-        np.zeros((nodes, d * d)), begin, end, start, table, W, own, cross, matrix,
-        np.zeros(size), np.zeros(d), *np.zeros((3, d, d)),
+        np.zeros((nodes, d * d)), begin, end, start, table,
+        np.array([port.shared for port in ports]), np.array([port.map for port in ports]),
+        own, cross, matrix, rows_of(kept, number, matrix),
+        np.zeros(len(dual)), np.zeros(len(dual)), np.zeros(len(dual)),
+        np.zeros(d), np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, d)),
     )  # fmt: skip
 
 
-def _unknowns(chain: Chain, ports: list[Kept]) -> tuple[Ints, int]:
-    """Numbers of the kept unknowns that the components of each port are, (ports, d), or −1, and how many there are."""
-    numbers: dict[tuple[int, int | None], int] = {}
-    size = 0
-    for j, vertex in enumerate(chain.plan.kept):
-        if not vertex.held:
-            numbers[j, None] = size
-            size += 2
-        for g, group in enumerate(vertex.groups):
-            numbers[j, g] = size
-            size += 2 * chain.bodies.mesh(group[0][0]).vectors - 2
-    table = np.full((len(ports), chain.bodies.rows), -1)
-    for row, kept in zip(table, ports, strict=True):
-        if (kept.junction, None) in numbers:
-            row[:2] = numbers[kept.junction, None] + np.arange(2)
-        if kept.group is not None:
-            own = 2 * chain.bodies.mesh(chain.frame_of(kept)[0]).vectors
-            row[2:own] = numbers[kept.junction, kept.group] + np.arange(own - 2)
-    return table, size
-
-
-def _turns(table: Ints, turns: Array) -> Array:
-    """W of each port, (ports, d, d), from cosine and sine of the turns, (ports, 2)."""
-    W = np.zeros((*table.shape, table.shape[1]))
-    W[:, 0, 0] = W[:, 1, 1] = 1.0
-    for k in range(2, table.shape[1], 2):
-        W[:, k, k] = W[:, k + 1, k + 1] = turns[:, 0]
-        W[:, k, k + 1], W[:, k + 1, k] = -turns[:, 1], turns[:, 1]
-    return np.where((table[:, :, None] >= 0) & (table[:, None, :] >= 0), W, 0.0)
+def _ports(chain: Chain, branches: Branches) -> tuple[Ints, Ints, Ints, list[Port]]:
+    """Numbers of the ports at each place, `begin`, `end` and `start` of `Loops`; and the ports."""
+    first, kept = chain.bodies.first, chain.kept
+    place = {int(node): e for e, node in enumerate(branches.at)}
+    begin, end, start = np.full((3, len(branches.at)), -1)
+    ports: list[Port] = []
+    current = -1
+    for b, step in enumerate(chain.plan.steps):
+        if step.start is not None:
+            begin[place[int(first[b])]] = current = len(ports)
+            ports.append(kept.port(step.start, step.inboard, turned=True))
+        if isinstance(step.to, Kept):
+            e = place[int(first[b + 1])]
+            end[e], start[e] = len(ports), current
+            ports.append(kept.port(step.to, step.outboard, turned=False))  # the weld there has turned all
+            current = -1
+    return begin, end, start, ports
 
 
 def _pairs(table: Ints, ends: Ints) -> Ints:
@@ -184,58 +139,10 @@ def _pairs(table: Ints, ends: Ints) -> Ints:
     return pairs[:, (pairs >= 0).all(axis=0)]
 
 
-def _order(size: int, pairs: Ints) -> Ints:
-    """New numbers of the unknowns, such that little is filled: SuperLU's minimum degree."""
-    pattern = csc_array((np.ones(pairs.shape[1]), pairs), shape=(size, size))
-    dominant = csc_array(pattern + pattern.T + float(4 * pattern.nnz) * eye_array(size))
-    factors = splu(
-        dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
-    return np.asarray(factors.perm_c, dtype=np.int64)
-
-
-def _sparse(size: int, pairs: Ints) -> Sparse:
-    """Room for a matrix of coupled unknowns and its factors."""
-    entries = np.unique(np.append(pairs.max(axis=0) * size + pairs.min(axis=0), np.arange(size) * (size + 1)))
-    column, row = np.divmod(entries, size)
-    above = np.searchsorted(column, np.arange(size + 1))
-    parent, met = np.full((2, size), -1)
-    rows: list[list[int]] = []
-    for k in range(size):  # the pattern of row k of L: what the elimination tree reaches from that of M
-        met[k] = k
-        reached = []
-        for i in row[above[k] : above[k + 1]].tolist():
-            while met[i] != k:
-                if parent[i] < 0:
-                    parent[i] = k
-                met[i] = k
-                reached.append(i)
-                i = parent[i]
-        rows.append(sorted(reached))
-    left = np.cumsum([0, *map(len, rows)])
-    left_column = np.array([i for reached in rows for i in reached], dtype=np.int64)
-    by_column = np.argsort(left_column, kind="stable")
-    below_row = np.repeat(np.arange(size), np.diff(left))[by_column]
-    below = np.searchsorted(left_column[by_column], np.arange(size + 1))
-    return Sparse(
-        above, row, np.zeros(len(row)), left, left_column, below, below_row, np.zeros(len(below_row)),
-        np.zeros(size), np.zeros(size, dtype=np.int64), np.zeros(size),
-    )  # fmt: skip
-
-
-def matrix_places(matrix: Sparse, rows: Ints, columns: Ints) -> Ints:
-    """Where the entries of M between each `rows` and `columns`, (n, d), stand in its values, (n, d, d); −1 for none."""
-    size = len(matrix.D)
-    entries = np.repeat(np.arange(size), np.diff(matrix.above)) * size + matrix.above_row
-    one, two = rows[:, :, None], columns[:, None, :]
-    places = np.searchsorted(entries, np.maximum(one, two) * size + np.minimum(one, two))
-    return np.where((one >= 0) & (two >= 0), places, -1)
-
-
 @inlined
 def start_stretch(loops, port, d, work):  # type: ignore[no-untyped-def]
     """Begin a stretch at a node whose matrix 1 and coupling with the next node, 2, are in the scratch."""
-    A, K, W = d * d, 2 * d * d, loops.turn[port]
+    A, K, W = d * d, 2 * d * d, loops.maps[port]
     for m in range(d):
         for p in range(d):
             near = far = 0.0
@@ -250,7 +157,7 @@ def start_stretch(loops, port, d, work):  # type: ignore[no-untyped-def]
                 total += W[k, p] * loops.coupling[k, r]
             loops.condensed[p, r] = total
     for k in range(d):
-        if loops.unknowns[port, k] >= 0:
+        if loops.shared[port, k]:
             for p in range(d):
                 loops.coupling[k, p] = 0.0
 
@@ -351,7 +258,7 @@ def keep_coupling(loops, port, i):  # type: ignore[no-untyped-def]
     d = len(loops.through)
     for p in range(d):
         for k in range(d):
-            loops.K[i, d * p + k] = loops.coupling[k, p] - (loops.turn[port, k, p] if port >= 0 else 0.0)
+            loops.K[i, d * p + k] = loops.coupling[k, p] - (loops.maps[port, k, p] if port >= 0 else 0.0)
             loops.coupling[k, p], loops.passed[k, p] = loops.passed[k, p], 0.0
 
 
@@ -360,65 +267,39 @@ def end_stretch(unit, loops, place, work):  # type: ignore[no-untyped-def]
     """Add what arrives at a kept junction to its matrix; nothing goes on."""
     d = len(unit)
     end, start, values = loops.end[place], loops.start[place], loops.matrix.values
-    for k in range(d):
+    W, product = loops.maps[end], 2 * d * d
+    for p in range(d):
         for m in range(d):
-            if loops.own[end, k, m] >= 0:
-                values[loops.own[end, k, m]] += work[d * max(k, m) + min(k, m)]
+            total = 0.0
+            for k in range(d):
+                total += W[k, p] * work[d * max(k, m) + min(k, m)]
+            work[product + d * p + m] = total
+    for p in range(d):
+        for r in range(d):
+            if loops.own[end, p, r] >= 0:
+                total = 0.0
+                for k in range(d):
+                    total += work[product + d * p + k] * W[k, r]
+                values[loops.own[end, p, r]] += total
             if start >= 0:
-                if loops.own[start, k, m] >= 0:
-                    values[loops.own[start, k, m]] += loops.condensed[k, m]
-                if loops.cross[end, k, m] >= 0:  # an entry and its mirror image may be one
-                    same = loops.unknowns[end, k] == loops.unknowns[start, m]
-                    values[loops.cross[end, k, m]] += (2.0 if same else 1.0) * loops.coupling[k, m]
+                if loops.own[start, p, r] >= 0:
+                    values[loops.own[start, p, r]] += loops.condensed[p, r]
+                if loops.cross[end, p, r] >= 0:  # an entry and its mirror image may be one
+                    total = 0.0
+                    for k in range(d):
+                        total += W[k, p] * loops.coupling[k, r]
+                    same = loops.unknowns[end, p] == loops.unknowns[start, r]
+                    values[loops.cross[end, p, r]] += (2.0 if same else 1.0) * total
     for k in range(d):
         for m in range(d):
             work[d * k + m] = loops.coupling[k, m] = loops.condensed[k, m] = 0.0
 
 
-@embedded
-def factorize_kept(matrix):  # type: ignore[no-untyped-def]
-    """L and D of the kept unknowns' matrix, row by row; the number of negative pivots."""
-    above, above_row, values, left, left_column, below, below_row, L, D, filled, row = matrix
-    negative = 0
-    for k in range(len(D)):
-        filled[k] = 0
-        for p in range(above[k], above[k + 1]):
-            row[above_row[p]] = values[p]
-        pivot = row[k]
-        row[k] = 0.0
-        for p in range(left[k], left[k + 1]):
-            i = left_column[p]
-            y = row[i]
-            row[i] = 0.0
-            after = below[i] + filled[i]
-            for n in range(below[i], after):
-                row[below_row[n]] -= L[n] * y
-            L[after] = y / D[i]
-            pivot -= L[after] * y
-            filled[i] += 1
-        D[k] = pivot
-        negative += 0 if pivot > 0.0 else 1
-    return negative
-
-
-@embedded
-def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
-    """The kept unknowns from their loads, in place."""
-    _, _, _, _, _, below, below_row, L, D, _, _ = matrix
-    for j in range(len(D)):
-        for p in range(below[j], below[j + 1]):
-            x[below_row[p]] -= L[p] * x[j]
-    for j in range(len(D) - 1, -1, -1):
-        x[j] /= D[j]
-        for p in range(below[j], below[j + 1]):
-            x[j] -= L[p] * x[below_row[p]]
-
-
 @inlined
 def clear(loops):  # type: ignore[no-untyped-def]
-    """Nothing has come yet to the kept unknowns."""
+    """Nothing has come yet to the kept unknowns, but what their constraints put there."""
     for j in range(len(loops.x)):
-        loops.x[j] = 0.0
+        loops.x[j] = loops.load[j]
     for k in range(len(loops.through)):
         loops.through[k] = 0.0
 
@@ -436,11 +317,14 @@ def pass_start(loops, i, work, load):  # type: ignore[no-untyped-def]
 def leave_stretch(loops, place, work, come):  # type: ignore[no-untyped-def]
     """Forward at a place: what comes to a kept junction, and to the start of the stretch, is added to their loads."""
     end, start = loops.end[place], loops.start[place]
-    for k in range(len(loops.through) if end >= 0 else 0):
-        if loops.unknowns[end, k] >= 0:
-            loops.x[loops.unknowns[end, k]] += work[come + k]
-        if start >= 0 and loops.unknowns[start, k] >= 0:
-            loops.x[loops.unknowns[start, k]] += loops.through[k]
+    d = len(loops.through) if end >= 0 else 0
+    for p in range(d):
+        if loops.unknowns[end, p] >= 0:
+            for k in range(d):
+                loops.x[loops.unknowns[end, p]] += loops.maps[end, k, p] * work[come + k]
+        if start >= 0 and loops.unknowns[start, p] >= 0:
+            loops.x[loops.unknowns[start, p]] += loops.through[p]
+    for k in range(d):
         work[come + k] = loops.through[k] = 0.0
 
 
@@ -448,12 +332,16 @@ def leave_stretch(loops, place, work, come):  # type: ignore[no-untyped-def]
 def enter_stretch(loops, place, work, x):  # type: ignore[no-untyped-def]
     """Backward at a place: the kept unknowns at the end and at the start of what lies before it."""
     end, start = loops.end[place], loops.start[place]
-    for k in range(len(loops.through) if end >= 0 or loops.begin[place] >= 0 else 0):
-        loops.through[k] = 0.0
-        if start >= 0 and loops.unknowns[start, k] >= 0:
-            loops.through[k] = loops.x[loops.unknowns[start, k]]
-        if end >= 0:
-            work[x + k] = loops.x[loops.unknowns[end, k]] if loops.unknowns[end, k] >= 0 else 0.0
+    d = len(loops.through)
+    for p in range(d if end >= 0 or loops.begin[place] >= 0 else 0):
+        loops.through[p] = 0.0
+        if start >= 0 and loops.unknowns[start, p] >= 0:
+            loops.through[p] = loops.x[loops.unknowns[start, p]]
+    for k in range(d if end >= 0 else 0):
+        work[x + k] = 0.0
+        for p in range(d):
+            if loops.unknowns[end, p] >= 0:
+                work[x + k] += loops.maps[end, k, p] * loops.x[loops.unknowns[end, p]]
 
 
 @inlined

@@ -36,14 +36,14 @@ from anctmm.recursion.loops import (
     eliminate_coupled,
     end_stretch,
     enter_stretch,
-    factorize_kept,
     leave_stretch,
     loops,
     pass_start,
     release_coupled,
-    solve_kept,
     turn_coupled,
 )
+from anctmm.recursion.rows import fill
+from anctmm.recursion.sparse import factorize_kept, solve_kept
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -153,12 +153,13 @@ def links(chain: Chain) -> Links:
     return Links(chain.link, chain.turn, known)
 
 
-def mass_factors(chain: Chain) -> BlockFactors:
-    """Factor the mass of any chain in full blocks."""
+def mass_factors(chain: Chain, q: Array | None = None) -> BlockFactors:
+    """Factor the mass of any chain in full blocks, with constraints at coordinates q, or those of the reference."""
     bodies = chain.bodies
+    q = bodies.reference() if q is None else q
     factors = block_factors(chain)
     none = no_loads(bodies)
-    factorize(bodies.reference(), bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
+    factorize(q, bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
     return factors
 
 
@@ -198,6 +199,8 @@ def _factorize_split(
                     S[:4] = 0.0
                 place += 1
             D[0, i], D[1, i], D[2, i], D[3, i] = rr, rg, gg, dd
+            if first[b] == last:  # a body of one node
+                rr, gg = rr + m[0, 0], gg + m[1, 1]
             if i < last:
                 rr, rg, gg, dd = rr + m[0, 0], rg + m[0, 1], gg + m[1, 1], dd + m[2, 2]
             if i == last and link[b] == WELD:
@@ -307,7 +310,11 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                     negative += eliminate_coupled(unit, loops, port, known, i, work)
                     port = -1
                 _store(unit, i, work, L, G)
-            elif link[b] == WELD:
+                continue
+            if i == first[b]:  # a body of one node
+                for k in range(d):
+                    work[d * k + k] += mass * masses[b][k // 2, k // 2]
+            if link[b] == WELD:
                 _turn(unit, turn[b, 0], turn[b, 1], i, work, L, G)
                 if loops is not None:
                     turn_coupled(unit, loops, i, work)
@@ -324,6 +331,7 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 _forget(unit, pinned, work)
     if loops is not None:
         _pass_place(unit, places, loops, place, work)
+        fill(loops.rows, loops.matrix, q, stiffness)
         negative += factorize_kept(loops.matrix)
     return negative
 

@@ -111,6 +111,8 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
         If the scene has several chains or mixes kinds of elements: the readable form keeps to one.
     """
     bodies = chain.bodies
+    if not all(mesh.elements for mesh in bodies.meshes):
+        raise SolverError(f"scene {chain.scene.name!r} has bodies of one node; beams alone are needed here")
     if not chain.single:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:

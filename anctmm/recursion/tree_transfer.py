@@ -58,6 +58,12 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
     SolverError
         If the scene closes loops or mixes kinds of elements.
     """
+    nodes = [mesh.body.name for mesh in chain.bodies.meshes if not mesh.elements]
+    if nodes or chain.kept.constraints.names:
+        raise SolverError(
+            f"scene {chain.scene.name!r} has guides, or bodies of one node {nodes}; the readable form takes beams, "
+            f"pins, welds and clamps alone"
+        )
     if chain.plan.kept:
         raise SolverError(f"scene {chain.scene.name!r} closes loops; a tree is needed here")
     if len(set(chain.bodies.kinds)) > 1:

@@ -50,7 +50,7 @@ def dead_forces(scene: Scene, bodies: Bodies) -> Array:
     """Gravity and constant forces, (rows, nodes), N."""
     f = bodies.weight()
     for name, side, (x, y) in constant_forces(scene):
-        f[:2, bodies.node(name, side)] += x, y
+        f[:2, bodies.node(name, side)] += [x, y]
     return f
 
 

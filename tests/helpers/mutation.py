@@ -59,7 +59,7 @@ TESTS = {
     "anctmm/elements/": "tests/elements/test_elements.py tests/integrators/test_damping.py "
     "-k 'not (global or exudyn or implicit or axial "
     "or absent or limit)'",
-    "anctmm/recursion/border.py": "tests/recursion/test_rigid.py "
+    "anctmm/recursion/constrained.py": "tests/recursion/test_rigid.py "
     "-k 'readable or held or would_stretch or first_steps or cannot_be'",
     "anctmm/recursion/transfer.py": "tests/recursion/test_transfer.py -k 'not thousand'",
     "anctmm/recursion/riccati.py": "tests/recursion/test_transfer.py -k 'not thousand'",

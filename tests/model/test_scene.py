@@ -13,7 +13,8 @@ from samples import B, C, beam, row_scene, run_of, scene_of
 import anctmm as at
 from anctmm import errors
 from anctmm.discretise.discretisation import element_length
-from anctmm.discretise.plan import plan_of, vertices_of
+from anctmm.discretise.plan import plan_of
+from anctmm.discretise.vertices import vertices_of
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
 from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, distance
 from anctmm.model.sections import Circle, Rectangle
@@ -132,7 +133,7 @@ def test_histories_that_fail_say_where(history, words):
 
 def order(of):
     chains, begins = [], True
-    for step in plan_of([b.name for b in of.bodies], vertices_of(junctions_of(of))).steps:
+    for step in plan_of([b.name for b in of.bodies], vertices_of(of, junctions_of(of))).steps:
         if begins:
             chains.append([])
         chains[-1].append((step.body, step.reversed))

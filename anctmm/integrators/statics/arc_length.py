@@ -114,7 +114,7 @@ class ArcPath:
         last, stalled = np.inf, 0
         for number in range(1, ITERATIONS + 1):
             system.factorize(q, factor)
-            x, y = system.solve(system.residual(q, factor)), system.solve(system.load_rate(q, factor))
+            x, y = system.correction(q, factor), system.solve(system.load_rate(q, factor))
             self.iterations += 1
             more = -self._product(here.along, x) / (self._product(here.along, y) + here.rise)
             x += more * y

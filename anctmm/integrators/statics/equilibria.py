@@ -193,8 +193,9 @@ def _stabilised(search: LoadPath) -> Advance:
 def _possible(chain: Chain, q: Array) -> bool:
     """Whether no element is turned inside out: the energy of some has minima there, too."""
     return not any(
-        inside_out(coordinates[None], mesh.element.l).any()
+        inside_out(coordinates[None], mesh.element_length).any()
         for mesh in chain.bodies.meshes
+        if mesh.elements
         for coordinates in [chain.bodies.by_body(q)[mesh.body.name]]
     )
 

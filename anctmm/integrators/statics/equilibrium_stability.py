@@ -134,7 +134,7 @@ def lowest_mode(system: StaticSystem, q: Array, factor: float) -> tuple[float, A
 
 def least_shift(system: StaticSystem) -> float:
     """A shift of the order of the rounding of K_T x = λ M x, 1/s²."""
-    return 16.0 * EPS * element_bound(system.chain) ** 2
+    return 16.0 * EPS * max(element_bound(system.chain), 1.0) ** 2
 
 
 def _noise(system: StaticSystem, rng: np.random.Generator) -> Array:

@@ -87,7 +87,7 @@ class LoadPath:
         last, stalled = np.inf, 0
         for _ in range(ITERATIONS):
             self.system.factorize(self.q, factor)
-            x = self.system.solve(self.system.residual(self.q, factor))
+            x = self.system.correction(self.q, factor)
             self.iterations += 1
             if not np.isfinite(x).all():
                 return self._balanced(factor)
@@ -110,7 +110,7 @@ class LoadPath:
     def _balanced(self, factor: float) -> bool:
         """Whether q, where the tangent cannot be solved with, is an equilibrium all the same."""
         self.system.factorize(self.q, factor, least_shift(self.system))
-        self.size = self.system.sizes(self.system.solve(self.system.residual(self.q, factor)))
+        self.size = self.system.sizes(self.system.correction(self.q, factor))
         return float(self.size.max()) <= self.chain.run.newton_tolerance
 
     def _trust(self, left: float) -> None:

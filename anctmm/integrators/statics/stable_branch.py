@@ -85,7 +85,7 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
         force = system.residual(q, factor)
         while system.factorize(q, factor, shift) > 0:
             shift = max(4.0 * shift, least)
-        x = system.solve(force)
+        x = system.correction(q, factor)
         size = system.size(x)
         if size <= BALANCED:
             if shift == 0.0:
@@ -94,11 +94,12 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
                 return q
             q, shift = _left(system, q, factor), 0.0
             continue
-        gain = 1.0 if shift == 0.0 and size <= NEAR else _gain(system, q, x, force, factor, shift)
+        new = system.projected(q + x, factor, shift) if size <= REACH else q
+        gain = 1.0 if shift == 0.0 and size <= NEAR else _gain(system, q, new, x, force, factor, shift)
         if not (size <= REACH and gain >= ENOUGH):
             shift = max(4.0 * shift, least)
             continue
-        q += x
+        q = new
         system.accept(q, factor)
         if not system.size(q - start) <= motion:
             system.accept_again(turns)
@@ -109,19 +110,24 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
     return None
 
 
-def _gain(system: StaticSystem, q: Array, x: Array, force: Array, factor: float, shift: float) -> float:
-    """Fall of the energy in a step x, of that which the tangent predicts; roundings of the energy are no fall."""
+def _gain(
+    system: StaticSystem, q: Array, new: Array, x: Array, force: Array, factor: float, shift: float
+) -> float:
+    """Fall of the energy in a step x, which led from q to `new`, of that which the tangent predicts.
+
+    Roundings of the energy are no fall.
+    """
     predicted = 0.5 * (float((force * x).sum()) + shift * float((x * system.inertia(x)).sum()))
     noise = ROUNDING * system.strain_energy(q) + float(np.finfo(float).tiny)
-    return (noise - system.potential_change(q, q + x, factor)) / (predicted + noise)
+    return (noise - system.potential_change(q, new, factor)) / (predicted + noise)
 
 
 def _left(system: StaticSystem, q: Array, factor: float) -> Array:
     """An unstable equilibrium left along its lowest mode, to the side where the energy falls more."""
     _, mode = lowest_mode(system, q, factor)
     for push in PUSHES:
-        one, other = q + push * mode, q - push * mode
+        one, other = (system.projected(q + side * mode, factor, 0.0) for side in (push, -push))
         falls = [-system.potential_change(q, side, factor) for side in (one, other)]
         if max(falls) > 0.0:
             return other if falls[1] > falls[0] * (1.0 + TIE) else one
-    return q + PUSHES[-1] * mode
+    return system.projected(q + PUSHES[-1] * mode, factor, 0.0)

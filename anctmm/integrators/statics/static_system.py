@@ -11,6 +11,7 @@ from anctmm.forces.connectors import TURN, add_connectors_at_end, connectors_ene
 from anctmm.forces.loads import DEAD, FOLLOWER, set_loads
 from anctmm.forces.potentials import potential_change
 from anctmm.jit.compiling import uncompiled
+from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
 from anctmm.recursion.low_rank import correct, factor_border, negative_of
 from anctmm.recursion.riccati import block_factors, factorize, links, solve
 
@@ -18,6 +19,8 @@ Array = NDArray[np.float64]
 
 #: Step of the load factor by which forces of connectors are differentiated: they are linear in it, but for laws.
 RATE = 1e-3
+#: Corrections that bring coordinates onto the constraints, at most, and the error that counts as none.
+PROJECTIONS, ROUNDED = 10, 1e-13
 
 
 class StaticSystem:
@@ -41,6 +44,10 @@ class StaticSystem:
         self.factors, self.tables = block_factors(chain), bodies.tables()
         self.links = links(chain)
         self.elastic = np.empty((bodies.rows, bodies.nodes))
+        loops = self.factors.loops
+        self.loops = loops if loops is not None and chain.kept.constraints.names else None
+        if self.loops is not None:
+            self.loops.rows.penalty[0] = 1.0
 
     @property
     def conservative(self) -> bool:
@@ -116,9 +123,12 @@ class StaticSystem:
         (Sylvester's law of inertia).
         """
         values = self._values(factor)
-        negative = int(factorize(q, self.tables, self.links, shift, 1.0, self.loads, values, self.factors))
-        factor_border(self.loads.border, q, 1.0, self.loads, values, self.factors)
-        return negative + negative_of(self.loads.border)
+        with np.errstate(all="ignore"):  # singular where the scene is a mechanism
+            negative = int(
+                factorize(q, self.tables, self.links, shift, 1.0, self.loads, values, self.factors)
+            )
+            factor_border(self.loads.border, q, 1.0, self.loads, values, self.factors)
+            return negative + negative_of(self.loads.border)
 
     def solve(self, force: Array) -> Array:
         """Displacements under forces, with the matrix factored last; 0 for known components."""
@@ -126,6 +136,31 @@ class StaticSystem:
             x = solve(self.factors, force)
             correct(self.loads.border, x)
             return x
+
+    def correction(self, q: Array, factor: float) -> Array:
+        """Newton's correction of coordinates q with the matrix factored last, constraints included."""
+        if self.loops is None:
+            return self.solve(self.residual(q, factor))
+        ask_equilibrium(self.loops, q)
+        found = self.solve(self.residual(q, factor))
+        take_equilibrium(self.loops, bool(not np.isfinite(found).all()))
+        return found
+
+    def projected(self, q: Array, factor: float, shift: float) -> Array:
+        """Coordinates near q that keep the constraints; the matrix is factored anew as they change."""
+        if self.loops is None:
+            return q
+        nothing = np.zeros_like(q)
+        for _ in range(PROJECTIONS):
+            off = ask_equilibrium(self.loops, q)
+            if off > ROUNDED:
+                self.factorize(q, factor, shift)
+                off = ask_equilibrium(self.loops, q)
+                q = q + self.solve(nothing)
+            take_equilibrium(self.loops, True)
+            if not off > ROUNDED:
+                break
+        return q
 
     def inertia(self, x: Array) -> Array:
         """Product of the mass matrix with x."""

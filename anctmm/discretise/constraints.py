@@ -1,0 +1,383 @@
+"""Constraints between kept unknowns, as sums of monomials: Σ c w(t) x_i x_j = 0.
+
+All that joints and bodies ask for beyond linear maps has this form: |t|² = 1 of a rigid body, points of rigid bodies
+that meet, a line in the ground or in a rigid body, a direction. The coefficients depend on time by signals w of the
+drives: the cosine and the sine of an angle, or a position. So values, derivatives in time, the matrix J and its
+derivatives are all found by one small kernel (`anctmm.recursion.rows`).
+
+Vectors of the plane are complex numbers here, x + iy, linear in the unknowns.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import UnsupportedError, shown, unknown_kind
+from anctmm.model.joints import Clamp, Motion, Prismatic, Slider, Weld, drive_of
+from anctmm.model.places import End, place_text
+from anctmm.model.scene import Scene
+from anctmm.model.topology import Junction, end_of
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: The signal that is always 1, and what stands for 1 among the unknowns.
+ALWAYS, ONE = 0, -1
+
+Vector = dict[tuple[int, int], complex]
+"""A vector of the plane by (signal, unknown or ONE)."""
+
+
+class Term(NamedTuple):
+    """factor · w_signal · x_one · x_two of a row; one of them may be ONE."""
+
+    row: int
+    one: int
+    two: int
+    signal: int
+    factor: float
+
+
+class Drive(NamedTuple):
+    """What drives a joint: its name, its history, whether that is an angle (of two signals) or a position (of one)."""
+
+    name: str
+    history: Motion
+    turns: bool
+
+
+@dataclass
+class Constraints:
+    """Constraints of a scene.
+
+    Parameters
+    ----------
+    names : list of (str, str)
+        Of each row: what it holds, for messages, and a body.
+    terms : list of Term
+    drives : list of Drive
+        Signals are numbered from 1 on in their order.
+    begins : list of int
+        First rows of those that are eliminated together.
+    """
+
+    names: list[tuple[str, str]] = field(default_factory=list)
+    terms: list[Term] = field(default_factory=list)
+    drives: list[Drive] = field(default_factory=list)
+    begins: Any = field(default_factory=list)
+    size: int = 0
+
+    @property
+    def signals(self) -> int:
+        """Number of signals, that which is always 1 included."""
+        return 1 + sum(2 if drive.turns else 1 for drive in self.drives)
+
+    @property
+    def pairs(self) -> Ints:
+        """Pairs of unknowns that are coupled, multipliers numbered behind the coordinates, (2, pairs)."""
+        found: list[tuple[int, int]] = []
+        of_row: dict[int, set[int]] = {}
+        for term in self.terms:
+            used = [k for k in (term.one, term.two) if k != ONE]
+            found += [(self.size + term.row, k) for k in used]
+            of_row.setdefault(term.row, set()).update(used)
+        for used_in_row in of_row.values():  # curvature, and J^T J in statics
+            found += [(i, j) for i in used_in_row for j in used_in_row if i < j]
+        return np.array(sorted(set(found)), dtype=np.int64).reshape(-1, 2).T
+
+    def add(self, what: str, body: str, *rows: Mapping[tuple[int, int, int], float]) -> None:
+        """Add rows, each by (signal, one, two)."""
+        self.begins.append(len(self.names))
+        for row in rows:
+            number = len(self.names)
+            self.names.append((what, body))
+            self.terms += [
+                Term(number, one, two, signal, factor) for (signal, one, two), factor in row.items() if factor
+            ]
+
+    def driven(self, drive: Drive) -> int:
+        """Number of the first signal of a drive."""
+        for known in self.drives:
+            if known == drive:
+                break
+        else:
+            self.drives.append(drive)
+        number = 1
+        for known in self.drives:
+            if known == drive:
+                break
+            number += 2 if known.turns else 1
+        return number
+
+
+class Situated(Protocol):
+    """What is asked of a chain here."""
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        ...
+
+    @property
+    def junctions(self) -> Sequence[Junction]:
+        """Places where ends meet."""
+        ...
+
+    @property
+    def bodies(self) -> Any:
+        """Bodies as they are passed."""
+        ...
+
+    @property
+    def rigid(self) -> Mapping[str, None]:
+        """Names of the rigid bodies."""
+        ...
+
+    @property
+    def length(self) -> float:
+        """Scale of positions, m."""
+        ...
+
+
+def constraints_of(chain: Situated, of_end: Callable[[End], Any], size: int) -> Constraints:
+    """Constraints of a scene between its kept unknowns, `size` of them.
+
+    `of_end` gives the numbers of the place and of the gradients of an end at a kept vertex, and the vertex.
+    """
+    writer = _Writer(chain, of_end, Constraints(size=size))
+    for name in chain.rigid:
+        writer.unit(name)
+    for junction in chain.junctions:
+        writer.junction(junction)
+    found = writer.found
+    found.begins = np.array(found.begins, dtype=np.int64)
+    return found
+
+
+class _Writer:
+    """Writes the constraints of a scene."""
+
+    def __init__(self, chain: Situated, of_end: Callable[[End], Any], found: Constraints) -> None:
+        self.chain, self.of_end, self.found = chain, of_end, found
+        self.rigid = chain.rigid
+        self.scale = 1.0 / chain.length
+
+    def unit(self, name: str) -> None:
+        """|t|² = 1 of a rigid body."""
+        _, t = self._unknowns(name)
+        rows = {(ALWAYS, t, t): 0.5, (ALWAYS, t + 1, t + 1): 0.5, (ALWAYS, ONE, ONE): -0.5}
+        self.found.add(f"the shape of rigid body {name!r}", name, rows)
+
+    def junction(self, junction: Junction) -> None:
+        """All that a junction asks for."""
+        bodies = [end for end in junction.ends if end[0] in self.rigid]
+        if bodies and junction.grounded:
+            for end in bodies:
+                self._meet(end, self._position(end), self._reference(end))
+        else:
+            for end in bodies[1:]:
+                self._meet(end, self._position(end), self._position(bodies[0]))
+            others = [
+                self.of_end(_passed(end)) for end in junction.ends if bodies and end[0] not in self.rigid
+            ]
+            for place in dict.fromkeys(found[0] for found in others if found and found[2].body is None):
+                if place is not None:
+                    self._meet(bodies[0], _vector(place), self._position(bodies[0]))
+        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+            welded = [end for end in group if end[0] in self.rigid]
+            for end in welded if clamp is not None else welded[1:]:
+                self._parallel(end, clamp, None if clamp is not None else welded[0])
+        for weld in junction.hinges:
+            self._hinge(weld, junction)
+        for guide in junction.guides:
+            self._guide(guide, junction)
+
+    def _meet(self, end: End, one: Vector, two: Vector) -> None:
+        self.found.add(
+            f"the joint at {place_text(end)}", end[0], *self._parts(_sum(one, two, -1.0), self.scale)
+        )
+
+    def _parallel(self, end: End, clamp: Clamp | None, other: End | None) -> None:
+        """The direction of a rigid body is that of a clamp, or of another rigid body."""
+        along: Vector = {(ALWAYS, ONE): 1.0} if other is None else self._direction(other)
+        if clamp is not None:
+            along = self._turned(along, clamp)
+        self.found.add(f"the direction at {place_text(end)}", end[0], _across(along, self._direction(end)))
+
+    def _hinge(self, weld: Weld, junction: Junction) -> None:
+        """A driven hinge: the second direction is the first one, turned."""
+        first, second = (self._carrier(end_of(self.chain.scene, place), junction) for place in weld.ends)
+        if first[0] in self.rigid and second[0] in self.rigid:
+            row = _across(self._turned(self._direction(first), weld), self._direction(second))
+            self.found.add(f"the driven weld at {place_text(second)}", second[0], row)
+            return
+        self._turn_gradients(first, second, weld, junction)
+
+    def _turn_gradients(self, first: End, second: End, weld: Weld | None, junction: Junction) -> None:
+        """The gradients of the second end are those of the first one, turned."""
+        rows = []
+        beam = second if second[0] not in self.rigid else first
+        for k in range(1, self.chain.bodies.mesh(beam[0]).vectors):
+            one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
+            rows += self._parts(_sum(two, self._turned(one, weld) if weld is not None else one, -1.0), 1.0)
+        name = "the driven weld" if weld is not None else "the direction"
+        self.found.add(f"{name} at {place_text(second)}", second[0], *rows)
+
+    def _guide(self, guide: Slider | Prismatic, junction: Junction) -> None:
+        """A place stays on a line, or moves on it as it is driven; a prismatic joint holds the direction, too."""
+        end = end_of(self.chain.scene, guide.place)
+        along = complex(*guide.direction)
+        away = _sum(self._place(end, junction), self._origin(guide, end), -1.0)
+        line: Vector = {(ALWAYS, ONE): along}
+        if guide.body is not None:
+            line = _times(self._direction((guide.body, 1)), along)
+        rows = [_scaled(_across(line, away), self.scale)]
+        if guide.position is not None:
+            row = _scaled(_along(line, away), self.scale)
+            signal = self.found.driven(_drive(guide))
+            row[signal, ONE, ONE] = -self.scale  # the line's direction has the length 1
+            rows.append(row)
+        self.found.add(f"the {type(guide).__name__.lower()} at {place_text(end)}", end[0], *rows)
+        match guide:
+            case Slider():
+                pass
+            case Prismatic(body=name):
+                carrier = self._carrier(end, junction)
+                if carrier[0] in self.rigid:
+                    self._parallel(carrier, None, None if name is None else (name, 1))
+                elif name is not None:  # gradients that the ground holds are no unknowns
+                    self._turn_gradients((name, 1), end, None, junction)
+            case _:
+                raise unknown_kind("guide", guide, (Slider, Prismatic))
+
+    def _carrier(self, end: End, junction: Junction) -> End:
+        """The rigid body that an end is welded to, or itself."""
+        group = next(group for group in junction.groups if end in group)
+        return next((one for one in group if one[0] in self.rigid), end)
+
+    def _origin(self, guide: Slider | Prismatic, end: End) -> Vector:
+        """The point of the line where the place is in the reference."""
+        reference = self.chain.scene.place(guide.place).position
+        if guide.body is None:
+            return {(ALWAYS, ONE): complex(*reference)}
+        return self._point(guide.body, complex(*reference))
+
+    def _unknowns(self, body: str) -> tuple[int, int]:
+        place, _, _ = self.of_end((body, 1))
+        return place, place + 2
+
+    def _point(self, body: str, reference: complex) -> Vector:
+        """A point that is fixed in a rigid body, by its place in the reference."""
+        r, t = self._unknowns(body)
+        q = self.chain.bodies.mesh(body).reference[0, 0]
+        return _sum(_vector(r), _times(_vector(t), reference - complex(*q)), 1.0)
+
+    def _position(self, end: End) -> Vector:
+        return self._point(end[0], complex(*self.chain.scene.body(end[0]).position_at(end[1])))  # type: ignore[arg-type]
+
+    def _reference(self, end: End) -> Vector:
+        return {(ALWAYS, ONE): complex(*self.chain.scene.body(end[0]).position_at(end[1]))}  # type: ignore[arg-type]
+
+    def _place(self, end: End, junction: Junction) -> Vector:
+        """Where a junction is."""
+        bodies = [one for one in junction.ends if one[0] in self.rigid]
+        if junction.grounded:
+            return self._reference(end)
+        if bodies:
+            return self._position(bodies[0])
+        return _vector(self.of_end(_passed(end))[0])
+
+    def _direction(self, end: End) -> Vector:
+        """The unit vector t of a rigid body."""
+        return _vector(self._unknowns(end[0])[1])
+
+    def _gradient(self, end: End, k: int, junction: Junction) -> Vector:
+        """How a gradient of an end has turned since the reference: r_x, or r_y of k = 2."""
+        if end[0] in self.rigid:
+            return self._direction(end)
+        clamp = next(c for g, c in zip(junction.groups, junction.clamps, strict=True) if end in g)
+        if clamp is not None:
+            if clamp.angle is not None:
+                raise UnsupportedError(
+                    f"{shown(clamp)} is driven and holds what a driven weld turns; only one of them can be driven"
+                )
+            return {(ALWAYS, ONE): 1.0}
+        _, gradients, vertex = self.of_end(_passed(end))
+        if gradients is None:  # those that a prismatic joint holds
+            return {(ALWAYS, ONE): 1.0}
+        frame = next(g for g in vertex.welded if _passed(end) in g)[0]
+        reference = self.chain.bodies.mesh(frame[0]).reference[0, k]
+        return _times(_vector(gradients + 2 * k - 2), 1.0 / complex(*reference))
+
+    def _turned(self, vector: Vector, joint: Clamp | Weld) -> Vector:
+        """A vector turned by the angle of a joint; itself where nothing drives it."""
+        if joint.angle is None:
+            return vector
+        signal = self.found.driven(_drive(joint))
+        found: Vector = {}
+        for (_, unknown), factor in vector.items():
+            found[signal, unknown] = factor
+            found[signal + 1, unknown] = 1j * factor
+        return found
+
+    def _parts(self, vector: Vector, scale: float) -> list[dict[tuple[int, int, int], float]]:
+        """A vector's x and y as rows."""
+        return [_scaled(_along({(ALWAYS, ONE): unit}, vector), scale) for unit in (1.0, 1.0j)]
+
+
+def _passed(end: End) -> End:
+    """An end as vertices name it: that of a point mass is its end 1."""
+    return (end[0], 1) if end[1] == "center" else end
+
+
+def _drive(joint: Clamp | Weld | Slider | Prismatic) -> Drive:
+    found = drive_of(joint)
+    assert found is not None  # who asks has seen that it is driven
+    return Drive(found[0], found[1], isinstance(joint, Clamp | Weld))
+
+
+def _vector(first: int) -> Vector:
+    """The vector of two unknowns."""
+    return {(ALWAYS, first): 1.0, (ALWAYS, first + 1): 1.0j}
+
+
+def _sum(one: Vector, two: Vector, factor: complex) -> Vector:
+    found = dict(one)
+    for key, value in two.items():
+        found[key] = found.get(key, 0.0) + factor * value
+    return found
+
+
+def _times(vector: Vector, factor: complex) -> Vector:
+    return {key: factor * value for key, value in vector.items()}
+
+
+def _products(one: Vector, two: Vector) -> Iterator[tuple[tuple[int, int, int], complex]]:
+    """The terms of conj(one) · two, each by (signal, unknown, unknown)."""
+    for (signal, i), a in one.items():
+        for (other, j), b in two.items():
+            assert ALWAYS in (signal, other)  # drives do not multiply
+            yield (max(signal, other), min(i, j), max(i, j)), complex(a).conjugate() * b
+
+
+def _along(line: Vector, vector: Vector) -> dict[tuple[int, int, int], float]:
+    """The product of two vectors."""
+    found: dict[tuple[int, int, int], float] = {}
+    for key, value in _products(line, vector):
+        found[key] = found.get(key, 0.0) + value.real
+    return found
+
+
+def _across(line: Vector, vector: Vector) -> dict[tuple[int, int, int], float]:
+    """The cross product of two vectors."""
+    found: dict[tuple[int, int, int], float] = {}
+    for key, value in _products(line, vector):
+        found[key] = found.get(key, 0.0) + value.imag
+    return found
+
+
+def _scaled(row: dict[tuple[int, int, int], float], factor: float) -> dict[tuple[int, int, int], float]:
+    return {key: factor * value for key, value in row.items()}

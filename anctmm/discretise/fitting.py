@@ -1,0 +1,77 @@
+"""Initial velocities that fit the constraints between rigid bodies and guides: the nearest ones by kinetic energy."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.chain import Chain, Joined
+from anctmm.model.drives import value_at
+
+Array = NDArray[np.float64]
+
+#: Part of the largest velocity that rounding may leave.
+ROUNDING = 1e-14
+#: Part of a constraint that others must leave of it; less says what they say.
+VOID = 1e-9
+
+
+def fitting_velocity(chain: Chain) -> Array:
+    """Velocities at t = 0 that joints, guides and drives allow, (rows, nodes)."""
+    v = chain.initial_velocity()
+    if not chain.plan.kept or not chain.kept.constraints.names:
+        return v
+    J, missed = constraint_rates(chain, v)
+    if float(np.abs(missed).max()) <= ROUNDING * float(np.abs(v).max()):
+        return v
+    joined = Joined(chain)
+    T, J = joined.matrix, J @ joined.matrix
+    mass = splu((T.T @ mass_matrix(chain.bodies) @ T).tocsc())
+    answers = mass.solve(J.T.toarray())
+    S = J @ answers
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(S), np.finfo(float).tiny))
+    S = S * np.outer(scale, scale)
+    multipliers = scale * (np.linalg.pinv(S, rcond=VOID, hermitian=True) @ (scale * missed))
+    return v - joined.spread(answers @ multipliers)
+
+
+def constraint_rates(chain: Chain, v: Array) -> tuple[csr_array, Array]:
+    """J at t = 0, by all coordinates, and rates of the constraints at velocities v."""
+    kept, found = chain.kept, chain.kept.constraints
+    q, homes = chain.start_coordinates(), kept.homes
+    x, rate = np.append(q[homes[0], homes[1]], 1.0), np.append(v[homes[0], homes[1]], 0.0)
+    signals, rates = [1.0], [0.0]
+    for drive in found.drives:
+        speed = float(value_at(drive.name, drive.history, 0.0, 3)[1])
+        signals += [1.0, 0.0] if drive.turns else [0.0]
+        rates += [0.0, speed] if drive.turns else [speed]
+    missed = np.zeros(len(found.names))
+    entries: list[tuple[float, int, int]] = []
+    index = np.append(homes[0] * chain.bodies.nodes + homes[1], -1)
+    for row, i, j, signal, factor in found.terms:
+        entries += [
+            (factor * signals[signal] * x[b], row, int(index[a]))
+            for a, b in ((i, j), (j, i))
+            if index[a] >= 0
+        ]
+        missed[row] += factor * signals[signal] * (x[i] * rate[j] + rate[i] * x[j])
+        missed[row] += factor * rates[signal] * x[i] * x[j]
+    values, rows, columns = np.array(entries).reshape(-1, 3).T
+    J = csr_array((values, (rows.astype(int), columns.astype(int))), shape=(len(missed), q.size))
+    return J, missed
+
+
+def mass_matrix(bodies: Bodies) -> csc_array:
+    """Mass matrix of all nodes, joints apart."""
+    index = np.arange(bodies.rows * bodies.nodes).reshape(bodies.rows, bodies.nodes)
+    rows, columns, values = [], [], []
+    for b, mesh in enumerate(bodies.meshes):
+        first = bodies.first[b] + np.arange(max(mesh.elements, 1))
+        for k, n in zip(*np.nonzero(bodies.masses[b]), strict=True):
+            for c in range(2):
+                rows.append(index[2 * (k % 3) + c, first + k // 3])
+                columns.append(index[2 * (n % 3) + c, first + n // 3])
+                values.append(np.full(len(first), bodies.masses[b, k, n]))
+    place = (np.concatenate(rows), np.concatenate(columns))
+    return csc_array((np.concatenate(values), place), shape=(index.size, index.size))

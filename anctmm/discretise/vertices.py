@@ -1,0 +1,114 @@
+"""Vertices of the graph of bodies: ends that share what is unknown.
+
+A place held by the ground is no connection: each group of ends welded there to each other is a vertex of its own, and
+each end that is clamped there. Ends that are joined to a rigid body, at whatever point of it, are one vertex: the body.
+A body of one node, a point mass or a rigid body, stands at the vertex where its node is, as its end 1.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+from anctmm.model.joints import Prismatic
+from anctmm.model.places import End
+from anctmm.model.rigid_bodies import PointMass
+from anctmm.model.scene import Scene
+from anctmm.model.topology import Junction, end_of
+
+
+class Vertex(NamedTuple):
+    """Ends that share what is unknown.
+
+    Parameters
+    ----------
+    groups : tuple of tuple of End
+        Ends welded to each other; groups are hinged to each other.
+    held : bool
+        Whether their place is known.
+    body : str or None
+        The rigid body that they are joined to; it is the first end of the first group, whose others are welded to it.
+    forced : bool
+        Whether it is kept whatever meets there.
+    turning : tuple of tuple of End
+        Of its groups those of one end whose gradients are kept like those of several.
+    """
+
+    groups: tuple[tuple[End, ...], ...]
+    held: bool
+    body: str | None = None
+    forced: bool = False
+    turning: tuple[tuple[End, ...], ...] = ()
+
+    @property
+    def welded(self) -> tuple[tuple[End, ...], ...]:
+        """Groups whose gradients are kept, if the vertex is: another end's gradients are its own."""
+        return tuple(group for group in self.groups if len(group) > 1 or group in self.turning)
+
+
+def vertices_of(scene: Scene, junctions: Iterable[Junction], rigid: Iterable[str] = ()) -> list[Vertex]:
+    """Vertices of the graph of a scene's junctions; some of its bodies are rigid."""
+    found = _Vertices(scene, rigid)
+    for junction in junctions:
+        found.add(junction)
+    return found.whole()
+
+
+class _Vertices:
+    """Vertices found junction by junction; what is joined to rigid bodies is gathered on the way."""
+
+    def __init__(self, scene: Scene, rigid: Iterable[str]) -> None:
+        self.scene = scene
+        self.masses = {body.name for body in scene.bodies if isinstance(body, PointMass)}
+        self.welded: dict[str, list[End]] = {name: [(name, 1)] for name in rigid}
+        self.pinned: dict[str, list[End]] = {name: [] for name in self.welded}
+        self.free = {body.name: None for body in scene.bodies if isinstance(body, PointMass)}
+        self.found: list[Vertex] = []
+
+    def add(self, junction: Junction) -> None:
+        """Add the vertices of a junction."""
+        for name, _ in junction.ends:
+            self.free.pop(name, None)
+        carrier = next((name for name, _ in junction.ends if name in self.welded), None)
+        if carrier is None and not junction.grounded:
+            groups = tuple(map(self._passed, junction.groups))
+            turning = tuple(self._passed(group) for group in junction.groups if self._turns(junction, group))
+            self.found.append(Vertex(groups, False, None, bool(junction.guides or turning), turning))
+            return
+        apart: list[tuple[End, ...]] = []
+        for group, clamp in zip(junction.groups, junction.clamps, strict=True):
+            bodies = [name for name, _ in group if name in self.welded]
+            ends, turns = self._passed(group), self._turns(junction, group)
+            if clamp is not None:
+                self.found += [Vertex(((end,),), True) for end in ends]
+            elif bodies:
+                self.welded[bodies[0]] += ends
+            elif carrier is None or junction.grounded:
+                self.found.append(Vertex((ends,), True, None, turns, (ends,) if turns else ()))
+            elif len(ends) > 1 or turns:
+                apart.append(ends)
+            else:
+                self.pinned[carrier] += ends
+        if apart:  # they have gradients of their own; their place is tied to that of the body by constraints
+            self.found.append(Vertex(tuple(apart), False, None, True, tuple(apart)))
+
+    def whole(self) -> list[Vertex]:
+        """All vertices."""
+        alone = [Vertex((((name, 1),),), False) for name in self.free]
+        bodies = [
+            Vertex((tuple(ends), *((end,) for end in self.pinned[name])), False, name, True, (tuple(ends),))
+            for name, ends in self.welded.items()
+        ]
+        return self.found + alone + bodies
+
+    def _passed(self, group: Sequence[End]) -> tuple[End, ...]:
+        """Ends of a group that are passed there, those of point masses by the name that they have here."""
+        return tuple(
+            (name, 1) if name in self.masses else (name, key)
+            for name, key in group
+            if name not in self.welded
+        )
+
+    def _turns(self, junction: Junction, group: Sequence[End]) -> bool:
+        """Whether constraints act on the gradients of a group."""
+        turned = [place for weld in junction.hinges for place in weld.ends]
+        turned += [g.place for g in junction.guides if isinstance(g, Prismatic) and g.body is not None]
+        return any(end_of(self.scene, place) in group for place in turned)

@@ -1,0 +1,42 @@
+"""What is known of a run in which joints and drives leave bodies no place."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.recursion.constrained import KEPT
+from anctmm.recursion.loops import Loops
+from anctmm.recursion.rows import Rows
+from anctmm.results.solution import Status
+
+Array = NDArray[np.float64]
+
+
+def rows_in(loops: Loops | None) -> Rows | None:
+    """Constraints of a scene; None where it has none."""
+    return loops.rows if loops is not None and len(loops.rows.number) > 0 else None
+
+
+def locked(chain: Chain, q: Array, rows: Rows | None, t: float, step: int | None = None) -> Status | None:
+    """What is known of a run whose constraints were not kept at a time, s; None where they were.
+
+    `rows` hold what the last evaluation found.
+    """
+    if rows is None or not np.isfinite(q).all():
+        return None
+    worst = int(np.abs(rows.value).argmax())
+    error = float(abs(rows.value[worst]))
+    if error <= KEPT:
+        return None
+    what, body = chain.kept.constraints.names[worst]
+    kind = "rigid body" if body in chain.rigid else "body"
+    when = f"at t = {t:.6g} s" if step is None else f"at t = {t:.6g} s (step {step})"
+    return Status(
+        "failed",
+        f"{kind} {body!r} would part from {what} by {error:.1e}, of a length or of the scene's, {when}: joints and "
+        f"drives leave the bodies no place there, as where a linkage locks; a flexible body, other lengths or another "
+        f"drive may do, or, where the linkage can move, smaller steps",
+        time=t,
+        step=step,
+        body=body,
+    )

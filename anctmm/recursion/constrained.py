@@ -1,0 +1,246 @@
+"""What constraints between kept unknowns ask of a step: projections, accelerations, Newton's corrections.
+
+An explicit step takes what truncation adds to the constraints, an error of h³, from positions and then from velocities:
+the nearest ones by the mass, M Δq = −Jᵀμ. Only the small system of kept unknowns is factored anew for it; the rest of
+the scene follows in one backward sweep.
+"""
+
+from anctmm.jit.compiling import embedded, kernel
+from anctmm.recursion.loops import Loops
+from anctmm.recursion.riccati import BlockFactors, find_unknowns, meet_inboard
+from anctmm.recursion.rows import (
+    Array,
+    ask,
+    ask_whole,
+    evaluate,
+    fill_rows,
+    gather,
+    push,
+    row_work,
+    set_signals,
+    take_multipliers,
+)
+from anctmm.recursion.sparse import factorize_kept, solve_kept
+
+#: Newton's corrections of the positions after a step, at most: from an error of h³ the second reaches rounding; a body
+#: that turns by half a radian in a step needs five.
+CORRECTIONS = 10
+#: Error of the constraints below which it is rounding, and below which its square is, what a correction leaves.
+OFF, ENOUGH = 1e-15, 1e-8
+#: Error of the constraints, of lengths relative to that of the scene, above which they are not kept.
+KEPT = 1e-6
+
+
+@kernel
+def constrain_motion(
+    factors: BlockFactors, loops: Loops, first: int, drives: Array, q: Array, v: Array, a: Array
+) -> bool:
+    """Take from positions and velocities what they have beside the constraints; the matrix is factored for q then.
+
+    Parameters
+    ----------
+    factors : BlockFactors
+        Of the mass.
+    loops : Loops
+        Those of the factors.
+    first : int
+        Number of drives before those of constraints.
+    drives : ndarray, shape (drives, 3)
+        Values, rates and accelerations.
+    q, v : ndarray, shape (rows, nodes)
+    a : ndarray, shape (rows, nodes)
+        Scratch.
+
+    Returns
+    -------
+    bool
+        Whether the constraints are kept: they are not where joints and drives leave bodies no place.
+    """
+    rows, matrix = loops.rows, loops.matrix
+    set_signals(rows, drives, first)
+    gather(rows, 0, q)
+    for k in range(len(loops.moved)):
+        loops.moved[k] = 0.0
+    largest = found = evaluate(rows, 0)
+    for _ in range(CORRECTIONS):
+        if largest <= OFF:
+            break
+        fill_rows(rows, matrix)
+        factorize_kept(matrix)
+        _solve(loops)
+        for k in range(len(loops.moved)):
+            loops.moved[k] += loops.x[k]
+        for n in range(len(rows.used)):
+            rows.x[0, rows.used[n]] += loops.x[rows.used[n]]
+        enough = largest <= ENOUGH
+        largest = evaluate(rows, 0)
+        if enough:
+            break
+    if not found <= OFF:
+        spread(factors, loops, a, q)
+        gather(rows, 0, q)
+        largest = evaluate(rows, 0)
+    if not largest <= KEPT:
+        return False
+    fill_rows(rows, matrix)
+    factorize_kept(matrix)
+    gather(rows, 1, v)
+    if evaluate(rows, 1) > 0.0:
+        _solve(loops)
+        for k in range(len(loops.moved)):
+            loops.moved[k] = loops.x[k]
+        spread(factors, loops, a, v)
+        gather(rows, 1, v)
+    return True
+
+
+@embedded
+def _solve(loops):  # type: ignore[no-untyped-def]
+    """Changes of the kept unknowns that take away the value of the constraints, with the least work of inertia."""
+    for k in range(len(loops.x)):
+        loops.x[k] = 0.0
+    ask(loops.rows, loops.x)
+    solve_kept(loops.matrix, loops.x)
+
+
+@embedded
+def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
+    """Add to u the changes of all nodes, a, that those of the kept unknowns, `moved`, bring: a backward sweep."""
+    unit, L, G, wide, work, _, places, _ = factors
+    d = len(unit)
+    for k in range(len(loops.x)):
+        loops.x[k] = loops.moved[k]
+    for k in range(d):
+        work[4 * d * d + 2 * d + k] = 0.0
+    for place in range(len(places.at) - 1, -1, -1):
+        meet_inboard(unit, places, loops, place, a.T, work)
+        begin = places.at[place - 1] if place > 0 else 0
+        for i in range(places.at[place] - 1, begin - 1, -1):
+            for k in range(d):
+                work[4 * d * d + k] = 0.0
+            find_unknowns(unit, L, G, wide, loops, i, work)
+            for k in range(d):
+                a[k, i] = work[4 * d * d + 2 * d + k]
+                u[k, i] += a[k, i]
+
+
+@embedded
+def ask_accelerations(loops):  # type: ignore[no-untyped-def]
+    """Ask the next solution for accelerations that constraints allow, at the positions and velocities gathered."""
+    rows = loops.rows
+    for n in range(len(rows.used)):
+        rows.x[2, rows.used[n]] = 0.0
+    evaluate(rows, 2)
+    ask(rows, loops.load)
+
+
+@embedded
+def take_accelerations(loops):  # type: ignore[no-untyped-def]
+    """Take the multipliers that the solution for accelerations has found."""
+    take_multipliers(loops.rows, loops.x, loops.load, 0.0)
+
+
+@embedded
+def constrained(loops):  # type: ignore[no-untyped-def]
+    """Whether there are constraints between kept unknowns."""
+    if loops is None:
+        return False
+    return len(loops.rows.number) > 0
+
+
+@embedded
+def ask_anew(factors, loops, first, drives, q, v, a):  # type: ignore[no-untyped-def]
+    """Ask the next solution for accelerations where the motion starts anew, and make positions and velocities fit."""
+    if loops is not None:
+        constrain_motion(factors, loops, first, drives, q, v, a)
+        ask_accelerations(loops)
+
+
+@embedded
+def take_anew(loops):  # type: ignore[no-untyped-def]
+    """Take the multipliers that the solution asked for has found."""
+    if loops is not None:
+        take_accelerations(loops)
+        end_newton(loops)
+
+
+@embedded
+def set_drives(loops, drives, first):  # type: ignore[no-untyped-def]
+    """What drives the constraints at the end of the step, (drives, 3); those from `first` on are theirs."""
+    if loops is not None:
+        set_signals(loops.rows, drives, first)
+
+
+@kernel
+def ask_equilibrium(loops: Loops, q: Array) -> float:
+    """Ask the next static solution for what takes away the constraints' values, and tell the largest of these."""
+    rows = loops.rows
+    gather(rows, 0, q)
+    largest = evaluate(rows, 0)
+    ask_whole(rows, loops.load)
+    return largest  # type: ignore[no-any-return]
+
+
+@kernel
+def take_equilibrium(loops: Loops, keep: bool) -> None:
+    """Take the multipliers that a static solution has found, or `keep` those that were."""
+    rows = loops.rows
+    for k in range(len(rows.number)):
+        if not keep:
+            rows.multipliers[k] = loops.x[rows.number[k]]
+        loops.load[rows.number[k]] = 0.0
+    for n in range(len(rows.used)):
+        loops.load[rows.used[n]] = 0.0
+
+
+@embedded
+def begin_newton(loops):  # type: ignore[no-untyped-def]
+    """Start Newton's iteration from the multipliers of the last step that succeeded."""
+    if loops is not None:
+        for k in range(len(loops.rows.multipliers)):
+            loops.rows.multipliers[k] = loops.rows.trusted[k]
+
+
+@embedded
+def end_newton(loops):  # type: ignore[no-untyped-def]
+    """Newton's iteration has succeeded."""
+    if loops is not None:
+        for k in range(len(loops.rows.multipliers)):
+            loops.rows.trusted[k] = loops.rows.multipliers[k]
+
+
+@embedded
+def ask_correction(loops, moves, q, v, w):  # type: ignore[no-untyped-def]
+    """Ask the next solution for a correction of q or, unless it `moves`, of the accelerations w alone.
+
+    Returns the largest error of the constraints' positions.
+    """
+    largest = 0.0
+    if loops is not None:
+        rows = loops.rows
+        gather(rows, 0, q)
+        if moves:
+            largest = evaluate(rows, 0)
+        else:
+            gather(rows, 1, v)
+            gather(rows, 2, w)
+            evaluate(rows, 2)
+        push(rows, loops.load)
+        ask(rows, loops.load)
+    return largest
+
+
+@embedded
+def take_correction(loops):  # type: ignore[no-untyped-def]
+    """Add to the multipliers what the solution for a correction has found."""
+    if loops is not None:
+        take_multipliers(loops.rows, loops.x, loops.load, 1.0)
+
+
+@embedded
+def work_of_drives(loops, moving, q):  # type: ignore[no-untyped-def]
+    """Work of the constraints' drives since the last call, J; 0 unless `moving`."""
+    if loops is None:
+        return 0.0
+    gather(loops.rows, 0, q)
+    return row_work(loops.rows, moving)

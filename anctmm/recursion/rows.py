@@ -1,0 +1,284 @@
+"""Constraints g(x, t) = 0 between kept unknowns, Σ c w x_i x_j each, for kernels.
+
+Their rows J stand in the matrix of the kept unknowns. An explicit step asks for J ẍ = −(the rest of g̈), Newton's
+iteration for J Δx = −g, with −Jᵀλ on the coordinates and the curvature λ ∂²g in the matrix.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.constraints import ONE, Constraints
+from anctmm.discretise.kept import KeptUnknowns
+from anctmm.jit.compiling import embedded
+from anctmm.recursion.sparse import Sparse, matrix_places
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Rows(NamedTuple):
+    """Constraints; the last of n + 1 places stands for the number 1.
+
+    Parameters
+    ----------
+    number : ndarray of int, shape (rows,)
+        Which kept unknown is the multiplier of each.
+    row, one, two, signal : ndarray of int, shape (terms,)
+        Of each term c w_signal x_one x_two.
+    factor : ndarray, shape (terms,)
+        c.
+    places : ndarray of int, shape (3, terms)
+        Where ∂/∂x_one, ∂/∂x_two and the second derivative of the row by both stand in the matrix, or −1.
+    pairs : ndarray of int, shape (3, pairs)
+        Where two entries of J of one row stand in the matrix, and that of the two unknowns.
+    penalty : ndarray, shape (2,)
+        Part of K's largest entry with which JᵀJ is added to K, which changes no solution: for statics, where K may be
+        singular by itself; and γ, which came of it.
+    used : ndarray of int, shape (used,)
+        The unknowns that are in a term.
+    homes : ndarray of int, shape (2, n + 1)
+        Row and node of the coordinate that each of these is.
+    x : ndarray, shape (3, n + 1)
+        Values and two derivatives.
+    signals : ndarray, shape (3, signals)
+        Values and two derivatives now.
+    turns : ndarray of bool, shape (drives,)
+        Whether a drive gives an angle, with two signals, or a position.
+    multipliers, trusted : ndarray, shape (rows,)
+        λ, and those of the last step that succeeded.
+    value : ndarray, shape (rows,)
+        Of g, or of a derivative in time.
+    memory : ndarray, shape (3, signals)
+        Generalized forces on the signals, and their values, at the last call of `row_work`; scratch.
+    """
+
+    number: Ints
+    row: Ints
+    one: Ints
+    two: Ints
+    signal: Ints
+    factor: Array
+    places: Ints
+    pairs: Ints
+    penalty: Array
+    used: Ints
+    homes: Ints
+    x: Array
+    signals: Array
+    turns: NDArray[np.bool_]
+    multipliers: Array
+    trusted: Array
+    value: Array
+    memory: Array
+
+
+def rows_of(kept: KeptUnknowns, number: Ints, matrix: Sparse) -> Rows:
+    """The constraints of a scene whose kept unknowns have new numbers."""
+    found, n = kept.constraints, len(number)
+    terms = np.array([term[:4] for term in found.terms], dtype=np.int64).reshape(-1, 4).T
+    row, one, two, signal = terms
+    renumbered = np.append(number, n)  # the last stands for ONE, which is −1
+    one, two, multiplier = renumbered[one], renumbered[two], number[kept.size + row]
+    unknown = [np.where(k < n, k, -1) for k in (one, two)]
+    places = [
+        matrix_places(matrix, a[:, None], b[:, None]).reshape(-1)
+        for a, b in ((multiplier, unknown[0]), (multiplier, unknown[1]), (unknown[0], unknown[1]))
+    ]
+    homes = np.zeros((2, n + 1), dtype=np.int64)
+    homes[:, number[: kept.size]] = kept.homes
+    used = np.unique(np.concatenate([k[k >= 0] for k in unknown])) if len(row) else np.empty(0, np.int64)
+    x, signals, rows = np.zeros((3, n + 1)), np.zeros((3, found.signals)), len(found.names)
+    x[0, n] = signals[0, 0] = 1.0
+    at = 1
+    for drive in found.drives:  # they start at 0
+        signals[0, at] = 1.0 if drive.turns else 0.0
+        at += 2 if drive.turns else 1
+    return Rows(
+        number[kept.size :], row, one, two, signal, np.array([t.factor for t in found.terms]),
+        np.array(places, dtype=np.int64).reshape(3, -1), _pairs(found, number, matrix), np.zeros(2),
+        used, homes, x, signals,
+        np.array([drive.turns for drive in found.drives], dtype=bool),
+        np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((3, found.signals)),
+    )  # fmt: skip
+
+
+def _pairs(found: Constraints, number: Ints, matrix: Sparse) -> Ints:
+    """`pairs` of the rows: each two unknowns of a row once."""
+    of_row: dict[int, set[int]] = {}
+    for term in found.terms:
+        of_row.setdefault(term.row, set()).update(k for k in (term.one, term.two) if k != ONE)
+    triples = [(found.size + row, i, j) for row, used in of_row.items() for i in used for j in used if i <= j]
+    if not triples:
+        return np.empty((3, 0), dtype=np.int64)
+    multiplier, one, two = number[np.array(triples).T]
+    couples = ((multiplier, one), (multiplier, two), (one, two))
+    return np.array([matrix_places(matrix, a[:, None], b[:, None]).reshape(-1) for a, b in couples])
+
+
+@embedded
+def set_signals(rows, drives, first):  # type: ignore[no-untyped-def]
+    """Signals from values, rates and accelerations of drives, (…, 3), those of constraints from `first` on."""
+    at = 1
+    w = rows.signals
+    for n in range(len(rows.turns)):
+        s, v, a = drives[first + n, 0], drives[first + n, 1], drives[first + n, 2]
+        if rows.turns[n]:
+            c, d = np.cos(s), np.sin(s)
+            w[0, at], w[0, at + 1] = c, d
+            w[1, at], w[1, at + 1] = -v * d, v * c
+            w[2, at], w[2, at + 1] = -a * d - v * v * c, a * c - v * v * d
+            at += 2
+        else:
+            w[0, at], w[1, at], w[2, at] = s, v, a
+            at += 1
+
+
+@embedded
+def gather(rows, order, q):  # type: ignore[no-untyped-def]
+    """Take values, or derivatives of an order, of the unknowns from coordinates, (rows, nodes)."""
+    for n in range(len(rows.used)):
+        k = rows.used[n]
+        rows.x[order, k] = q[rows.homes[0, k], rows.homes[1, k]]
+
+
+@embedded
+def evaluate(rows, order):  # type: ignore[no-untyped-def]
+    """g, or its derivative in time of an order up to 2, from what was gathered; the largest of them."""
+    x, v, a = rows.x
+    w, rate, second = rows.signals
+    for k in range(len(rows.value)):
+        rows.value[k] = 0.0
+    for n in range(len(rows.row)):
+        i, j, m = rows.one[n], rows.two[n], rows.signal[n]
+        if order == 0:
+            value = w[m] * x[i] * x[j]
+        elif order == 1:
+            value = w[m] * (v[i] * x[j] + x[i] * v[j]) + rate[m] * x[i] * x[j]
+        else:
+            value = w[m] * (a[i] * x[j] + 2.0 * v[i] * v[j] + x[i] * a[j])
+            value += 2.0 * rate[m] * (v[i] * x[j] + x[i] * v[j]) + second[m] * x[i] * x[j]
+        rows.value[rows.row[n]] += rows.factor[n] * value
+    largest = 0.0
+    for k in range(len(rows.value)):
+        size = abs(rows.value[k])
+        if not size <= largest:  # what is no number stays
+            largest = size
+    return largest
+
+
+@embedded
+def fill_rows(rows, matrix):  # type: ignore[no-untyped-def]
+    """Put J at the unknowns that were gathered into the matrix."""
+    values, x, w = matrix.values, rows.x, rows.signals
+    for n in range(len(rows.row)):
+        for side in range(2):
+            if rows.places[side, n] >= 0:
+                values[rows.places[side, n]] = 0.0
+    for n in range(len(rows.row)):
+        c = rows.factor[n] * w[0, rows.signal[n]]
+        if rows.places[0, n] >= 0:
+            values[rows.places[0, n]] += c * x[0, rows.two[n]]
+        if rows.places[1, n] >= 0:
+            values[rows.places[1, n]] += c * x[0, rows.one[n]]
+
+
+@embedded
+def fill(rows, matrix, q, stiffness):  # type: ignore[no-untyped-def]
+    """Put J at coordinates q into the matrix, and to its other entries add stiffness times the curvature λ ∂²g."""
+    gather(rows, 0, q)
+    fill_rows(rows, matrix)
+    for n in range(len(rows.row)):
+        if rows.places[2, n] >= 0:
+            c = stiffness * rows.multipliers[rows.row[n]] * rows.factor[n] * rows.signals[0, rows.signal[n]]
+            matrix.values[rows.places[2, n]] += (2.0 if rows.one[n] == rows.two[n] else 1.0) * c
+    if rows.penalty[0] > 0.0:
+        _add_penalty(rows, matrix)
+
+
+@embedded
+def _add_penalty(rows, matrix):  # type: ignore[no-untyped-def]
+    """Add γ JᵀJ to the matrix, with γ of the size that makes both alike."""
+    values, pairs = matrix.values, rows.pairs
+    largest = steepest = 0.0
+    for n in range(len(rows.used)):
+        k = rows.used[n]
+        largest = max(largest, abs(values[matrix.above[k + 1] - 1]))  # the diagonal is the last of a column
+    for n in range(pairs.shape[1]):
+        steepest = max(steepest, abs(values[pairs[0, n]]))
+    factor = rows.penalty[0] * (largest if largest > 0.0 else 1.0) / (steepest * steepest)
+    for n in range(pairs.shape[1]):
+        values[pairs[2, n]] += factor * values[pairs[0, n]] * values[pairs[1, n]]
+    rows.penalty[1] = factor
+
+
+@embedded
+def ask(rows, load):  # type: ignore[no-untyped-def]
+    """Ask the next solution for what takes away the value of the constraints."""
+    for k in range(len(rows.number)):
+        load[rows.number[k]] = -rows.value[k]
+
+
+@embedded
+def ask_whole(rows, load):  # type: ignore[no-untyped-def]
+    """Ask for what takes away the value of the constraints, of a matrix with a penalty: the load −γ Jᵀg goes with it.
+
+    The unknowns must have been gathered.
+    """
+    ask(rows, load)
+    x, w = rows.x, rows.signals
+    for n in range(len(rows.used)):
+        load[rows.used[n]] = 0.0
+    for n in range(len(rows.row)):
+        i, j = rows.one[n], rows.two[n]
+        c = rows.penalty[1] * rows.value[rows.row[n]] * rows.factor[n] * w[0, rows.signal[n]]
+        if rows.places[0, n] >= 0:
+            load[i] -= c * x[0, j]
+        if rows.places[1, n] >= 0:
+            load[j] -= c * x[0, i]
+
+
+@embedded
+def push(rows, load):  # type: ignore[no-untyped-def]
+    """Put the constraints' forces −Jᵀλ on the coordinates in the next solution; other loads there are forgotten."""
+    x, w = rows.x, rows.signals
+    for n in range(len(rows.used)):
+        load[rows.used[n]] = 0.0
+    for n in range(len(rows.row)):
+        i, j = rows.one[n], rows.two[n]
+        c = rows.factor[n] * w[0, rows.signal[n]] * rows.multipliers[rows.row[n]]
+        if rows.places[0, n] >= 0:
+            load[i] -= c * x[0, j]
+        if rows.places[1, n] >= 0:
+            load[j] -= c * x[0, i]
+
+
+@embedded
+def take_multipliers(rows, x, load, before):  # type: ignore[no-untyped-def]
+    """λ ← before · λ + what was found; nothing is asked of the solutions that follow."""
+    for k in range(len(rows.number)):
+        rows.multipliers[k] = before * rows.multipliers[k] + x[rows.number[k]]
+        load[rows.number[k]] = 0.0
+    for n in range(len(rows.used)):
+        load[rows.used[n]] = 0.0
+
+
+@embedded
+def row_work(rows, moving):  # type: ignore[no-untyped-def]
+    """Work of the drives since the last call, by the trapezoidal rule, J; 0 unless `moving`.
+
+    The power of −Jᵀλ is λ ∂g/∂t, as J ẋ = −∂g/∂t.
+    """
+    x, w, memory = rows.x, rows.signals, rows.memory
+    work = 0.0
+    for m in range(w.shape[1]):
+        memory[2, m] = 0.0
+    for n in range(len(rows.row)):
+        force = rows.factor[n] * rows.multipliers[rows.row[n]] * x[0, rows.one[n]] * x[0, rows.two[n]]
+        memory[2, rows.signal[n]] += force
+    for m in range(1, w.shape[1]):
+        if moving:
+            work += 0.5 * (memory[2, m] + memory[0, m]) * (w[0, m] - memory[1, m])
+        memory[0, m], memory[1, m] = memory[2, m], w[0, m]
+    return work
