@@ -154,25 +154,38 @@ def study(
 
 @app.command(cls=Command)
 def report(
+    file: Annotated[
+        str | None,
+        typer.Argument(help="A file that defines CASES, or a built-in scene: report on these only."),
+    ] = None,
+    case: Chosen = None,
     quick: Quick = False,
     out: Annotated[
-        Path, typer.Option(help="Where the page, tables and pictures go.", parser=path, metavar="PATH")
-    ] = Path("reports"),
+        Path | None,
+        typer.Option(
+            help="Where the page, tables and pictures go; else reports, or of a file reports/NAME.",
+            parser=path,
+            metavar="PATH",
+        ),
+    ] = None,
 ) -> None:
-    """Run every study and write one page."""
-    from studies.engine.files import check_writable
-    from studies.engine.study import REPORTED, Options, find
+    """Run every study and write one page; of a file those that take its cases."""
+    from studies.cases import chosen
+    from studies.engine.files import check_writable, file_name
+    from studies.engine.study import asked, find
     from studies.report.folder import write
     from studies.report.page import write_page
 
-    check_writable(out)
+    every = asked(chosen(file, case), quick)
+    folder = out or Path("reports") / (file_name(Path(file).stem) if file else "")
+    check_writable(folder)
     results = []
     with sweeping(quick) as runner:
-        for done, name in enumerate(REPORTED, 1):
-            runner.heading = f"{name} ({done} of {len(REPORTED)}), "
-            results.append(find(name)(Options(quick=quick), runner))
-            write(results[-1], out)  # an hour later something may fail; this is whole
-    print(f"Written to {write_page(results, out, quick)}")
+        for done, (name, options) in enumerate(every, 1):
+            runner.heading = f"{name} ({done} of {len(every)}), "
+            results.append(replace(find(name)(options, runner), name=name))
+            write(results[-1], folder)  # an hour later something may fail; this is whole
+    print(f"Written to {write_page(results, folder, quick)}")
 
 
 @app.command(cls=Command)

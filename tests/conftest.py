@@ -19,7 +19,8 @@ SLOW = {
                      "random_scenes", "times"],
     "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",
                    "failures", "fidelity", "interruption",
-                   "page", "plugins", "refinement", "single_run", "small_scenes", "studies", "trade", "trade_of_cases"],
+                   "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
+                   "trade_of_cases"],
     "recursion": ["graphs", "random_graphs", "rigid"],
     "results": ["energy_check"],
 }  # fmt: skip

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pandas as pd
 from matplotlib.figure import Figure
 
+from studies.engine.files import file_name
 from studies.report.plots import DASHES, PALETTE, Picture, legend_below, log_ticks, picture
 
 MARKERS = "os^vD"
@@ -44,4 +45,4 @@ def _picture(scene: str, panels: list[tuple[pd.DataFrame, str, str]]) -> Picture
         f"{scene}: distance to the finest run over mesh and step; the finest point of each line is an estimate of "
         "what is left."
     )
-    return picture(f"convergence_{scene}", caption, draw, (7.2, 3.6))
+    return picture(f"convergence_{file_name(scene)}", caption, draw, (7.2, 3.6))

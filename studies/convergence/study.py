@@ -1,6 +1,7 @@
 """How a case's error falls with mesh and step, and which digits of its values hold."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from math import isfinite, nan
 from typing import Any
 
@@ -10,10 +11,13 @@ from anctmm.elements.kinds import KINDS
 from studies.cases import assumptions_of
 from studies.convergence.pictures import pictures
 from studies.engine.digits import values_of
+from studies.engine.files import file_name
+from studies.engine.pictures import Film
 from studies.engine.refinement import STEP_ORDER, Part, Refined, Refinement, Setup
 from studies.engine.runner import Runner, mesh_label
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
+from studies.report.animation import film
 from studies.scenes import moving_scenes
 
 #: Error to which mesh and step are refined; by whether the run is quick.
@@ -65,9 +69,19 @@ def run(options: Options, runner: Runner) -> Result:
         assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
         tables=(values, meshes, steps),
         pictures=tuple(pictures(meshes.frame, steps.frame)),
+        films=tuple(filter(None, map(motion, found))),
         answers=findings[:1],
         shown=("mesh", "step", "values"),
     )
+
+
+def motion(found: Refined) -> Film | None:
+    """The refined run of a case with its first element, to be played."""
+    case, solution = found.levels.case, found.solution
+    if case.static or not case.scene.beams or found.levels.setup.element != "cable":
+        return None
+    shown = film(case.name, case.note or found.label, {found.levels.setup.solver: solution})
+    return shown and replace(shown, name=file_name(case.name))
 
 
 def setups(options: Options) -> list[Setup]:

@@ -159,6 +159,15 @@ def check_taken(options: Options, study: str) -> None:
             raise StudyError(f"study {study!r} takes no {typed}; {_takers(name)}")
 
 
+def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Options]]:
+    """Studies of a report with their options: all, or those that take cases; what trades time takes motions only."""
+    if cases is None:
+        return [(name, Options(quick=quick)) for name in REPORTED]
+    moving = tuple(case for case in cases if not case.static)
+    found = [("convergence", cases), ("trade", moving)]
+    return [(name, Options(quick=quick, cases=those)) for name, those in found if those]
+
+
 def _takers(name: str) -> str:
     takers = [study for study, taken in TAKEN.items() if name in taken]
     return f"{', '.join(takers)} {'do' if len(takers) > 1 else 'does'}" if takers else "others do"

@@ -76,7 +76,7 @@ class SingleRun:
         """What is known of the error, in words."""
         found, levels = self.found, self.found.levels
         if not self.solution.status.ok:
-            return f"no error is known: {found.reason}"
+            return "no error is known of a run that is not whole"
         mesh, step = f"mesh {found.mesh.error:.1g}", f"step {found.step.error:.1g}"
         match levels.refines_mesh, levels.refines_step:
             case True, True:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from studies.engine.files import file_name
 from studies.engine.tables import text
 from studies.report.error_pictures import ELEMENT_TITLES, RULE_COLOURS, SHORT
 from studies.report.plots import (
@@ -62,7 +63,7 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
         "uncertainty, below which an error says "
         "nothing. Point at a marker for its setting."
     )
-    return picture(f"front_{scene}", caption, draw, (7.6, 5.0))
+    return picture(f"front_{file_name(scene)}", caption, draw, (7.6, 5.0))
 
 
 def _styled(sound: pd.DataFrame) -> pd.DataFrame:
@@ -123,7 +124,7 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
         "m: from the mesh (refine it), s: from the step (shorten it), =: from both. "
         "The cheapest way to an error is where m meets s."
     )
-    return picture(f"mesh_step_{scene}", caption, draw, (7.6, 1.2 + 0.36 * max(tall)))
+    return picture(f"mesh_step_{file_name(scene)}", caption, draw, (7.6, 1.2 + 0.36 * max(tall)))
 
 
 def _ms(cpu_s: float) -> str:
