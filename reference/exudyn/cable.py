@@ -15,18 +15,18 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
-from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
+from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
 from reference.exudyn.run import check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | frozenset(MECHANISMS),
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
     element="cable",
     limits={"cable": "elastica"},
 )

@@ -16,12 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, UnsupportedError, unknown_kind
+from anctmm.errors import UnsupportedError, unknown_kind
 from anctmm.model.drives import Angle, Pulse, Quintic, value_at
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, load_text, width_of
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Written
+from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import (
     Beam,
     Clamp,
@@ -38,13 +39,14 @@ from anctmm.model.scene import (
 )
 from anctmm.model.topology import junctions_of
 from anctmm.results.fields import Field
+from anctmm.results.mechanism_check import is_mechanism
+from reference.exudyn import mechanisms
+from reference.exudyn.histories import remembered
 
 Array = NDArray[np.float64]
 
 #: Inertia added to fixed coordinates in an explicit run, relative to the scene's mass, see `Model.hold`.
 HUGE = 1e12
-#: Part of a step by which Exudyn's time may miss that of a step and still mean it: what rounding adds up to.
-DRIFT = 1e-3
 
 
 class Beams(Protocol):
@@ -130,8 +132,11 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
     velocities = {body.name: beams.velocity(body).copy() for body in scene.beams}
     for junction in junctions_of(scene):
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-            bodies = [scene.beam(name) for name, _ in group]
-            nodes = [velocities[name][-side] for name, side in group]
+            ends = [(name, side) for name, side in group if name in velocities]
+            if not ends:
+                continue
+            bodies = [scene.beam(name) for name, _ in ends]
+            nodes = [velocities[name][-side] for name, side in ends]
             to_each = [beams.welded(bodies[0], body) for body in bodies]
             if clamp is not None:
                 shared = beams.spin(bodies[0], float(clamp.angle(0.0)[1]) if clamp.angle else 0.0)
@@ -141,10 +146,6 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
             for matrix, node in zip(to_each, nodes, strict=True):
                 node[2:] = (matrix @ shared)[2:]
     return velocities
-
-
-#: What the user's functions raised while Exudyn called them: some of its modules wrap it in an error of their own.
-FAILED: list[AnctmmError] = []
 
 
 @dataclass
@@ -178,14 +179,25 @@ class Model:
         self.items = self.exu.itemInterface
         self.container = self.exu.SystemContainer()
         self.mbs = self.container.AddSystem()
-        ground = self.mbs.AddNode(self.items.NodePointGround())
-        self.ground = self.coordinate(ground, 0)
+        self.ground_node = self.mbs.AddNode(self.items.NodePointGround())
+        self.ground = self.coordinate(self.ground_node, 0)
+        self.objects: dict[str, Any] = {}
+        if is_mechanism(self.scene):
+            self.ground_object = self.mbs.AddObject(self.items.ObjectGround())
         velocities = joined_velocities(self.scene, self.beams)
         for body in self.scene.beams:
             self.nodes[body.name] = self.beams.add(self, body, velocities[body.name])
             self._add_weight(body)
+        for other in self.scene.bodies:
+            if not isinstance(other, Beam):
+                mechanisms.add_body(self, other)
         for joint in self.scene.joints:
-            self._add_joint(joint)
+            if isinstance(joint, Slider | Prismatic) or not self._of_beams(joint):
+                mechanisms.add_joint(self, joint)
+            else:
+                self._add_joint(joint)
+        for connector in self.scene.connectors:
+            mechanisms.add_connector(self, connector)
         for load in self.scene.loads:
             self._add_load(load)
         kinds = self.exu.OutputVariableType.Coordinates, self.exu.OutputVariableType.Coordinates_t
@@ -231,6 +243,9 @@ class Model:
                     dampingMatrix=np.zeros((self.beams.width,) * 2),
                 )
             )
+
+    def _of_beams(self, joint: Joint) -> bool:
+        return all(isinstance(self.scene.place(end).body, Beam) for end in joint.ends)
 
     def _sensor(self, node: Any, kind: Any) -> Any:
         keep = {"storeInternal": True, "writeToFile": False}
@@ -291,7 +306,7 @@ class Model:
     def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
         side, drive = self.scene.body_end(clamp.end)[1], cast(Angle, clamp.angle)
         name = f"clamp {clamp.end!r} angle"
-        angle = _remembered(lambda t: float(value_at(name, drive, t, 3)[0]), self.run)
+        angle = remembered(lambda t: float(value_at(name, drive, t, 3)[0]), self.run)
         for index, displacement in self.beams.turned(body).items():
             function = _offset(angle, displacement)
             constraint = self.mbs.AddObject(
@@ -313,16 +328,20 @@ class Model:
     def _add_load(self, load: Load) -> None:
         if isinstance(load, LineLoad):
             raise not_offered(load)
-        _, node = self.node(load.end)
+        place = self.scene.place(load.end)
+        rigid = isinstance(place.body, RigidBody)
         items, value = self.items, load.value
         history = value if callable(value) and not self.static else None
         vector = _load_vector(load, None)(self.mbs, 0.0, None) if callable(value) else _constant_vector(load)
         match load:
             case Force():
-                marker = self.mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
+                marker = mechanisms.marker(self, place)
                 item = items.LoadForceVector(markerNumber=marker, loadVector=vector)
             case Torque():
-                marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=node))
+                if rigid:
+                    marker = mechanisms.marker(self, place)
+                else:
+                    marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=self.node(load.end)[1]))
                 item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
             case _:
                 raise unknown_kind("load", load, LOADS)
@@ -332,29 +351,6 @@ class Model:
         if isinstance(load, Torque) and type(history) is Pulse:
             compiled = _symbolic_pulse(self.exu.symbolic, history)
             self.symbolic.append((number, "loadVectorUserFunction", compiled))
-
-
-def _remembered(history: Callable[[float], Any], run: Discretisation | None) -> Callable[[float], Any]:
-    """The same history at the times of a run, computed once for the many evaluations of a Newton iteration."""
-    last: list[Any] = [None, None]
-
-    def value(t: float) -> Any:
-        if last[0] != t:
-            try:
-                last[:] = t, history(t if run is None else _undrifted(t, run))
-            except AnctmmError as error:
-                FAILED.append(error)
-                raise
-        return last[1]
-
-    return value
-
-
-def _undrifted(t: float, run: Discretisation) -> float:
-    """The time of the step that t is but for rounding, s; never after the end of the run."""
-    step = round(t / run.exact_dt)
-    exact = run.t_end if step >= run.steps else step * run.t_end / run.steps
-    return exact if abs(t - exact) <= DRIFT * run.exact_dt else min(t, run.t_end)
 
 
 def _offset(angle: Callable[[float], float], displacement: Callable[[Any, Any], Any]) -> Callable[..., float]:
@@ -384,8 +380,8 @@ def _load_vector(load: Load, run: Discretisation | None) -> Callable[..., list[f
         value = value_at(name, history, t, width).tolist()
         return [0.0, 0.0, *value] if width == 1 else [*value, 0.0]
 
-    remembered = _remembered(plain, run)
-    return lambda mbs, t, constant: remembered(t)  # type: ignore[no-any-return]
+    known = remembered(plain, run)
+    return lambda mbs, t, constant: known(t)  # type: ignore[no-any-return]
 
 
 def _constant_vector(load: Load) -> list[float]:

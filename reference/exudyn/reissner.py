@@ -13,19 +13,19 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.errors import DiscretisationError, shown
-from anctmm.model.needs import MECHANISMS
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
+from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
 from reference.exudyn.run import check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | frozenset(MECHANISMS),
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
     element="reissner",
     limits={"shear": "reissner"},
 )

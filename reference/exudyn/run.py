@@ -19,8 +19,9 @@ from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, load_text, width_of
-from anctmm.model.needs import MECHANISMS, not_offered, refuse
+from anctmm.model.needs import not_offered
 from anctmm.model.scene import (
+    Beam,
     Clamp,
     Force,
     LineLoad,
@@ -33,10 +34,15 @@ from anctmm.model.scene import (
     Weld,
     checked_scene,
 )
+from anctmm.results.acting import ends_of
 from anctmm.results.divergence_checks import checked
+from anctmm.results.fields import Field
+from anctmm.results.mechanism_check import is_mechanism
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, positive
-from reference.exudyn.model import FAILED, Beams, Model, load_exudyn, silence
+from reference.exudyn.histories import FAILED
+from reference.exudyn.mechanisms import check_mechanisms, reference_of, rigid_field
+from reference.exudyn.model import Beams, Model, load_exudyn, silence
 from reference.exudyn.stability import stability_status
 
 Array = NDArray[np.float64]
@@ -76,7 +82,7 @@ def dynamics(
 ) -> Solution:
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
     try:
-        refuse(scene, MECHANISMS, "a model in Exudyn")
+        check_mechanisms(scene, run.integrator)
     except UnsupportedError as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     if tolerances is None:
@@ -120,7 +126,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     positive("load_steps", load_steps, DiscretisationError)
     load_steps = parts_of_load(load_steps)
     try:
-        refuse(scene, MECHANISMS, "a model in Exudyn")
+        check_mechanisms(scene, "statics")
         check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", UnsupportedError)
         exu = load_exudyn()
     except UnsupportedError as why:
@@ -155,9 +161,9 @@ def roundoff(beams: Beams, scene: Scene) -> float:
     Positions in a scene of extent R are known to εR, which an interval of length l between nodes answers with
     a force of (EA/l + 12EI/l³) εR.
     """
-    ends = np.array([end for body in scene.beams for end in (body.start, body.end)])
+    ends = np.array([body.position_at(key) for body in scene.bodies for key in ends_of(body)])
     extent = float(np.hypot(*np.ptp(ends, axis=0)))
-    squares = 0.0
+    squares = sum(connector.stiffness**2 for connector in scene.connectors)
     for body in scene.beams:
         intervals = len(beams.reference(body)) - 1
         l, E = body.length / intervals, body.material.E  # noqa: E741
@@ -257,8 +263,8 @@ def _read(model: Model, expected: Array | None) -> History:
         rows = int(late[0]) if late.size else rows
         t = expected[:rows]
     q, v = ({n: np.stack([s[: len(t), 1:] for s in d[k]], axis=1) for n, d in data.items()} for k in (0, 1))
-    for body in model.scene.beams:
-        q[body.name] += model.beams.reference(body)
+    for body in model.scene.bodies:
+        q[body.name] += model.beams.reference(body) if isinstance(body, Beam) else reference_of(body)
     return History(t, q, v, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
 
 
@@ -289,11 +295,13 @@ def _solution(
 ) -> Solution:
     scene, beams = model.scene, model.beams
     rates: Mapping[str, Array] = {} if model.static else history.velocities
-    fields = {
-        name: beams.field(scene.beam(name), q, rates.get(name)) for name, q in history.coordinates.items()
-    }
+    fields: dict[str, Field] = {}
+    for name, q in history.coordinates.items():
+        body, v = scene.body(name), rates.get(name)
+        fields[name] = beams.field(body, q, v) if isinstance(body, Beam) else rigid_field(body, q, v)
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
-        energy = _energy(model, history, loads)
+        known = not is_mechanism(scene)  # of mechanisms energies are not read
+        energy = _energy(model, history, loads) if known else Energy.unknown(len(history.t))
     found = Solution(
         beams.solver,
         scene,
@@ -306,7 +314,7 @@ def _solution(
         model.mbs.systemData.ODE2Size(),
         static=model.static,
     )
-    return checked(found, static=model.static, energies=_knows_work(scene, run))
+    return checked(found, static=model.static, energies=known and _knows_work(scene, run))
 
 
 def _knows_work(scene: Scene, run: Discretisation) -> bool:
