@@ -35,8 +35,8 @@ class Discretisation:
 
     Parameters
     ----------
-    mesh : int or mapping of body name to int
-        Elements of each body.
+    mesh : int or mapping of body name to int, optional
+        Elements of each beam; a scene without beams needs none.
     element : str or mapping of body name to str
         "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
     quadrature : str
@@ -68,7 +68,7 @@ class Discretisation:
         Or one of its kinds, naming the option, its value and what is allowed.
     """
 
-    mesh: Any
+    mesh: Any = None
     element: Any = "cable"
     quadrature: str = "full"
     integrator: Any = "generalized-alpha"
@@ -87,7 +87,8 @@ class Discretisation:
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         for name, check in (("mesh", _elements), ("element", _element)):
-            set_(self, name, _by_body(name, getattr(self, name), check))
+            if name != "mesh" or self.mesh is not None:
+                set_(self, name, _by_body(name, getattr(self, name), check))
         set_(self, "quadrature", one_of("quadrature", self.quadrature, QUADRATURES))
         if isinstance(self.integrator, Zhai | GeneralizedAlpha):
             self._take(self.integrator)
@@ -171,6 +172,10 @@ class Discretisation:
             If a kind of element is not known.
         """
         names = [b.name for b in checked_scene(scene).beams]
+        if self.mesh is None and names:
+            raise MeshError(
+                f"mesh is missing; a number of elements, or one for every beam, is needed: {listed(names)}"
+            )
         for what in ("mesh", "element"):
             value = getattr(self, what)
             if isinstance(value, Mapping) and set(value) != set(names):
@@ -221,8 +226,6 @@ def _whole(run: Discretisation | None, options: dict[str, Any]) -> Discretisatio
     unknown = sorted(set(options) - set(allowed))
     if unknown:
         raise DiscretisationError(f"option {unknown[0]!r} is unknown; allowed are {', '.join(allowed)}")
-    if "mesh" not in options:
-        raise MeshError("mesh is missing; a number of elements, or one for every body, is needed")
     return Discretisation(**options)
 
 

@@ -285,7 +285,7 @@ TAKEN = {
     "relative tolerance": {"1e18"}, "rest": {"1e18"}, "fraction": {"tiny"}, "newton_tolerance": {"tiny"},
     "spectral_radius": {"tiny"}, "material poisson": {"tiny"},
     **{n: {"text"} for n in NAMES}, **{n: {"True", "numpy's True"} for n in FLAGS},
-    "output_dt": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
+    "mesh": {"None"}, "output_dt": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
     "clamp": {"None"}, "velocity": {"None", "type"}, "tolerances": {"None"},
     "force": {"type"}, "solvers": {"texts", "array of texts"},
 }  # fmt: skip

@@ -225,3 +225,11 @@ def test_outputs_hold_both_ends(options, kept):
 def test_solvers_are_found_by_name():
     assert {"anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner"} <= set(names())
     assert load("anctmm") is solver("anctmm").__wrapped__ is at.solve
+
+
+def test_a_scene_without_beams_needs_no_mesh():
+    plate = at.RigidBody("plate", 1.0, 0.1, (0.5, 0.0), {"hinge": (0.0, 0.0)})
+    scene = at.Scene("pendulum", [plate], [at.Pin("plate.hinge")], gravity=(0.0, -9.81))
+    found = at.solve(scene, dt=1e-3, t_end=0.05)
+    assert found.status.ok
+    assert found.angle("plate.center")[-1] < -1e-3
