@@ -11,7 +11,7 @@ from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.forces.connectors import count_turns, driven_connectors, free_of
+from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
 from anctmm.forces.loads import Loads, loads_of, loads_work
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
@@ -114,18 +114,15 @@ class Actuation:
         """What acts at times `t`, (n, rows, 2).
 
         Force (x, y), or moment and 0, of each varying load; free measure of each driven connector and its rate; where
-        there are connectors, at last the time and 0.
+        there are laws, at last the time and 0.
         """
         loads = tabulated(varying_loads(self.scene), t)
-        if not self.scene.connectors:
-            return loads
         driven = [
-            tabulate(f"{name_of(connector)} {free_name(connector)}", free_of(connector), t, 2)
+            tabulate(f"{name_of(connector)} {free_name(connector)}", free_of(connector), t, 2)[:, None]
             for connector in driven_connectors(self.scene)
         ]
-        return np.concatenate(
-            [loads, np.reshape(driven, (len(driven), len(t), 2)).swapaxes(0, 1), _clock(t)], axis=1
-        )
+        clock = [_clock(t)] if has_clock(self.scene) else []
+        return np.concatenate([loads, *driven, *clock], axis=1) if driven or clock else loads
 
 
 def _clock(t: Array) -> Array:

@@ -41,6 +41,8 @@ class Connectors(NamedTuple):
         Addresses of compiled laws, or 0.
     numbers : ndarray, shape (n, 4)
         Stiffness, damping, preload and free measure of each.
+    lossy : ndarray of bool, shape (n,)
+        Whether the force depends on the rate.
     driven : ndarray of int, shape (n,)
         Row of the values in which its free measure and the rate of that stand, or −1.
     first, second : Maps
@@ -61,6 +63,7 @@ class Connectors(NamedTuple):
     kinds: Ints
     laws: Ints
     numbers: Array
+    lossy: NDArray[np.bool_]
     driven: Ints
     first: Maps
     second: Maps
@@ -75,6 +78,11 @@ class Connectors(NamedTuple):
 def driven_connectors(scene: Scene) -> list[Connector]:
     """Connectors whose free length or angle is a function of time."""
     return [connector for connector in scene.connectors if callable(free_of(connector))]
+
+
+def has_clock(scene: Scene) -> bool:
+    """Whether the time is asked for: by laws alone."""
+    return any(connector.law is not None for connector in scene.connectors)
 
 
 def free_of(connector: Connector):  # type: ignore[no-untyped-def]
@@ -148,8 +156,9 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
     )
     memory = np.zeros((n, 3))
     memory[:, 1] = np.where(kinds == SPRING, placed, 0.0)
+    lossy = (laws != 0) | (numbers[:, 1] != 0.0)
     return Connectors(
-        kinds, laws, numbers, driven, first, second, placed, unit, memory.copy(), memory, np.zeros_like(q),
+        kinds, laws, numbers, lossy, driven, first, second, placed, unit, memory.copy(), memory, np.zeros_like(q),
         np.array([1.0, 0.0]),
     )  # fmt: skip
 
@@ -197,6 +206,12 @@ def free_measure(c, n, values):  # type: ignore[no-untyped-def]
 
 
 @embedded
+def time_of(values):  # type: ignore[no-untyped-def]
+    """The time, which laws alone ask for: it stands in the last row of the values."""
+    return values[len(values) - 1, 0] if len(values) > 0 else 0.0
+
+
+@embedded
 def force_of(c, n, x, rate, t):  # type: ignore[no-untyped-def]
     """Force N of a connector at an elongation x and its rate."""
     if c.laws[n] == 0:
@@ -227,14 +242,16 @@ def slopes(c, n, x, rate, t):  # type: ignore[no-untyped-def]
 def add_connectors(connectors, q, v, values, f):  # type: ignore[no-untyped-def]
     """Add the forces of connectors at q and v to f, (rows, nodes); what they are is kept in `now`."""
     if connectors is not None:
-        t = values[len(values) - 1, 0]
+        t = time_of(values)
         for n in range(len(connectors.kinds)):
             m, ax, ay, bx, by = measure(connectors, n, q)
-            ux, uy = rate_at(connectors.first, n, v)
-            wx, wy = rate_at(connectors.second, n, v)
             free, rate = free_measure(connectors, n, values)
-            x = m - free
-            force = force_of(connectors, n, x, ax * ux + ay * uy + bx * wx + by * wy - rate, t)
+            x, rate = m - free, -rate
+            if connectors.lossy[n]:
+                ux, uy = rate_at(connectors.first, n, v)
+                wx, wy = rate_at(connectors.second, n, v)
+                rate += ax * ux + ay * uy + bx * wx + by * wy
+            force = force_of(connectors, n, x, rate, t)
             push(connectors.first, n, -force * ax, -force * ay, f)
             push(connectors.second, n, -force * bx, -force * by, f)
             connectors.now[n, 0], connectors.now[n, 1] = force, m
@@ -285,12 +302,15 @@ def end_velocities(connectors, v, a, w, w_before, c):  # type: ignore[no-untyped
     if connectors is not None:
         r = 1.0 / (1.0 - c.alpha_m)
         now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
-        for side in range(2):
-            table = connectors.first if side == 0 else connectors.second
-            for k in range(len(table.node)):
-                i = table.node[k]
-                for row in range(table.row[k], table.row[k] + 2):
-                    new = now * w[row, i] + then * w_before[row, i] - old * a[row, i]
-                    v_end = v[row, i] + c.h * ((1.0 - c.gamma) * a[row, i] + c.gamma * new)
-                    connectors.v[row, i] = v_end
+        for n in range(len(connectors.kinds)):
+            if connectors.lossy[n]:
+                for side in range(2):
+                    table = connectors.first if side == 0 else connectors.second
+                    for k in range(table.start[n], table.start[n + 1]):
+                        i = table.node[k]
+                        for row in range(table.row[k], table.row[k] + 2):
+                            new = now * w[row, i] + then * w_before[row, i] - old * a[row, i]
+                            connectors.v[row, i] = v[row, i] + c.h * (
+                                (1.0 - c.gamma) * a[row, i] + c.gamma * new
+                            )
         connectors.part[1] = c.gamma / (c.beta * c.h) if c.h > 0.0 else 0.0

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.forces.connectors import Connectors, force_of, free_measure, measure, stored
+from anctmm.forces.connectors import Connectors, force_of, free_measure, measure, stored, time_of
 from anctmm.jit.compiling import uncompiled
 
 Array = NDArray[np.float64]
@@ -32,6 +32,9 @@ def potential_change(connectors: Connectors | None, q: Array, new: Array, values
         if connectors.laws[n] == 0:
             change += stored(connectors, n, two) - stored(connectors, n, one)
         else:
-            forces = [force_of(connectors, n, one + x * (two - one), 0.0, values[-1, 0]) for x in POINTS]
+            forces = [
+                force_of(connectors, n, one + x * (two - one), 0.0, float(uncompiled(time_of)(values)))
+                for x in POINTS
+            ]
             change += float(WEIGHTS @ np.array(forces)) * (two - one)
     return change

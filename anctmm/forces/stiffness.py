@@ -26,6 +26,7 @@ from anctmm.forces.connectors import (
     free_measure,
     measure,
     slopes,
+    time_of,
     vectors_of,
 )
 from anctmm.jit.compiling import embedded
@@ -275,7 +276,7 @@ def tangent_of(connectors, n, q, stiffness, values):  # type: ignore[no-untyped-
     ux, uy = rate_at(connectors.first, n, connectors.v)
     wx, wy = rate_at(connectors.second, n, connectors.v)
     free, free_rate = free_measure(connectors, n, values)
-    x, rate, t = m - free, ax * ux + ay * uy + bx * wx + by * wy - free_rate, values[len(values) - 1, 0]
+    x, rate, t = m - free, ax * ux + ay * uy + bx * wx + by * wy - free_rate, time_of(values)
     k, d = slopes(connectors, n, x, rate, t)
     force = stiffness * force_of(connectors, n, x, rate, t)
     across = force / max(m, 1e-300) if connectors.kinds[n] == SPRING else 0.0

@@ -32,7 +32,7 @@ from anctmm.discretise.maps import push_alike
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import Actuation, Hubs, hub_reactions, turn_hubs, work_done
-from anctmm.forces.connectors import driven_connectors, measure, slopes
+from anctmm.forces.connectors import driven_connectors, has_clock, measure, slopes
 from anctmm.forces.driving import drives_of
 from anctmm.forces.loads import Loads, load_at
 from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
@@ -238,7 +238,7 @@ def _march(
         np.zeros_like(state.q),
         np.zeros_like(state.q),
         np.zeros((2, drives, 3)),
-        np.zeros((2, histories - drives + min(len(chain.scene.connectors), 1), 2)),
+        np.zeros((2, histories - drives + has_clock(chain.scene), 2)),
         np.zeros(2),
         chain.start_coordinates(),
         np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),

@@ -13,7 +13,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
-from anctmm.model.scene import Force, LineLoad
+from anctmm.errors import unknown_kind
+from anctmm.model.connectors import Spring
+from anctmm.model.loads import LOADS
+from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
 from anctmm.results.fields import HermiteField
 from anctmm.results.finding import Finding, most_stretched, place
@@ -191,7 +194,7 @@ def _advice_on_dissipation(run: Discretisation) -> str:
 
 
 def _exchangeable(solution: Solution) -> float:
-    """Energy, J, that drives, loads and weight may exchange between outputs that are few; 0 where they are many.
+    """Energy, J, that drives, loads, connectors and weight may exchange between outputs that are few; 0 where many.
 
     A crank that has come back to where it was, at rest, shows nothing of the energy that it had on its way.
     """
@@ -200,8 +203,23 @@ def _exchangeable(solution: Solution) -> float:
         return 0.0
     span = length_of(scene)
     turning = sum(0.5 * mass_of(scene) * (span * rate) ** 2 for rate in drive_rates(scene, run))
-    loads = sum(
-        size * (span if isinstance(load, Force | LineLoad) else 2.0 * np.pi)
-        for load, size in load_sizes(scene, run)
-    )
-    return weight_of(scene) * span + turning + loads
+    loads = sum(size * _reach(scene, load) for load, size in load_sizes(scene, run))
+    springs = 0.0
+    for connector in scene.connectors:
+        way = span if isinstance(connector, Spring) else 2.0 * np.pi
+        springs += 0.5 * connector.stiffness * way**2 + abs(connector.preload) * way
+    return weight_of(scene) * span + turning + loads + springs
+
+
+def _reach(scene: Scene, load: Load) -> float:
+    """How far a load may act: m, or m² of a force per length, or rad."""
+    span = length_of(scene)
+    match load:
+        case Force():
+            return span
+        case LineLoad():
+            return span * scene.beam(load.body).length
+        case Torque():
+            return 2.0 * np.pi
+        case _:
+            raise unknown_kind("load", load, LOADS)
