@@ -25,6 +25,8 @@ ROUNDING, TRIALS = 4.0 * EPS, 4
 SINGULAR = 0.5
 #: Unknowns up to which all motions are looked at, and the lowest of more; imaginary part that is no rounding.
 DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
+#: Softness, relative to the largest, below which no motion is looked at.
+STIFF = 1e-9
 #: Steps of the inverse iteration, and relative change of the eigenvalue at which it ends.
 ITERATIONS, CONVERGED = 300, 1e-12
 
@@ -82,6 +84,10 @@ def _by_motions(system: StaticSystem, motion: Array) -> Stability:
         operator = LinearOperator((n, n), matvec=soften, dtype=float)
         start = np.random.default_rng(0).standard_normal(n)
         inverse, shapes = eigs(operator, LOWEST, which="LM", v0=start)
+    soft = (
+        np.abs(inverse) > STIFF * np.abs(inverse).max()
+    )  # the others are rounding, as of directions that are held
+    inverse, shapes = inverse[soft], shapes[:, soft]
     values = 1.0 / inverse
     swings = np.abs(values.imag) > COMPLEX * np.abs(values)
     leaves = ~swings & (values.real < 0.0)
