@@ -221,7 +221,11 @@ def recommend(
     from studies.trade.recommend_print import show, show_rerun, show_script
 
     own = find_case(scene, case) if is_file(scene) or case is not None else None
-    name = advice.scene_name(scene) if own is None else own.name
+    try:
+        name = advice.scene_name(scene) if own is None else own.name
+    except advice.RecommendError:  # none of those whose trade is kept
+        own = find_case(scene)
+        name = own.name
     wish, limit = positive("--error", error), duration("--budget", budget)
     if wish is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")

@@ -148,3 +148,24 @@ def test_a_case_at_rest_has_no_step():
     assert found.solution.position("girder.start")[-1] == pytest.approx(
         exact.position("girder.start")[-1], rel=3e-3
     )
+
+
+def test_rigid_bodies_and_point_masses_take_no_elements():
+    plate = at.RigidBody(
+        "plate", mass=0.5, inertia=3.3e-3, center=(0.6, 0.0), points={"a": (0.5, 0.0), "b": (0.7, 0.0)}
+    )
+    arm = at.Beam("arm", (0, 0), (0.5, 0), at.Circle(0.01), at.Material(E=1e9, density=2000.0))
+    joints = [at.Clamp("arm.start"), at.Pin("arm.end", "plate.a")]
+    scene = at.Scene("arm and plate", [arm, plate], joints, gravity=(0.0, -9.81))
+    case = at.Case(scene, ["arm.end", "plate.b"], t_end=0.1, output_dt=0.01)
+    found = Refinement(case, Setup(), Runner(None, repeats=1)).refined(1e-2)
+    assert found.reached
+    assert len(found.trial.mesh) == 1
+    assert {value.probe for value in values_of(found)} == {"arm.end", "plate.b"}
+    spring = at.Spring("bob.center", (0.0, 0.0), stiffness=50.0)
+    bob = at.Scene("bob", [at.PointMass("bob", 1.0, (1.0, 0.0))], connectors=[spring], gravity=(0.0, -9.81))
+    found = Refinement(at.Case(bob, ["bob.center"], t_end=0.5), Setup(), Runner(None, repeats=1)).refined(
+        1e-3
+    )
+    assert found.reached
+    assert found.mesh.error == 0.0 < found.step.error

@@ -104,6 +104,8 @@ def test_a_static_case_has_no_trade():
             ["recommend", PORTAL_FRAME, "--case", "portal-frame-at-rest", "--error", "1e-2"],
             "a static equilibrium",
         ),
+        (["recommend", "cantilever-force-1", "--error", "1e-2"], "a static equilibrium"),
+        (["recommend", "five-bar", "--error", "1e-2"], "'five-bar' and is unknown"),
         (["recommend", THROWN_CHAIN], "--error and --budget are both missing"),
         (["recommend", "nowhere.py", "--error", "1e-2"], "no such file"),
         (["study", "trade", THROWN_CHAIN, "--elements", "2/2"], "needs 1 or 3 numbers"),
