@@ -168,7 +168,7 @@ def march(
             work = work_since(loads, values, at, rows, left, size, flat_q, trail)
             m.work[0] += work if n > 0 else 0.0
         if n == wanted[count]:
-            keep(parts, m, count, kept, energies)
+            keep(parts, m, left, count, kept, energies)
             count += 1
         if n == span[2]:
             break

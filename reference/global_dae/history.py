@@ -67,11 +67,12 @@ def motion_of(model: Model, reference: Array) -> Motion:
 
 
 @kernel
-def keep(parts: Parts, m: Motion, k: int, kept: Array, energies: Array) -> None:
-    """Store the present coordinates and velocities, kept[k, 0] and kept[k, 1], and the energies as output k."""
+def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array) -> None:
+    """Store coordinates, velocities and accelerations a (flat), kept[k, 0 … 2], and the energies as output k."""
+    nodes = m.q.shape[1]
     for n in range(m.q.shape[0]):
         for i in range(m.q.shape[1]):
-            kept[k, 0, n, i], kept[k, 1, n, i] = m.q[n, i], m.v[n, i]
+            kept[k, 0, n, i], kept[k, 1, n, i], kept[k, 2, n, i] = m.q[n, i], m.v[n, i], a[n * nodes + i]
     energies[k, 0] = kinetic_energy(m.v, parts.first, parts.masses)
     energies[k, 1] = strain_energy(parts.blend, m.q, parts.first, parts.kinds, parts.constants)
     potential = 0.0
@@ -132,7 +133,7 @@ class Marcher:
         """March to the end, or as far as it goes."""
         run = self.model.run
         wanted = np.append(run.output_steps, -1).astype(np.int64)
-        kept = np.zeros((len(wanted) - 1, 2, self.model.bodies.rows, self.model.bodies.nodes))
+        kept = np.zeros((len(wanted) - 1, 3, self.model.bodies.rows, self.model.bodies.nodes))
         energies = np.zeros((len(kept), 4))
         self.prepare()
         self.batch(0, 0, *self._tables(0, 0), wanted, kept, energies)  # compiles
@@ -150,8 +151,8 @@ class Marcher:
                 self.factorizations,
             )
             t = run.times(wanted[:count])
-            q, v = kept[:count, 0], kept[:count, 1]
-            return solution(solver, self.model, t, q, energies[:count], cost, status, v)
+            q, v, a = kept[:count, 0], kept[:count, 1], kept[:count, 2]
+            return solution(solver, self.model, t, q, energies[:count], cost, status, v, a)
 
         def part(first: int, last: int) -> None:
             nonlocal step, count, ended
@@ -213,19 +214,19 @@ def solution(
     energies: Array,
     cost: Cost,
     status: Status,
-    rates: Array | None = None,
+    *rates: Array,
 ) -> Solution:
     """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is valid.
 
-    Without velocities, like coordinates, it is a static one.
+    `rates` are velocities and accelerations, like coordinates; without them it is a static one.
     """
-    velocities = {} if rates is None else model.bodies.by_body(rates)
+    series = [model.bodies.by_body(x) for x in (kept, *rates)]
     fields = {
-        name: HermiteField(q, model.scene.beam(name).length, velocities.get(name))
-        for name, q in model.bodies.by_body(kept).items()
+        name: HermiteField(q, model.scene.beam(name).length, *(x[name] for x in series[1:]))
+        for name, q in series[0].items()
     }
     energy = Energy(*(column.copy() for column in energies.T))
     found = Solution(
-        solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs, static=rates is None
+        solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs, static=not rates
     )
-    return checked(found, static=rates is None)
+    return checked(found, static=not rates)

@@ -332,7 +332,7 @@ def march(
             if n > 0:
                 m.work[0] += work
         if n == wanted[s.counts[5]]:
-            keep(parts, m, s.counts[5], kept, energies)
+            keep(parts, m, s.acceleration, s.counts[5], kept, energies)
             s.counts[5] += 1
     s.counts[4] = span[1]
     return CONVERGED

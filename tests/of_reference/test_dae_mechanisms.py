@@ -305,3 +305,54 @@ def test_drift_is_not_left_in_mechanisms():
         global_dae.solve(
             parallelogram(2), mesh=1, integrator="zhai", dt=1e-3, t_end=1e-3, stabilization="none"
         )
+
+
+def swinging():
+    """A driven beam, a plate welded to it, and a block on a line, held by a spring."""
+    bodies = [
+        at.Beam("one", (0, 0), (0.5, 0.1), ROD, RUBBER),
+        at.RigidBody("plate", 0.2, 1e-3, (0.6, 0.15), {"a": (0.5, 0.1), "b": (0.8, 0.1)}),
+        at.RigidBody("block", 0.3, 2e-3, (0.9, 0.0), {"c": (0.8, 0.1)}),
+    ]
+    joints = [at.Clamp("one.start", angle=swing), at.Pin("one.end", "plate.a"), at.Slider("block.c", (1.0, 0.0)),
+        at.Pin("plate.b", "block.c")]  # fmt: skip
+    spring = at.Spring("block.center", (1.5, -0.5), stiffness=10.0, damping=0.1)
+    return at.Scene("swinging", bodies, joints, gravity=(0, -9.81), connectors=[spring])
+
+
+def test_reactions_are_the_multipliers():
+    from reference.global_dae.mechanisms.explicit import Zhai
+    from reference.global_dae.mechanisms.march import Record
+    from reference.global_dae.mechanisms.system import Account
+
+    scene = swinging()
+    system = System(Layout(scene, at.Discretisation(mesh=2, integrator="zhai", dt=1e-4, t_end=2e-3)))
+    solver = Zhai(system)
+    solver.account, record, multipliers = Account(system), Record(system, 21), []
+    state = solver.begin()
+    times = solver.run.times(np.arange(21))
+    for n in range(21):
+        state = solver.step(state, n, float(times[n])) if n else state
+        record.keep(state.q, state.v, state.a, np.zeros(4))
+        multipliers.append(state.mu)
+    found = record.solution("global-dae", times, at.Cost(), at.Status())
+    mu = np.array(multipliers)
+    c = system.constraints
+    rows = {k: slice(c.first[k], c.first[k + 1]) for k in range(len(c.parts))}
+    # two of rigid bodies; the clamp's place and gradient; the first pin, plate less beam; the line; the second pin
+    pin = found.reaction(scene.joints[1])[:, :2]
+    np.testing.assert_allclose(pin, mu[:, rows[4]], atol=1e-8 * np.abs(pin).max())
+    place = found.reaction(scene.joints[0])[:, :2]
+    np.testing.assert_allclose(place, -mu[:, rows[2]], atol=1e-8 * np.abs(place).max())
+
+
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+def test_reactions_of_beams_are_those_of_anc_tmm(integrator):
+    bars = [at.Beam("a", (0, 0), (1, 0), ROD, RUBBER), at.Beam("b", (1, 0), (1.5, -0.5), ROD, RUBBER)]
+    joints = [at.Clamp("a.start", angle=swing), at.Pin("a.end", "b.start")]
+    scene = at.Scene("bars", bars, joints, [at.Torque("b.end", 0.05)], gravity=(0, -9.81))
+    run = {"mesh": 2, "integrator": integrator, "dt": 1e-4, "t_end": 0.01, "output_dt": 1e-3}
+    ours, dae = at.solve(scene, **run), global_dae.solve(scene, **run)
+    for joint in joints:
+        one, two = ours.reaction(joint), dae.reaction(joint)
+        np.testing.assert_allclose(one, two, atol=1e-7 * np.abs(two).max())

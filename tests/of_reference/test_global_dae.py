@@ -307,7 +307,7 @@ def test_bad_input_is_refused_by_name():
         global_dae.solve(scene, run, stabilization="some")
     with pytest.raises(DiscretisationError, match="'colour'"):
         global_dae.solve(scene, mesh=2, colour=3)
-    with pytest.raises(MeshError, match="every body"):
+    with pytest.raises(MeshError, match="every beam"):
         global_dae.solve(scene, mesh={"beam": 2})
     with pytest.raises(DiscretisationError, match="load_steps is 0"):
         global_dae.solve_static(scene, mesh=2, load_steps=0)
