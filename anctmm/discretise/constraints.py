@@ -62,12 +62,16 @@ class Constraints:
         Signals are numbered from 1 on in their order.
     begins : list of int
         First rows of those that are eliminated together.
+    prescribed : list of (int, int, complex)
+        Rows that prescribe where nodes of beams are along a line in the ground, each node, and what a unit of the row
+        is there, m. An explicit step sets these nodes, as it sets those of driven clamps.
     """
 
     names: list[tuple[str, str]] = field(default_factory=list)
     terms: list[Term] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
     begins: Any = field(default_factory=list)
+    prescribed: list[tuple[int, int, complex]] = field(default_factory=list)
     size: int = 0
 
     @property
@@ -240,6 +244,10 @@ class _Writer:
             signal = self.found.driven(_drive(guide))
             row[signal, ONE, ONE] = -self.scale  # the line's direction has the length 1
             rows.append(row)
+            if guide.body is None and not any(one[0] in self.rigid for one in junction.ends):
+                number = len(self.found.names) + 1
+                nodes = [self.chain.bodies.node(*one) for one in junction.ends]
+                self.found.prescribed += [(number, node, along / self.scale) for node in nodes]
         self.found.add(f"the {type(guide).__name__.lower()} at {place_text(end)}", end[0], *rows)
         match guide:
             case Slider():

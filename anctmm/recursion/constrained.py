@@ -15,6 +15,7 @@ from anctmm.recursion.rows import (
     evaluate,
     fill_rows,
     gather,
+    prescribe,
     push,
     row_work,
     set_signals,
@@ -58,7 +59,9 @@ def constrain_motion(
     """
     rows, matrix = loops.rows, loops.matrix
     set_signals(rows, drives, first)
+    prescribe(rows, 0, q)
     gather(rows, 0, q)
+    prescribe(rows, 1, v)
     for k in range(len(loops.moved)):
         loops.moved[k] = 0.0
     largest = found = evaluate(rows, 0)

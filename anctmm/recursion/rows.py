@@ -36,6 +36,10 @@ class Rows(NamedTuple):
     penalty : ndarray, shape (2,)
         Part of K's largest entry with which JᵀJ is added to K, which changes no solution: for statics, where K may be
         singular by itself; and γ, which came of it.
+    prescribed : ndarray of int, shape (2, k)
+        Rows that prescribe places of nodes, and the nodes.
+    unit : ndarray, shape (k, 2)
+        What a unit of such a row is at its node, m.
     used : ndarray of int, shape (used,)
         The unknowns that are in a term.
     homes : ndarray of int, shape (2, n + 1)
@@ -63,6 +67,8 @@ class Rows(NamedTuple):
     places: Ints
     pairs: Ints
     penalty: Array
+    prescribed: Ints
+    unit: Array
     used: Ints
     homes: Ints
     x: Array
@@ -98,6 +104,8 @@ def rows_of(kept: KeptUnknowns, number: Ints, matrix: Sparse) -> Rows:
     return Rows(
         number[kept.size :], row, one, two, signal, np.array([t.factor for t in found.terms]),
         np.array(places, dtype=np.int64).reshape(3, -1), _pairs(found, number, matrix), np.zeros(2),
+        np.array([known[:2] for known in found.prescribed], dtype=np.int64).reshape(-1, 2).T.copy(),
+        np.array([(known[2].real, known[2].imag) for known in found.prescribed], dtype=np.float64).reshape(-1, 2),
         used, homes, x, signals,
         np.array([drive.turns for drive in found.drives], dtype=bool),
         np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((3, found.signals)),
@@ -166,6 +174,18 @@ def evaluate(rows, order):  # type: ignore[no-untyped-def]
         if not size <= largest:  # what is no number stays
             largest = size
     return largest
+
+
+@embedded
+def prescribe(rows, order, u):  # type: ignore[no-untyped-def]
+    """Set the places of prescribed nodes, or derivatives of an order, in coordinates u, (rows, nodes)."""
+    if len(rows.prescribed[0]) > 0:
+        gather(rows, order, u)
+        evaluate(rows, order)
+        for n in range(len(rows.prescribed[0])):
+            off, node = rows.value[rows.prescribed[0, n]], rows.prescribed[1, n]
+            u[0, node] -= off * rows.unit[n, 0]
+            u[1, node] -= off * rows.unit[n, 1]
 
 
 @embedded

@@ -300,3 +300,14 @@ def test_random_mechanisms_move_as_in_the_global_dae(seed, how):
             assert np.abs(path - dae.position(body.name, key)).max() < allowed * max(
                 float(np.abs(path - path[0]).max()), 1e-5
             )
+
+
+@pytest.mark.parametrize("kind", [at.Slider, at.Prismatic])
+def test_a_driven_guide_of_a_beam_sets_its_node_as_the_global_dae_does(kind):
+    beam = at.Beam("u", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), at.Material(E=1e7, density=1000.0))
+    guide = kind("u.end", (1.0, 0.3), position=at.Quintic(turn=0.05, duration=0.02))
+    scene = at.Scene("driven", [beam], [guide], gravity=(0.0, -G))
+    options = {"mesh": 2, "integrator": "zhai", "dt": 1e-4, "t_end": 0.02, "output_dt": 0.02}
+    ours, dae = at.solve(scene, **options), global_dae.solve(scene, **options)
+    for place in (0.0, 0.5, 1.0):
+        assert np.abs(ours.position("u", place) - dae.position("u", place)).max() < 1e-12

@@ -10,13 +10,13 @@ from samples import SQUARE, chain_of, gap
 from scipy.integrate import solve_ivp
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import DiscretisationError, MeshError, StartWarning
+from anctmm.errors import MeshError, StartWarning
 from anctmm.integrators.stability import check_step, highest_frequency
 from anctmm.integrators.zhai import advance
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.solve import solve
-from reference import exudyn_cable, global_dae
+from reference import exudyn_cable
 from studies.scenes import four_bar
 
 SOFT = Material(E=1e7, density=1000.0)
@@ -350,11 +350,6 @@ def test_scenes_without_rigid_bodies_do_not_know_of_them():
     ("error", "match", "make"),
     [
         (MeshError, "mesh is 2 for rigid body 'one'; 1 is needed", lambda: rigidly(pendulum(), 1e-3, mesh=2)),
-        (
-            DiscretisationError,
-            "global solver needs",
-            lambda: global_dae.solve(pendulum(), mesh=1, element="rigid"),
-        ),
     ],
 )
 def test_what_cannot_be_is_named(error, match, make):
