@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anctmm.forces.stiffness import Border, fill_border
 from anctmm.jit.compiling import embedded
-from anctmm.recursion.riccati import BlockFactors, sweep
+from anctmm.recursion.riccati import sweep
 
 Array = NDArray[np.float64]
 
@@ -126,21 +126,8 @@ def negative_of(border: Border | None) -> int:
     if border is None:
         return 0
     used = np.flatnonzero(border.c)
-    product = np.array([[_product_of(border, int(i), int(j)) for j in used] for i in used]).reshape(
-        len(used), -1
-    )
-    inverse = np.diag(1.0 / border.c[used])
-    after = np.linalg.eigvalsh(0.5 * (product + product.T) + inverse)
+    x, y = border.Y[:, border.row, border.node], border.Y[:, border.row + 1, border.node]
+    product = np.add.reduceat(border.right[:, 0] * x + border.right[:, 1] * y, border.start[:-1], axis=1)
+    product = product[np.ix_(used, used)]
+    after = np.linalg.eigvalsh(0.5 * (product + product.T) + np.diag(1.0 / border.c[used]))
     return int((after > 0.0).sum()) - int((border.c[used] > 0.0).sum())
-
-
-def _product_of(border: Border, i: int, j: int) -> float:
-    terms = slice(border.start[i], border.start[i + 1])
-    Y = border.Y[j]
-    here = np.stack(
-        [Y[border.row[terms], border.node[terms]], Y[border.row[terms] + 1, border.node[terms]]], axis=1
-    )
-    return float((border.right[terms] * here).sum())
-
-
-__all__ = ["BlockFactors", "correct", "correct_step", "factor_border", "negative_of", "weights_of"]

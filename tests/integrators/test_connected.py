@@ -104,6 +104,22 @@ def test_springs_between_hinged_bars_hold_a_chain():
     assert "stabilised path" in free.status.message
 
 
+def test_a_hundred_springs_at_hinges():
+    """All couple distant nodes, a border of a hundred rows: the run keeps its energy, and statics its count."""
+    n = 100
+    bodies = [at.Beam(f"b{i}", (0.1 * i, 0.0), (0.1 * (i + 1), 0.0), SQUARE, SOFT) for i in range(n)]
+    joints = [at.Clamp("b0.start"), *(at.Pin(f"b{i}.end", f"b{i + 1}.start") for i in range(n - 1))]
+    springs = [at.RotationalSpring(f"b{i}.end", f"b{i + 1}.start", stiffness=50.0) for i in range(n - 1)]
+    scene = at.Scene("chain", bodies, joints, gravity=(0.0, -0.01), connectors=springs)
+    rest = at.solve_static(scene, mesh=1)
+    assert rest.status.ok, rest.status
+    assert rest.stable[-1]
+    found = at.solve(scene, mesh=1, dt=1e-2, t_end=0.2, spectral_radius=1.0)
+    assert found.status.ok, found.status
+    assert np.abs(found.energy.balance).max() < 1e-6 * np.abs(found.energy.potential).max()
+    assert found.cost.newton_iterations <= 4 * found.cost.steps
+
+
 def test_a_preloaded_spring_that_pushes_a_column_makes_it_unstable():
     """A spring along a cantilever's axis to a far point pushes as a dead load: unstable from Euler's load on."""
     euler = SOFT.E * SQUARE.second_moment * np.pi**2 / 4.0
