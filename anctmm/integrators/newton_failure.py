@@ -71,8 +71,11 @@ def correction_size(chain: Chain, state: State) -> Array:
 def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     """Norms of the residual, N, of Newton's iteration in the step to t that failed, gone through once more.
 
-    The kernel does not form them: a step that succeeds has no use for them.
+    The kernel does not form them: a step that succeeds has no use for them. None are told where there are constraints,
+    whose multipliers of the step that failed are not kept.
     """
+    if chain.plan.kept and chain.kept.constraints.names:
+        return ()
     bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.scene, chain.bodies)
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
