@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeGuard, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -239,8 +239,8 @@ class Solution:
         ResultError
             If the solution is not one of ANCF elements with accelerations, or the body is rigid.
         """
-        if isinstance(fraction, Sequence | np.ndarray):
-            parts = [self.section_force(place, float(x)) for x in fraction]
+        if _several(fraction):
+            parts = [self.section_force(place, x) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, 3))
         name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
         return section_force(self, name, float(at))
@@ -288,18 +288,17 @@ class Solution:
         self, place: Probe, fraction: Fractions | None, read: Callable[[Field, Any], Array], *width: int
     ) -> Array:
         """What is read of a field at a place, or at each of several fractions."""
-        if isinstance(fraction, Sequence | np.ndarray) and not isinstance(fraction, str):
-            parts = [self._each(place, float(x), read, *width) for x in fraction]
+        if _several(fraction):
+            parts = [self._read(self._given(place, x), read, *width) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
-        name, at = self.scene.probe(self._written(place, fraction))
-        if not self.fields:
-            return np.empty((0, *width))
-        return read(self.fields[name], at)
+        return self._read(place if fraction is None else self._given(place, fraction), read, *width)
 
-    def _written(self, place: Probe, fraction: float | str | None) -> Probe:
+    def _read(self, place: Probe, read: Callable[[Field, Any], Array], *width: int) -> Array:
+        name, at = self.scene.probe(place)
+        return read(self.fields[name], at) if self.fields else np.empty((0, *width))
+
+    def _given(self, place: Probe, fraction: Any) -> Probe:
         """A place as the scene knows it: also of a rigid body and its point, given apart."""
-        if fraction is None:
-            return place
         if (
             isinstance(fraction, str)
             and isinstance(place, str)
@@ -323,6 +322,11 @@ class Solution:
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""
         return replace(self, cost=cost)
+
+
+def _several(fraction: Fractions | None) -> TypeGuard[Sequence[float]]:
+    """Whether several fractions are given; whether each is one is seen when it is looked up."""
+    return isinstance(fraction, list | tuple) or (type(fraction) is np.ndarray and fraction.ndim == 1)
 
 
 def load(path: str | PathLike[str], scene: Scene | None = None) -> Solution:

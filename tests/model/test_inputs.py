@@ -282,7 +282,7 @@ TAKEN = {
     **{n: {"1e18"} for n in ("material E", "material density", "material damping", "section area", "torque", "turn")},
     **{n: {"1e18", "negative"} for n in ("amplitude", "psi", "phi", "spin")},
     "section fourth_moment": {"1e18"}, "duration": {"1e18"}, "t_end": set(), "shear_factor": {"1e18"},
-    "relative tolerance": {"1e18"}, "rest": {"1e18"}, "fraction": {"tiny"}, "newton_tolerance": {"tiny"},
+    "relative tolerance": {"1e18"}, "rest": {"1e18"}, "fraction": {"tiny", "array of 3", "list"}, "newton_tolerance": {"tiny"},
     "spectral_radius": {"tiny"}, "material poisson": {"tiny"},
     **{n: {"text"} for n in NAMES}, **{n: {"True", "numpy's True"} for n in FLAGS},
     "mesh": {"None"}, "output_dt": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
@@ -339,6 +339,9 @@ def test_junk_is_refused_by_name(name, junk):
     if (name.strip(), junk) == ("run", "None"):
         assert message is not None
         assert message.startswith("mesh is missing")
+    elif (name, junk) == ("fraction", "None"):  # then the body's name is taken for a place
+        assert message is not None
+        assert message.startswith("place 'a' is no place of a body")
     elif message is None:
         assert junk in TAKEN.get(name, ())
     elif junk not in MADE and junk not in NOT_SHOWN:
