@@ -300,17 +300,16 @@ def end_velocities(connectors, v, a, w, w_before, c):  # type: ignore[no-untyped
     v, a, w and w_before: (rows, nodes); v and a of the start of the step.
     """
     if connectors is not None:
-        r = 1.0 / (1.0 - c.alpha_m)
-        now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
         for n in range(len(connectors.kinds)):
             if connectors.lossy[n]:
+                r = 1.0 / (1.0 - c.alpha_m)
+                now, then, old = (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
+                connectors.part[1] = c.gamma / (c.beta * c.h) if c.h > 0.0 else 0.0
                 for side in range(2):
                     table = connectors.first if side == 0 else connectors.second
                     for k in range(table.start[n], table.start[n + 1]):
                         i = table.node[k]
                         for row in range(table.row[k], table.row[k] + 2):
                             new = now * w[row, i] + then * w_before[row, i] - old * a[row, i]
-                            connectors.v[row, i] = v[row, i] + c.h * (
-                                (1.0 - c.gamma) * a[row, i] + c.gamma * new
-                            )
-        connectors.part[1] = c.gamma / (c.beta * c.h) if c.h > 0.0 else 0.0
+                            mean = (1.0 - c.gamma) * a[row, i] + c.gamma * new
+                            connectors.v[row, i] = v[row, i] + c.h * mean
