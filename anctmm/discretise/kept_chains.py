@@ -60,6 +60,12 @@ def chain_of(scene: Scene, run: Discretisation, make: Callable[[Scene, Discretis
     return found
 
 
+def forget() -> None:
+    """Keep nothing of the runs before: what changes code in a running process needs it."""
+    with _lock:
+        _chains.clear()
+
+
 def _to_be_kept(chain: Chain) -> bool:
     """Whether a chain is small, and no function of the user's has a part in it."""
     run, nodes = chain.run, chain.bodies.nodes

@@ -21,7 +21,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 from anctmm.discretise.assembly import resist
 from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.elements.kinds import check_kinds, with_statics
+from anctmm.elements.kinds import check_kinds, flexible
 from anctmm.errors import DiscretisationError, SolverError, shown
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -140,7 +140,7 @@ def modes(
     refuse(checked_scene(scene), MECHANISMS, "a search for modes")
     run = discretise(run, options)
     chain = Chain(scene, run)
-    check_kinds(run.of(scene), with_statics(), "a search for modes")
+    check_kinds(run.of(scene), flexible(), "a search for modes")
     count, spin = (
         whole("count", count, MOST, DiscretisationError),
         number("spin (rad/s)", spin, DiscretisationError),

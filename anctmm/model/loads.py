@@ -98,7 +98,15 @@ class Placing(Protocol):
 
 def load_text(load: Load) -> str:
     """A load as messages name it."""
-    return f"load on {shown(load.body if isinstance(load, LineLoad) else load.end)}"
+    match load:
+        case Force():
+            return f"force on {shown(load.end)}"
+        case Torque():
+            return f"torque on {shown(load.end)}"
+        case LineLoad():
+            return f"line load on {shown(load.body)}"
+        case _:
+            raise unknown_kind("load", load, LOADS)
 
 
 def tabulated(loads: Sequence[Load], t: NDArray[np.float64]) -> NDArray[np.float64]:

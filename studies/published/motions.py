@@ -6,10 +6,14 @@ import numpy as np
 
 import anctmm as at
 from anctmm.errors import SolverError
+from reference.exact.andrews import PUBLISHED, andrews_squeezer, angles_of
 from studies.published.problem import Published, converged, last_digit
 
 WRIGHT = "Wright et al. 1982, J. Appl. Mech. 49, 197–202"
 SIMO = "Simo & Vu-Quoc 1986, J. Appl. Mech. 53, 855–863"
+IVP = "Test Set for Initial Value Problem Solvers, tolerance 1e-14"
+#: End of the published run of Andrews' squeezer, s, and its outputs: they must tell its turns.
+SQUEEZED, OUTPUTS = 0.03, 75
 #: Flap frequencies of a uniform blade on a hub without radius, by the dimensionless speed.
 FLAP = {0: "3.5160", 1: "3.6817", 2: "4.1373", 5: "6.4495", 10: "11.2023"}
 
@@ -18,6 +22,7 @@ def problems(quick: bool) -> Iterator[Published]:
     """All of them; quick ones on coarser meshes."""
     yield from blade(quick)
     yield spin_up(quick)
+    yield from squeezer(quick)
 
 
 def blade(quick: bool) -> Iterator[Published]:
@@ -74,3 +79,25 @@ def spin_up(quick: bool) -> Published:
         {"cable": converged(stretch, (4, 8, 16) if quick else (8, 16, 32))},
         note="linear theory, ρA Ω² L³/(3 EA), for a beam that stays straight",
     )  # fmt: skip
+
+
+def squeezer(quick: bool) -> Iterator[Published]:
+    """Andrews' squeezer: seven rigid bodies in three loops, with a spring; its angles at 0.03 s."""
+    scene = andrews_squeezer()
+
+    def angles(steps: int) -> dict[str, float]:
+        found = at.solve(
+            scene, dt=SQUEEZED / steps, t_end=SQUEEZED, output_dt=SQUEEZED / OUTPUTS, newton_tolerance=1e-12
+        )
+        if not found.status.ok:
+            raise SolverError(f"Andrews' squeezer: {found.status}")
+        turns = {body.name: found.angle(f"{body.name}.center") for body in scene.bodies}
+        return {name: float(angle[-1]) for name, angle in angles_of(turns).items()}
+
+    ends = {n: angles(n) for n in ((1500, 3000, 6000) if quick else (3000, 6000, 12000))}
+    for name, value in PUBLISHED.items():
+        yield Published(
+            "Andrews' squeezer", f"{name} at 0.03 s", "rad", value, 1e-14 * abs(value), IVP,
+            {"rigid": converged(lambda n, name=name: ends[n][name], tuple(ends))},  # type: ignore[misc]
+            note="steps instead of meshes",
+        )  # fmt: skip

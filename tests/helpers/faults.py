@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from anctmm.discretise import kept_chains
 from anctmm.elements import cable, shear_kernel
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.integrators import zhai as explicit
@@ -108,7 +109,8 @@ def planted(fault):
 
 
 def forget():
-    """Empty what functions of the solver keep of earlier calls: meshes, constants, frequency bounds."""
+    """Empty what functions of the solver keep of earlier calls: chains, meshes, constants, frequency bounds."""
+    kept_chains.forget()
     for name, module in list(sys.modules.items()):
         if name.partition(".")[0] == "anctmm":
             for thing in list(vars(module).values()):

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from reference.exact.andrews import PUBLISHED
 from studies.published import study
 from studies.published.problem import Published, Value, agreeing, converged, last_digit
 
@@ -24,6 +25,7 @@ CONFIRMED = {
     ("rotating blade", "flap frequency at speed 5"): 5,
     ("rotating blade", "flap frequency at speed 10"): 5,
     ("spin-up", "mean stretch of the steady turn"): 1,
+    **{("Andrews' squeezer", f"{name} at 0.03 s"): 6 for name in PUBLISHED},
 }
 
 

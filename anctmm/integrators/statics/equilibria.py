@@ -41,7 +41,7 @@ COARSE = 8
 LESS = "smaller loads, or a stiffer scene, may do"
 ADVICE = "branch='stable' finds a stable one"
 #: Bytes that are taken for each coordinate, as measured.
-MEMORY = 220.0
+MEMORY = 250.0
 
 
 @accounted
