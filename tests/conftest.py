@@ -15,8 +15,8 @@ settings.load_profile("steady")
 SLOW = {
     "integrators": ["damping", "divergence", "equilibrium_stability", "events", "graph_histories", "graph_motion",
                     "graph_properties", "interrupted", "modes", "motion", "promise", "properties", "rates"],
-    "of_reference": ["agreement", "exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
-                     "random_scenes", "times"],
+    "of_reference": ["exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
+                     "times"],
     "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",
                    "failures", "fidelity", "interruption",
                    "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
