@@ -103,9 +103,32 @@ class Clamp:
         return True
 
 
+@dataclass(frozen=True)
+class _LineGuide:
+    """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
+
+    place: Written
+    direction: Point = (1.0, 0.0)
+    body: str | None = None
+    position: Motion | None = None
+
+    def __post_init__(self) -> None:
+        _check_guide(self)  # type: ignore[arg-type]  # only the two kinds below are made
+
+    @property
+    def ends(self) -> tuple[Written, ...]:
+        """The one place it guides."""
+        return (self.place,)
+
+    @property
+    def grounded(self) -> bool:
+        """Never: the place moves."""
+        return False
+
+
 @final
 @dataclass(frozen=True)
-class Slider:
+class Slider(_LineGuide):
     """A place that moves on a straight line through its reference place, and is free to turn.
 
     Parameters
@@ -124,50 +147,14 @@ class Slider:
         If the direction has no length, or the position cannot be called.
     """
 
-    place: Written
-    direction: Point = (1.0, 0.0)
-    body: str | None = None
-    position: Motion | None = None
-
-    def __post_init__(self) -> None:
-        _check_guide(self)
-
-    @property
-    def ends(self) -> tuple[Written, ...]:
-        """The one place it guides."""
-        return (self.place,)
-
-    @property
-    def grounded(self) -> bool:
-        """Never: the place moves."""
-        return False
-
 
 @final
 @dataclass(frozen=True)
-class Prismatic:
+class Prismatic(_LineGuide):
     """A place that moves on a straight line through its reference place, and does not turn against it.
 
     Parameters and errors are those of `Slider`.
     """
-
-    place: Written
-    direction: Point = (1.0, 0.0)
-    body: str | None = None
-    position: Motion | None = None
-
-    def __post_init__(self) -> None:
-        _check_guide(self)
-
-    @property
-    def ends(self) -> tuple[Written, ...]:
-        """The one place it guides."""
-        return (self.place,)
-
-    @property
-    def grounded(self) -> bool:
-        """Never: the place moves."""
-        return False
 
 
 Guide = Slider | Prismatic
