@@ -113,7 +113,7 @@ def study(
     name: Annotated[str, typer.Argument(help="four-bar, convergence, … (see `anctmm list`)")],
     scene: Annotated[
         str | None,
-        typer.Argument(help="Of convergence and trade: a built-in scene, or a file that defines CASES."),
+        typer.Argument(help="A built-in scene, or a file that defines CASES."),
     ] = None,
     case: Chosen = None,
     elements: Elements = None,

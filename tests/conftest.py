@@ -18,7 +18,7 @@ SLOW = {
     "of_reference": ["exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
                      "times"],
     "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",
-                   "failures", "fidelity", "interruption",
+                   "failures", "fidelity", "fidelity_of_cases", "interruption",
                    "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
                    "trade_of_cases"],
     "recursion": ["graphs", "random_graphs", "rigid"],

@@ -50,9 +50,12 @@ TYPED = {
     "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
     "integrator": "--integrator", "error": "--error",
 }  # fmt: skip
+RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
     "convergence": ("cases", "element", "integrator", "error", "solvers"),
     "trade": ("cases", "error", "meshes", "steps", "solvers"),
+    "fidelity": ("cases", "error", *RANGES),  # these it refuses itself
+    "extremes": ("cases", *RANGES),
 }
 
 
@@ -153,7 +156,7 @@ def check_taken(options: Options, study: str) -> None:
     ------
     StudyError
     """
-    taken = TAKEN.get(study, ("meshes", "steps", "solvers"))
+    taken = TAKEN.get(study, RANGES)
     for name, typed in TYPED.items():
         if name not in taken and getattr(options, name) is not None:
             raise StudyError(f"study {study!r} takes no {typed}; {_takers(name)}")

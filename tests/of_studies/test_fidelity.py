@@ -6,7 +6,9 @@ import pytest
 
 from studies.engine.runner import Runner
 from studies.engine.study import Options, find
-from studies.fidelity.study import WISHES, lowest_frequency, run, stable_step, step_under
+from studies.fidelity.base_scenes import WISHES, lowest_frequency
+from studies.fidelity.steps import stable_step, step_under
+from studies.fidelity.study import run
 from studies.report.folder import write
 from studies.scenes import cantilever_fall, four_bar
 
