@@ -2,9 +2,10 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from anctmm.elements.kinds import KINDS
-from anctmm.errors import DiscretisationError, unknown_option
+from anctmm.errors import DiscretisationError, shown, unknown_option
 from anctmm.model.needs import MECHANISMS, WITH
 from anctmm.validation import one_of
 
@@ -25,6 +26,9 @@ FEATURES = {
     **MECHANISMS,
     "energy": "energies of the history; NaN where lacking",
 }
+#: Bounds of Newton's last correction that studies of cost try: from one that stops as soon as a step's error allows to
+#: one near rounding.
+NEWTON_TOLERANCES = (1e-3, 1e-5, 1e-7)
 #: Features that need others.
 NEEDED = {"branches": "joints", "loops": "joints"}
 #: Continua that rest positions of our elements tend to, by element.
@@ -45,24 +49,29 @@ class Offer:
     limits : mapping of str to str
         By the element asked for, the continuum its equilibria tend to: "elastica", "reissner" or "director" (see
         `reference.exact`). Elements that are not in it are not asked for in statics.
+    choices : tuple of mapping of str to value
+        What an implicit run of the same mesh and step may choose: keyword arguments of `solve`, one set a choice.
+        Studies of cost try them all, so that every solver is seen at its best. Without it `NEWTON_TOLERANCES`.
 
     Raises
     ------
     UnknownOptionError
         If it lacks something that is no feature.
     DiscretisationError
-        If it lacks both kinds of steps.
+        If it lacks both kinds of steps, or a choice is no mapping of names.
     """
 
     lacks: frozenset[str] = frozenset()
     element: str = ""
     limits: Mapping[str, str] = field(default_factory=lambda: dict(LIMITS))
+    choices: tuple[Mapping[str, Any], ...] = tuple({"newton_tolerance": t} for t in NEWTON_TOLERANCES)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lacks", _lacks(self.lacks))
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
+        object.__setattr__(self, "choices", _choices(self.choices))
         if not self.integrators:
             raise DiscretisationError("an Offer lacks 'zhai' and 'generalized-alpha'; one of them is needed")
 
@@ -106,6 +115,18 @@ def _lacks(lacks: object) -> frozenset[str]:
     return frozenset(
         WITH.join(sorted({one_of(name, part, FEATURES) for part in _parts(lack)})) for lack in lacks
     )
+
+
+def _choices(choices: object) -> tuple[Mapping[str, Any], ...]:
+    """At least one set of keyword arguments."""
+    sets: tuple[Any, ...] = ()
+    if isinstance(choices, Iterable) and not isinstance(choices, str | bytes | Mapping):
+        sets = tuple(choices)
+    if not sets or not all(isinstance(c, Mapping) and all(isinstance(k, str) for k in c) for c in sets):
+        raise DiscretisationError(
+            f"an Offer's choices are {shown(choices)}; a list of at least one mapping of keyword arguments is needed"
+        )
+    return sets
 
 
 def _parts(lack: object) -> list[object]:

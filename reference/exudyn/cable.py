@@ -21,7 +21,7 @@ from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
-from reference.exudyn.run import check_room, dynamics, statics
+from reference.exudyn.run import CHOICES, check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,7 @@ OFFER = Offer(
     lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
     element="cable",
     limits={"cable": "elastica"},
+    choices=CHOICES,
 )
 #: Exudyn's numbers of the quadratures.
 QUADRATURE = {"full": 0, "reduced": 1, "lobatto": 2}
@@ -41,6 +42,7 @@ def solve(
     run: Discretisation | None = None,
     *,
     tolerances: tuple[float, float] | None = None,
+    newton: str = "modified",
     **options: Any,
 ) -> Solution:
     """Motion of a scene by Exudyn with cables.
@@ -50,12 +52,15 @@ def solve(
     scene : Scene
         Beams joined in any way: chains, trees, loops, several components.
     run : Discretisation, optional
-        "generalized-alpha" is Exudyn's, with fixed steps and modified Newton; "zhai" with ψ = φ = ½ is its
+        "generalized-alpha" is Exudyn's, with fixed steps; "zhai" with ψ = φ = ½ is its
         VelocityVerlet, which has the same positions, for beams without joints between them or drives.
         `newton_tolerance` is not used: Exudyn bounds residuals.
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
         1e-9 or what rounding leaves, if that is more.
+    newton : str
+        When Newton's iteration takes a new tangent: "modified", where it converges too slowly; "each-step", at
+        the start of each step; "full", at each correction.
     **options
         The fields of the discretisation, in its place.
 
@@ -66,7 +71,7 @@ def solve(
     """
     run = discretise(run, options)
     check_room(scene, run)
-    return dynamics(Cables(scene, run), scene, run, tolerances)
+    return dynamics(Cables(scene, run), scene, run, tolerances, newton)
 
 
 def solve_static(

@@ -20,7 +20,7 @@ from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
 from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
-from reference.exudyn.run import check_room, dynamics, statics
+from reference.exudyn.run import CHOICES, check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
@@ -28,6 +28,7 @@ OFFER = Offer(
     lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
     element="reissner",
     limits={"shear": "reissner"},
+    choices=CHOICES,
 )
 #: By order, on [0, 1]: Gauss points and weights of the strains, ∫N dx and ∫N Nᵀ dx over a length of 1.
 GAUSS = {1: ([0.5], [1.0]), 2: ([0.5 - 0.75**0.5 / 3, 0.5 + 0.75**0.5 / 3], [0.5, 0.5])}
@@ -45,6 +46,7 @@ def solve(
     order: int = 2,
     shear_factor: float = 1.0,
     tolerances: tuple[float, float] | None = None,
+    newton: str = "modified",
     **options: Any,
 ) -> Solution:
     """Motion of a scene by Exudyn with Reissner beams.
@@ -62,6 +64,9 @@ def solve(
     tolerances : (float, float), optional
         Newton's, of the residual: relative to the first one of a step, and absolute, N. By default 1e-7, and
         1e-9 or what rounding leaves, if that is more.
+    newton : str
+        When Newton's iteration takes a new tangent: "modified", where it converges too slowly; "each-step", at
+        the start of each step; "full", at each correction.
     **options
         The fields of the discretisation, in its place.
 
@@ -72,7 +77,7 @@ def solve(
     """
     run = discretise(run, options)
     check_room(scene, run)
-    return dynamics(ReissnerBeams(scene, run, order, shear_factor), scene, run, tolerances)
+    return dynamics(ReissnerBeams(scene, run, order, shear_factor), scene, run, tolerances, newton)
 
 
 def solve_static(

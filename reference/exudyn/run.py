@@ -1,6 +1,6 @@
 """Run an Exudyn model at its best, time it and read its history: what both Exudyn peers share.
 
-One thread, fixed steps, modified Newton, a sparse solver that keeps its pattern, no files, internal sensors.
+One thread, fixed steps, a sparse solver that keeps its pattern, no files, internal sensors.
 The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
 """
 
@@ -39,7 +39,7 @@ from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import Field
 from anctmm.results.mechanism_check import is_mechanism
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
-from anctmm.validation import is_pair, positive
+from anctmm.validation import is_pair, one_of, positive
 from reference.exudyn.histories import FAILED
 from reference.exudyn.mechanisms import check_mechanisms, reference_of, rigid_field
 from reference.exudyn.model import Beams, Model, load_exudyn, silence
@@ -57,7 +57,19 @@ MEMORY, KEPT = 4_700.0, 90.0
 #: Kinds of element that may be asked for; the models have one of their own instead.
 ELEMENTS = ("cable", "shear")
 #: Coordinates from which on the sparse solver is the faster one, as measured.
-SPARSE_FROM = {"generalized-alpha": 20, "static": 20, "zhai": 50}
+SPARSE_FROM = {"generalized-alpha": 45, "static": 20, "zhai": 65}
+#: When Newton's iteration takes a new tangent: where it converges too slowly, at the start of each step, or always.
+NEWTON = ("modified", "each-step", "full")
+#: What was the cheapest somewhere, over mesh, step and tolerance, on both base scenes: looser tolerances, and a new
+#: tangent each step or always where steps are long. Of `anctmm.solvers.capabilities.Offer`.
+CHOICES: tuple[Mapping[str, Any], ...] = (
+    {},
+    {"tolerances": (1e-5, 1e-7)},
+    {"tolerances": (1e-3, 1e-5)},
+    {"tolerances": (1e-5, 1e-7), "newton": "each-step"},
+    {"tolerances": (1e-3, 1e-5), "newton": "each-step"},
+    {"tolerances": (1e-3, 1e-5), "newton": "full"},
+)
 
 
 @dataclass(frozen=True)
@@ -78,7 +90,11 @@ def check_room(scene: Scene, run: Discretisation, outputs: int | None = None) ->
 
 
 def dynamics(
-    beams: Beams, scene: Scene, run: Discretisation, tolerances: tuple[float, float] | None = None
+    beams: Beams,
+    scene: Scene,
+    run: Discretisation,
+    tolerances: tuple[float, float] | None = None,
+    newton: str = "modified",
 ) -> Solution:
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
     try:
@@ -95,6 +111,7 @@ def dynamics(
         positive(f"{name} tolerance", value, DiscretisationError)
         for name, value in zip(("relative", "absolute"), tolerances, strict=True)
     )
+    one_of("newton", newton, NEWTON)
     times = run.times(run.output_steps)
     loads = {k: _table(load, times) for k, load in enumerate(scene.loads) if callable(load.value)}
     try:
@@ -108,7 +125,7 @@ def dynamics(
         if run.explicit:
             model.hold()
         model.assemble()
-        settings = _settings(exu, model, run, (relative, absolute))
+        settings = _settings(exu, model, run, (relative, absolute), newton)
         message, cpu, wall = _timed(exu, model.mbs.SolveDynamic, settings)
         history = _read(model, times)
     status = _verdict(model, run, history, message)
@@ -208,19 +225,22 @@ def _common_settings(exu: Any, model: Model, solver: str) -> Any:
     settings.parallel.numberOfThreads = 1
     kinds = exu.LinearSolverType
     sparse = model.mbs.systemData.ODE2Size() >= SPARSE_FROM[solver]
-    settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EXUdense
+    settings.linearSolver.solverType = kinds.EigenSparse if sparse else kinds.EigenDense
     settings.linearSolver.reuseAnalyzedPattern = True
     return settings
 
 
-def _settings(exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float]) -> Any:
+def _settings(
+    exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float], newton: str
+) -> Any:
     settings = _common_settings(exu, model, run.integrator)
     settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
     time, kinds = settings.timeIntegration, exu.DynamicSolverType
     time.endTime, time.numberOfSteps, time.adaptiveStep = run.t_end, run.steps, False
     time.solverType = kinds.VelocityVerlet if run.explicit else kinds.GeneralizedAlpha
     time.newton.relativeTolerance, time.newton.absoluteTolerance = tolerances
-    time.newton.useModifiedNewton = True
+    time.newton.useModifiedNewton = newton != "full"
+    time.newton.modifiedNewtonJacUpdatePerStep = newton == "each-step"
     time.generalizedAlpha.spectralRadius = run.spectral_radius
     time.explicit.computeEndOfStepAccelerations = False
     return settings

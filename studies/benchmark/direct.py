@@ -35,23 +35,27 @@ class Direct:
         self.order = np.argsort(node * self.chain.bodies.rows + row, kind="stable")
         self.matrix = csr_array(self.join.matrix[:, self.order])
 
-    def solve(self, elements: Array, load: Array) -> Array:
+    def solve(self, band: Array, load: Array) -> Array:
         """Unknowns of all nodes, (rows, nodes), 0 where they are known.
+
+        Parameters
+        ----------
+        band : ndarray
+            Of the joined matrix, as `band` gives it; overwritten.
+        load : ndarray, shape (rows, nodes)
+        """
+        right = self.matrix.T @ load.ravel()
+        x = solveh_banded(band, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
+        return (self.matrix @ x).reshape(load.shape)
+
+    def band(self, elements: Array) -> Array:
+        """Upper band of the joined matrix, as `solveh_banded` takes it.
 
         Parameters
         ----------
         elements : ndarray, shape (elements, 2 rows, 2 rows)
             Symmetric positive matrices of all elements: the components of node I, then those of node O.
-        load : ndarray, shape (rows, nodes)
         """
-        right = self.matrix.T @ load.ravel()
-        x = solveh_banded(
-            self._band(elements), right, overwrite_ab=True, overwrite_b=True, check_finite=False
-        )
-        return (self.matrix @ x).reshape(load.shape)
-
-    def _band(self, elements: Array) -> Array:
-        """Upper band of the joined matrix, as `solveh_banded` takes it."""
         size = self.join.shape[0] * self.join.shape[1]
         at = _places(self.chain.bodies)
         there = elements != 0.0

@@ -17,8 +17,9 @@ from anctmm.results.solution import Cost, Solution
 from anctmm.solve import solve
 from reference import exudyn_cable
 from studies.benchmark.peers import EXUDYN, OURS, mesh_of
+from studies.engine.choices import Given, choices_of, written
 from studies.engine.clock import Effort, Samples, figures
-from studies.engine.pareto_front import NEAR, excess, front
+from studies.engine.pareto_front import NEAR, cost_at, excess, front
 from studies.engine.runner import Mesh, mesh_label, uncertainty_of
 from studies.engine.setting import stable_step
 from studies.engine.tables import BUILD, Table
@@ -29,11 +30,6 @@ from studies.scenes import BaseScene, cantilever_fall, four_bar
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
 #: Steps tried, s: whole parts of the scenes' output_dt, close enough for a front without large gaps.
 STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))
-#: Newton's tolerances: of ANC-TMM for corrections; of Exudyn for residuals, None its usual best.
-TOLERANCES: dict[str, tuple[Any, ...]] = {
-    OURS: (1e-7, 1e-5, 1e-3),
-    EXUDYN: (None, (1e-5, 1e-7), (1e-3, 1e-5)),
-}
 #: An explicit run is tried where elements times steps do not exceed this, some 30 ms of ANC-TMM.
 MOST_EXPLICIT = 1e6
 #: Settings tried with Exudyn: those predicted to cost up to this much more than the cheapest of the same error.
@@ -72,7 +68,8 @@ class Setting:
     mesh: Mesh
     dt: float
     quadrature: str
-    tolerance: Any
+    shared: Given = ()
+    own: Given = ()
 
     @property
     def elements(self) -> int:
@@ -82,8 +79,12 @@ class Setting:
     @property
     def label(self) -> str:
         """As tables name it."""
-        tolerance = "" if self.integrator == EXPLICIT else f", tolerance {self.tolerance or 'default'}"
-        return f"{self.integrator} {mesh_label(self.mesh)} {self.quadrature} dt={self.dt:.3g}{tolerance}"
+        return f"{self.integrator} {mesh_label(self.mesh)} {self.quadrature} dt={self.dt:.3g}, {self.chosen}"
+
+    @property
+    def chosen(self) -> str:
+        """What else was chosen, as tables name it."""
+        return written(self.shared + self.own)
 
 
 @dataclass(frozen=True)
@@ -138,11 +139,12 @@ def _notes() -> tuple[str, ...]:
         "neighbours on the front that they have, in "
         "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
         f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, "
-        "and three Newton tolerances each; explicit runs at 0.8 of the stability limit where a code can do them and "
+        "and of each code all that it may choose beside them (Newton's tolerances; when Exudyn takes a new tangent); "
+        "explicit runs at 0.8 of the stability limit where a code can do them and "
         f"elements × steps are at most {MOST_EXPLICIT:g} (they are far behind). Both codes "
         "have the same elements and generalized-α (spectral radius 0.9) and so the same errors: Exudyn ran every "
         f"setting whose elements × steps are within {SLACK:g}× of the fewest for its error, found with ANC-TMM.",
-        "Exudyn: fast module, one thread, modified Newton, the faster of its dense and sparse solvers, no files.",
+        "Exudyn: fast module, one thread, the faster of its dense and sparse solvers, no files.",
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
         "mesh of the same cables; reference_error: its own uncertainty.",
         BUILD,
@@ -167,7 +169,7 @@ def explore(race: Race, effort: Effort, samples: Samples) -> tuple[list[Point], 
 def reference_of(race: Race, quick: bool) -> tuple[Solution, float]:
     """A fine run, and the sum of its differences to one of a coarser mesh and one of a coarser step."""
     dt = 1e-4 if quick else 5e-5
-    fine = Setting(OURS, IMPLICIT, race.fine, dt, "lobatto", 1e-10)
+    fine = Setting(OURS, IMPLICIT, race.fine, dt, "lobatto", (("newton_tolerance", 1e-10),))
     best, coarser, slower = (
         run_of(race, s) for s in (fine, replace(fine, mesh=race.less_fine), replace(fine, dt=2 * dt))
     )
@@ -178,9 +180,9 @@ def settings(race: Race, code: str, quick: bool) -> list[Setting]:
     """All settings of a code; of a quick run, those that are best in a whole one, more or less."""
     steps, part = (STEPS[1::2], 1) if quick else (STEPS, 0)
     chosen = [
-        Setting(code, IMPLICIT, mesh, dt, quadrature, tolerance)
-        for mesh, quadrature, dt, tolerance in product(
-            race.meshes, QUADRATURES[part:], steps, TOLERANCES[code][part:]
+        Setting(code, IMPLICIT, mesh, dt, quadrature, shared, own)
+        for mesh, quadrature, dt, (shared, own) in product(
+            race.meshes, QUADRATURES[part:], steps, choices_of(code)
         )
     ]
     if code in race.explicit:
@@ -194,21 +196,20 @@ def _explicit(race: Race, code: str, mesh: Mesh, quadrature: str) -> Setting:
         race.base.scene, mesh_of(race.base, mesh), {"element": "cable", "quadrature": quadrature}
     )
     dt = race.base.interval / ceil(race.base.interval / limit)
-    return Setting(code, EXPLICIT, mesh, dt, quadrature, None)
+    return Setting(code, EXPLICIT, mesh, dt, quadrature)
 
 
 def run_of(race: Race, setting: Setting) -> Solution:
     """Run a setting."""
     base = race.base
-    tolerance = setting.tolerance if setting.code == OURS else None
     run = Discretisation(
         mesh=mesh_of(base, setting.mesh), element="cable", quadrature=setting.quadrature,
         integrator=setting.integrator, dt=setting.dt, t_end=base.duration, output_dt=base.interval,
-        check_stability=False, **({"newton_tolerance": tolerance} if tolerance else {}),
+        check_stability=False, **dict(setting.shared),
     )  # fmt: skip
     if setting.code == OURS:
         return solve(base.scene, run)
-    return accounted(exudyn_cable.solve)(base.scene, run, tolerances=setting.tolerance)
+    return accounted(exudyn_cable.solve)(base.scene, run, **dict(setting.own))
 
 
 def try_out(race: Race, setting: Setting, reference: Solution) -> Point:
@@ -275,15 +276,6 @@ def _with_time(p: Point, costs: Sequence[Cost]) -> Point:
     return replace(p, cpu_s=shown["ns"], spread=shown["spread"], repeats=len(costs), build_s=build)
 
 
-def cost_at(points: Iterable[Point], error: float) -> float:
-    """CPU time of the front at an error, s, interpolated in logarithms; NaN below its smallest error."""
-    line = front(points)
-    if not line or line[-1].error > error:
-        return float("nan")
-    x, y = np.log([p.error for p in line][::-1]), np.log([p.cpu_s for p in line][::-1])
-    return float(np.exp(np.interp(np.log(error), x, y)))
-
-
 def _at_error(race: Race, points: Sequence[Point], error: float, uncertainty: float) -> dict[str, Any]:
     def cost(code: str, *kinds: str) -> float:
         return cost_at((p for p in points if p.setting.code == code and p.setting.integrator in kinds), error)
@@ -321,7 +313,7 @@ def _point_row(race: Race, p: Point, uncertainty: float) -> dict[str, Any]:
     s = p.setting
     return {
         "scene": race.base.scene.name, "code": s.code, "integrator": s.integrator, "elements": mesh_label(s.mesh),
-        "dt": s.dt, "quadrature": s.quadrature, "tolerance": str(s.tolerance or "default"), "error": p.error,
+        "dt": s.dt, "quadrature": s.quadrature, "chosen": s.chosen, "error": p.error,
         "reference_error": uncertainty, "cpu_s": p.cpu_s, "build_s": p.build_s, "spread": p.spread,
         "repeats": p.repeats, "status": p.status,
     }  # fmt: skip

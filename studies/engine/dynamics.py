@@ -46,6 +46,8 @@ class Scheme:
         Mesh → time steps, s: an explicit scheme's must shrink with the elements.
     options : tuple of (str, value)
         Further options of the discretisation. With a `tolerance` the error drives the step, and `steps` is not used.
+    own : tuple of (str, value)
+        Keyword arguments that only these solvers have.
     """
 
     element: str
@@ -55,6 +57,7 @@ class Scheme:
     meshes: tuple[Mesh, ...]
     steps: Callable[[Mesh], tuple[float, ...]]
     options: tuple[tuple[str, Any], ...] = ()
+    own: tuple[tuple[str, Any], ...] = ()
 
     def steps_on(self, mesh: Mesh, wanted: tuple[float, ...] | None) -> tuple[float, ...]:
         """Steps on a mesh, s: those the user wants, or its own; one NaN where a tolerance drives them."""
@@ -161,7 +164,7 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
             cases += product(
                 base.scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
                 quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.duration,
-                output_dt=base.interval, options=scheme.options,
+                output_dt=base.interval, options=scheme.options, own=scheme.own,
             )  # fmt: skip
     return cases
 

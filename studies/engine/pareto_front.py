@@ -34,6 +34,18 @@ def front(points: Iterable[Point]) -> list[Point]:
     return kept
 
 
+def cost_at(points: Iterable[Measured], error: float) -> float:
+    """CPU time of the front at an error, s, interpolated in logarithms; NaN below its smallest error.
+
+    Above its largest error its cheapest point counts.
+    """
+    line = front(points)
+    if not line or line[-1].error > error:
+        return float("nan")
+    x, y = np.log([p.error for p in line][::-1]), np.log([p.cpu_s for p in line][::-1])
+    return float(np.exp(np.interp(np.log(error), x, y)))
+
+
 def excess(rows: pd.DataFrame) -> pd.Series:
     """How many times the cost of the cheapest row of no larger error each row has: 1 on the front, else more.
 

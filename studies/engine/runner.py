@@ -54,6 +54,8 @@ class Trial:
     options : tuple of (str, value)
         Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
         of `dt`, which is then NaN.
+    own : tuple of (str, value)
+        Keyword arguments of the solver that no other has; not for statics.
     """
 
     scene: Scene
@@ -66,6 +68,7 @@ class Trial:
     t_end: float = 0.0
     output_dt: float = 0.0
     options: tuple[tuple[str, Any], ...] = ()
+    own: tuple[tuple[str, Any], ...] = ()
 
     @property
     def by_body(self) -> int | dict[str, int]:
@@ -96,7 +99,7 @@ class Trial:
     def solve(self, solver: Solver) -> Solution:
         """Run it with a solver already found by name."""
         if self.integrator != STATIC:
-            return solver(self.scene, self.run())
+            return solver(self.scene, self.run(), **dict(self.own))
         return static_of(self.solver, solver)(
             self.scene,
             mesh=self.by_body,
@@ -309,7 +312,7 @@ class Runner:
 
     def _run(self, case: Trial, solver: Solver, k: int) -> Solution:
         try:
-            kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator)
+            kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator, case.own)
             with undisturbed():
                 if kind not in self._warm:
                     case.warm_up(solver)

@@ -5,6 +5,8 @@ from typing import Any
 
 import pandas as pd
 
+from studies.engine.choices import NONE
+
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit"}
@@ -31,7 +33,13 @@ def setting_of(line: Mapping[Any, Any]) -> str:
     rule = "" if line["quadrature"] in ("full", "-") else f" (quadrature {line['quadrature']})"
     step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt = {1e3 * line['dt']:.3g} ms"
     kind = STEPPING.get(line["integrator"], line["integrator"])
-    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}, {step}"
+    own = "" if (said := own_of(line)) == NONE else f", {said}"
+    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}, {step}{own}"
+
+
+def own_of(line: Mapping[Any, Any]) -> str:
+    """Keyword arguments that only the solver of a row has, as Python writes them; "-" without any."""
+    return str(line.get("own", NONE))
 
 
 def milliseconds(cpu_s: float) -> str:

@@ -7,21 +7,27 @@ from math import ceil
 from anctmm.elements.kinds import QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
+from anctmm.solvers.capabilities import NEWTON_TOLERANCES
+from studies.engine.choices import choices_of
 from studies.engine.dynamics import Fine, Plan, Scheme
 from studies.engine.runner import Mesh, Reference
 from studies.engine.setting import stable_step
 from studies.scenes import cantilever_fall, four_bar
 
-STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Target errors of the built-in scenes.
 WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
-#: Newton's tolerances: one that stops as soon as the step's error allows, and one near rounding.
-LOOSE, TIGHT = 1e-3, 1e-7
+#: Steps that every solver tries, s; of a quick run.
+STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
+#: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
+LOOSE, TIGHT = NEWTON_TOLERANCES[0], NEWTON_TOLERANCES[-1]
 #: Errors in time asked of the error-controlled steps.
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
-#: An explicit run is tried where elements times steps do not exceed this: some 0.3 s of ANC-TMM, 1 s of a peer.
-MOST_EXPLICIT, MOST_EXPLICIT_PEER = 4e6, 1e6
+#: An explicit run is tried where elements times steps do not exceed this: some 0.15 s of ANC-TMM, 2 s of a peer.
+MOST_EXPLICIT = 2e6
 IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
+#: Who makes implicit steps with each element.
+CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
+SHEAR_SOLVERS = "anctmm", "global-dae", "exudyn-reissner"
 #: No further sample of a run is taken in the sweep after that long, s: what is near the front runs again anyway.
 SAMPLED = 0.1
 #: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
@@ -59,11 +65,6 @@ class Ladder:
     quick_steps: tuple[float, ...] = QUICK_STEPS
     wishes: tuple[float, ...] = WISHES
 
-    @property
-    def peer_steps(self) -> tuple[float, ...]:
-        """Of the slower solvers the finest step is left out: their errors are those of ours."""
-        return self.steps[:-1] or self.steps
-
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
         return Plan(self._few() if quick else self._all(), self.references, SAMPLED)
@@ -71,10 +72,10 @@ class Ladder:
     def _all(self) -> tuple[Scheme, ...]:
         schemes: list[Scheme] = []
         for quadrature in QUADRATURES:
-            schemes += self._implicit("cable", quadrature, self.cable, ("exudyn-cable",))
+            schemes += self._implicit("cable", quadrature, self.cable, CABLE_SOLVERS, self.steps)
             schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
             schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
-        schemes += self._implicit("shear", "full", self.shear, ("exudyn-reissner",))
+        schemes += self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.steps)
         schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
         schemes += self._explicit("shear", "full", self.shear, ("global-dae",))
         dense = ("global-dae-dense",)
@@ -82,16 +83,14 @@ class Ladder:
         return tuple(schemes)
 
     def _implicit(
-        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], exudyn: tuple[str, ...]
-    ) -> list[Scheme]:
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], solvers: tuple[str, ...],
+        steps: tuple[float, ...],
+    ) -> list[Scheme]:  # fmt: skip
+        """The same meshes and steps for every solver, each with all that it says it can choose beside them."""
         return [
-            *(
-                _scheme(element, quadrature, IMPLICIT, (solver,), meshes, steps, newton)
-                for solver, steps in (("anctmm", self.steps), ("global-dae", self.peer_steps))
-                for newton in (LOOSE, TIGHT)
-            ),
-            # Exudyn bounds residuals by tolerances of its own
-            Scheme(element, quadrature, IMPLICIT, exudyn, meshes, lambda mesh: self.peer_steps),
+            Scheme(element, quadrature, IMPLICIT, (solver,), meshes, lambda mesh: steps, shared, own)
+            for solver in solvers
+            for shared, own in choices_of(solver)
         ]
 
     def _controlled(
@@ -108,10 +107,8 @@ class Ladder:
     def _explicit(
         self, element: str, quadrature: str, meshes: tuple[Mesh, ...], peers: tuple[str, ...]
     ) -> list[Scheme]:
-        return [
-            Scheme(element, quadrature, EXPLICIT, solvers, meshes, self._stable(element, quadrature, most))
-            for solvers, most in ((("anctmm",), MOST_EXPLICIT), (peers, MOST_EXPLICIT_PEER))
-        ]
+        steps = self._stable(element, quadrature, MOST_EXPLICIT)
+        return [Scheme(element, quadrature, EXPLICIT, ("anctmm", *peers), meshes, steps)]
 
     def _stable(self, element: str, quadrature: str, most: float) -> Callable[[Mesh], tuple[float, ...]]:
         """The largest safe explicit step that divides the output's interval, and half of it: it hardly matters."""
@@ -131,10 +128,9 @@ class Ladder:
         return steps
 
     def _few(self) -> tuple[Scheme, ...]:
-        steps, peers = self.quick_steps, ("global-dae", "exudyn-cable")
+        steps = self.quick_steps
         return (
-            _scheme("cable", "lobatto", IMPLICIT, ("anctmm",), self.cable, steps, LOOSE),
-            _scheme("cable", "lobatto", IMPLICIT, ("anctmm", *peers), self.cable[:2], steps[:1], TIGHT),
+            *self._implicit("cable", "lobatto", self.cable, CABLE_SOLVERS, steps),
             *self._controlled("cable", "lobatto", self.cable[1:2], (3e-3,)),
             Scheme(
                 "cable",

@@ -14,12 +14,13 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
+from studies.engine.choices import read as read_own
 from studies.engine.files import check_checksum
 from studies.engine.runner import Trial
 from studies.engine.study import Result
 from studies.engine.timing import undisturbed
 from studies.scenes import base_of, moving_scenes
-from studies.trade.choice import kinds_of, milliseconds, reaching, setting_of
+from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of
 from studies.trade.snippet import snippet, snippet_of_file
 
 #: Runs of a rerun; its time is their median.
@@ -261,6 +262,7 @@ def case_of(line: Mapping[Any, Any], base: Case) -> Trial:
         base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
         element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
         integrator=str(line["integrator"]), dt=step, t_end=base.duration, output_dt=base.interval, options=options,
+        own=read_own(own_of(line)),
     )  # fmt: skip
 
 
@@ -269,8 +271,8 @@ def script(line: Mapping[Any, Any], origin: Origin | None = None) -> str:
     origin = origin or Origin.of(line)
     case, trial = origin.case, case_of(line, origin.case)
     if origin.file:
-        return snippet_of_file(origin.file, case.name, trial.run(), trial.solver, case.probes)
-    return snippet(case.scene, trial.run(), trial.solver, case.probes)
+        return snippet_of_file(origin.file, case.name, trial.run(), trial.solver, case.probes, own_of(line))
+    return snippet(case.scene, trial.run(), trial.solver, case.probes, own_of(line))
 
 
 def rerun(

@@ -9,6 +9,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
 from anctmm.model.scene import Pin, Probe, Scene, Weld
 from anctmm.model.sections import Circle, Rectangle, Section
+from studies.engine.choices import NONE
 
 WIDTH = 100
 #: Written even where they are the defaults: what a reader looks for first.
@@ -19,7 +20,7 @@ class SnippetError(AnctmmError, ValueError):
     """Something cannot be written as code."""
 
 
-def snippet(scene: Scene, run: Discretisation, solver: str, probes: Sequence[Probe]) -> str:
+def snippet(scene: Scene, run: Discretisation, solver: str, probes: Sequence[Probe], own: str = NONE) -> str:
     """A script that runs a scene and leaves `solution`.
 
     Parameters
@@ -31,29 +32,35 @@ def snippet(scene: Scene, run: Discretisation, solver: str, probes: Sequence[Pro
         Registered name.
     probes : sequence of str or (body, fraction)
         Whose last places are printed.
+    own : str
+        Keyword arguments that only this solver has, as Python writes them; "-" without any.
 
     Raises
     ------
     SnippetError
         If the scene has a plain function, which has no text.
     """
-    return _script([], f"scene = {code(scene)}", run, solver, probes)
+    return _script([], f"scene = {code(scene)}", run, solver, probes, own)
 
 
-def snippet_of_file(file: str, case: str, run: Discretisation, solver: str, probes: Sequence[Probe]) -> str:
+def snippet_of_file(
+    file: str, case: str, run: Discretisation, solver: str, probes: Sequence[Probe], own: str = NONE
+) -> str:
     """A script that runs a case of a user's file and leaves `solution`; parameters as of `snippet`."""
     imports = ["from studies.cases import find_case"]
-    return _script(imports, f"scene = find_case({_text(file)}, {_text(case)}).scene", run, solver, probes)
+    return _script(
+        imports, f"scene = find_case({_text(file)}, {_text(case)}).scene", run, solver, probes, own
+    )
 
 
 def _script(
-    imports: Sequence[str], scene: str, run: Discretisation, solver: str, probes: Sequence[Probe]
+    imports: Sequence[str], scene: str, run: Discretisation, solver: str, probes: Sequence[Probe], own: str
 ) -> str:
     ours = solver == "anctmm"
     solve = "at.solve" if ours else f"registry.solver({_text(solver)})"
     imports = ["import anctmm as at", *([] if ours else ["from anctmm.solvers import registry"]), *imports]
     lines = [
-        *imports, "", scene, f"run = {code(run)}", f"solution = {solve}(scene, run)",
+        *imports, "", scene, f"run = {code(run)}", f"solution = {solve}(scene, run{'' if own == NONE else f', {own}'})",
         'print(f"{solution.status}: {1e3 * solution.cost.cpu_s:.3g} ms")',
         *(f"print({_place(probe)}, solution.position({_place(probe)})[-1])" for probe in probes),
     ]  # fmt: skip

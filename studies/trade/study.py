@@ -10,6 +10,7 @@ import pandas as pd
 from anctmm.model.case import Case
 from anctmm.results.solution import Cost
 from studies.cases import assumptions_of
+from studies.engine.choices import written
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.files import file_name
 from studies.engine.pareto_front import NEAR, excess
@@ -38,9 +39,9 @@ from studies.trade.tables import (
 ROUNDS = {False: 7, True: 2}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
-    "newton_tolerance", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error", "step_error",
-    "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s", "repeats", "in_turn", "excess",
-    "status", "reference",
+    "newton_tolerance", "own", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error",
+    "step_error", "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s", "repeats",
+    "in_turn", "excess", "status", "reference",
 )  # fmt: skip
 
 
@@ -115,8 +116,9 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
 def time_again(
     swept: Sweep, frame: pd.DataFrame, rounds: int, runner: Runner
 ) -> Mapping[int, Sequence[Cost]]:
-    """Costs of the settings near the front, which take their samples in turn; by their row."""
-    chosen = frame.index[excess(frame) <= NEAR]
+    """Costs of the settings near the front of their solver, which take their samples in turn; by their row."""
+    near = pd.concat([excess(own) for _, own in frame.groupby("solver", sort=False)]) <= NEAR
+    chosen = near.index[near].sort_values()
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
     def sampler(case: Trial) -> Callable[[], Cost]:
@@ -131,9 +133,10 @@ def time_again(
     return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
 
 
-def _asked(case: Trial) -> dict[str, float]:
+def _asked(case: Trial) -> dict[str, Any]:
     asked = dict(case.options)
-    return {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
+    bounds = {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
+    return bounds | {"own": written(case.own)}
 
 
 def _samples(outcome: Outcome, costs: Sequence[Cost]) -> list[dict[str, Any]]:

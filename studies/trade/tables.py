@@ -2,19 +2,21 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from math import isfinite, nan
+from typing import Any, NamedTuple
 
 import pandas as pd
 
 from anctmm.model.case import Case
 from anctmm.results.metrics import compare
+from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
-from studies.engine.pareto_front import NEAR
+from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.runner import Reference
 from studies.engine.tables import BUILD, Table, failed, times
 from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
-from studies.trade.plan import MOST_EXPLICIT, MOST_EXPLICIT_PEER, WISHES
+from studies.trade.plan import MOST_EXPLICIT, WISHES
 
 #: The target error that sentences speak of, or else the smallest.
 WISH = 1e-3
@@ -24,7 +26,7 @@ FOUND = (
 )  # fmt: skip
 #: What tells a setting from another.
 SETTING = (
-    "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance",
+    "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own",
 )  # fmt: skip
 
 
@@ -50,11 +52,14 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
         "mesh_error: of that run against the reference; error_from: the one more than twice the other. The two may "
         "cancel in part; a loose Newton tolerance counts as the step's.",
         "dt, or tolerance where the error drives the step. Explicit runs at 0.8 of the stability limit and at half of "
-        f"that, where elements × steps are at most {MOST_EXPLICIT:g} ({MOST_EXPLICIT_PEER:g} for peers).",
-        "newton_tolerance: bound of the last correction, 1e-3 or 1e-7; Exudyn bounds residuals by its own default, "
-        "1e-7 relative (with looser ones it gains up to a third: see the benchmark's equal error).",
-        f"cpu_s: of the steps, median of repeats; settings within {NEAR:g} times the front (in_turn) ran again in "
-        "turn, and the median is of these runs. excess: cost over that of the cheapest setting of no "
+        f"that, where elements × steps are at most {MOST_EXPLICIT:g}.",
+        "Every solver ran on the same meshes with the same steps and tried all that it says it can choose beside "
+        "them: newton_tolerance, the bound of the last correction "
+        f"({', '.join(f'{t:g}' for t in NEWTON_TOLERANCES)}); own, keyword arguments of its own (Exudyn: bounds of the "
+        "residual, relative and absolute in N, and when it takes a new tangent; its linear solver is the faster one of "
+        "that size).",
+        f"cpu_s: of the steps, median of repeats; settings within {NEAR:g} times their solver's front (in_turn) ran "
+        "again in turn, and the median is of these runs. excess: cost over that of the cheapest setting of no "
         "larger error: 1 on the front.",
         BUILD,
         REISSNER,
@@ -92,6 +97,8 @@ def by_rival(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
     for scene, mine in points.groupby("scene", sort=False):
         for wish in wishes:
             able = reaching(mine, wish)
+            at_error = {kind: cost_at(_priced(own), wish) for kind, own in mine.groupby(KIND, sort=False)}
+            least = min(filter(isfinite, at_error.values()), default=nan)
             for kind, own in mine.groupby(KIND, sort=False):
                 first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
                 about = {"scene": scene, "wished_error": wish, **dict(zip(KIND, kind, strict=True))}
@@ -104,18 +111,35 @@ def by_rival(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
                 rows.append(about | {
                     "setting": setting_of(line), "error": line["error"], "reference_error": line["reference_error"],
                     "cpu_s": line["cpu_s"], "build_s": line["build_s"],
-                    "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "status": "ok",
+                    "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "cpu_s_at_error": at_error[kind],
+                    "ratio_at_error": at_error[kind] / least, "status": "ok",
                 })  # fmt: skip
     columns = [
         "scene", "wished_error", *KIND, "setting", "error", "reference_error", "cpu_s", "build_s", "ratio",
-        "status",
+        "cpu_s_at_error", "ratio_at_error", "status",
     ]  # fmt: skip
     frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
     frame = frame.sort_values(
         ["scene", "wished_error", "ratio"], ascending=[False, False, True], kind="stable"
     )
-    said = ("ratio: cost over that of the cheapest setting of all kinds for that error.",)
+    said = (
+        "ratio: cost of the setting over that of the cheapest setting of all kinds for that error.",
+        "cpu_s_at_error: cost of exactly that error, interpolated between the neighbours on the kind's own front in "
+        "logarithms of error and cost, as the benchmark's equal error is; ratio_at_error: over the cheapest kind's. "
+        "These do not depend on which errors the meshes and steps tried happen to have.",
+    )
     return Table("by_rival", "The cheapest of each kind: why", frame.reset_index(drop=True), said)
+
+
+class _Priced(NamedTuple):
+    error: float
+    cpu_s: float
+
+
+def _priced(rows: pd.DataFrame) -> list[_Priced]:
+    """Errors and times of the rows that have both."""
+    sound = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
+    return [_Priced(float(e), float(c)) for e, c in zip(sound["error"], sound["cpu_s"], strict=True)]
 
 
 def on_front(points: pd.DataFrame) -> pd.DataFrame:
@@ -184,7 +208,8 @@ def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
 def _against(rivals: pd.DataFrame, wish: float) -> str:
     """How much more the other kinds cost, as a range over the scenes."""
     # the cheapest itself, of ratio 1, is none of the others
-    sound = rivals[(rivals["wished_error"] == wish) & (rivals["status"] == "ok") & (rivals["ratio"] > 1.0)]
+    others = (rivals["ratio"] > 1.0) & (rivals["ratio_at_error"] > 1.0)
+    sound = rivals[(rivals["wished_error"] == wish) & (rivals["status"] == "ok") & others]
     own = sound["solver"] == "anctmm"
     kinds = {
         "explicit steps": own & (sound["stepping"] == "explicit") & (sound["element"] == "cable"),
@@ -195,7 +220,7 @@ def _against(rivals: pd.DataFrame, wish: float) -> str:
         "the sparse global solver": (sound["solver"] == "global-dae") & (sound["stepping"] == "implicit"),
         "Exudyn": (sound["solver"] == "exudyn-cable") & (sound["stepping"] == "implicit"),
     }
-    cheapest = {name: sound[mine].groupby("scene")["ratio"].min() for name, mine in kinds.items()}
+    cheapest = {name: sound[mine].groupby("scene")["ratio_at_error"].min() for name, mine in kinds.items()}
     parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
     return f"the cheapest of other kinds cost more: {', '.join(parts)} times" if parts else ""
 

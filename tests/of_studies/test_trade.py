@@ -1,6 +1,7 @@
 """The trade of error for time, quick: its numbers, its split of errors, and recommendations that are run again."""
 
 import re
+from collections import defaultdict
 from contextlib import redirect_stdout
 from dataclasses import replace
 from io import StringIO
@@ -13,7 +14,10 @@ from typer.testing import CliRunner
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
+from studies.benchmark.peers import EXUDYN, OURS
+from studies.benchmark.precision import races, settings
 from studies.cli import app
+from studies.engine.choices import choices_of, read, written
 from studies.engine.pareto_front import excess
 from studies.engine.runner import Runner
 from studies.engine.study import Options, Result, StudyError, find
@@ -22,6 +26,7 @@ from studies.report.plots import picture, tell
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
 from studies.trade import recommend
 from studies.trade.choice import milliseconds, reaching, setting_of
+from studies.trade.plan import ladders
 from studies.trade.snippet import SnippetError, code, snippet
 from studies.trade.split import weigh
 
@@ -68,7 +73,10 @@ def test_errors_and_where_they_come_from(points, scene, elements, dt, error, sou
 
 
 def test_every_way_to_step_and_every_peer_takes_part(points):
-    assert set(points["status"]) == {"ok"}
+    # an ordinary Newton iteration that stops early may end a run of the global DAE
+    early = (points["solver"] == "global-dae") & (points["newton_tolerance"] == 1e-3)
+    assert set(points[~early]["status"]) == {"ok"}
+    assert (points[early]["status"] == "ok").sum() > 10
     assert set(points["solver"]) == {"anctmm", "global-dae", "exudyn-cable"}
     assert set(points["integrator"]) == {"zhai", "generalized-alpha"}
     controlled = points[points["tolerance"] > 0]
@@ -82,9 +90,10 @@ def test_mesh_and_step_errors_add_up_to_no_less_than_the_error(points):
     assert len(known) > 20
     assert (known["error"] <= 1.02 * (known["mesh_error"] + known["step_error"])).all()
     # a solver with the same elements, mesh and step has the same two errors
-    same = known[
-        (known["dt"] == 5e-3) & (known["newton_tolerance"] == 1e-7) & (known["scene"] == "cantilever-fall")
-    ]
+    tight = (known["newton_tolerance"] == 1e-7) | (
+        (known["solver"] == "exudyn-cable") & (known["own"] == "-")
+    )
+    same = known[(known["dt"] == 5e-3) & tight & (known["scene"] == "cantilever-fall")]
     for _, group in same.groupby("elements"):
         assert len(group) == 3
         assert np.ptp(group["step_error"]) < 0.02 * group["error"].max()
@@ -121,7 +130,8 @@ def test_tables_and_sentences_come_from_the_points(result, points):
 def test_pictures_have_a_text_for_every_setting(result, points):
     for shown in result.pictures[::2]:
         scene = shown.name.removeprefix("front_")
-        assert shown.svg.count("<title>") == (points["scene"] == scene).sum()
+        drawn = points[(points["scene"] == scene) & (points["error"] > 0.0)]
+        assert shown.svg.count("<title>") == len(drawn)
         assert "reference's own uncertainty" in shown.svg
         assert "tips:" not in shown.svg
 
@@ -144,6 +154,44 @@ def test_meshes_are_given_to_the_scenes_they_fit(tmp_path):
     found = find("trade")(only, Runner(None, repeats=1)).table("points").frame
     assert set(found["scene"]) == {"four-bar"}
     assert set(found["elements"]) == {"1/3/1"}
+
+
+@pytest.mark.parametrize("quick", [False, True])
+@pytest.mark.parametrize("element", ["cable", "shear"])
+def test_every_solver_has_every_freedom(element, quick):
+    for ladder in ladders(quick):
+        tried, chosen = defaultdict(set), defaultdict(set)
+        for s in ladder.plan(quick).schemes:
+            if (
+                s.element == element
+                and s.integrator == "generalized-alpha"
+                and "tolerance" not in dict(s.options)
+            ):
+                for solver in set(s.solvers) - {"global-dae-dense"}:
+                    tried[solver] |= {(s.quadrature, m, dt) for m in s.meshes for dt in s.steps(m)}
+                    chosen[solver] |= {(s.options, s.own)}
+        if quick and element == "shear":
+            continue  # a quick run has our own shear elements alone
+        assert len(tried) == 3
+        ours = tried.pop("anctmm")
+        assert all(settings == ours for settings in tried.values())
+        assert all(len(choices) >= len(chosen["anctmm"]) > 1 for choices in chosen.values())
+        assert all(chosen[solver] == set(choices_of(solver)) for solver in chosen)
+
+
+def test_the_benchmark_tries_the_same_choices():
+    race = races(True)[0]
+    for solver in (OURS, EXUDYN):
+        implicit = [s for s in settings(race, solver, True) if s.integrator == "generalized-alpha"]
+        assert {(s.shared, s.own) for s in implicit} == set(choices_of(solver))
+
+
+def test_keyword_arguments_are_written_and_read_alike():
+    for _, own in choices_of("exudyn-cable"):
+        assert read(written(own)) == own
+    for wrong in ("tolerances", "1", "**a", "f(", "a=b"):
+        with pytest.raises(ValueError, match=r"keyword arguments|malformed"):
+            read(wrong)
 
 
 # --- recommendations -----------------------------------------------------------------------------------------
