@@ -14,9 +14,9 @@ from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
 from anctmm.model.bodies import beam_of
+from anctmm.model.initial_motion.start import check_rigid_start
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.model.start import check_rigid_start
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer, uncombined

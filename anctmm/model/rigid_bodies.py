@@ -6,7 +6,7 @@ from math import hypot
 from typing import Any, final
 
 from anctmm.errors import PropertyError, reason, shown
-from anctmm.model.velocities import Point
+from anctmm.model.initial_motion.velocities import Point
 from anctmm.validation import LONGEST, FrozenMapping, number, positive, text, vector
 
 #: The point that every rigid body and point mass has: its centre of mass.

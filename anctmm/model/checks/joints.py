@@ -15,7 +15,7 @@ from anctmm.errors import (
     shown,
     unknown_kind,
 )
-from anctmm.model.guide_checks import check_guides
+from anctmm.model.checks.guides import check_guides
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import End, Place, place_text
 from anctmm.model.topology import Graph, Sets

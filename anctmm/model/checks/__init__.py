@@ -1,0 +1,1 @@
+"""Whether what a scene holds fits together."""
