@@ -4,8 +4,8 @@ Bodies stand in the order of elimination and in the direction in which they are 
 node of its own, also where ends are joined.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TypeGuard
 
@@ -21,6 +21,7 @@ from anctmm.discretise.maps import add_force, constant_forces_on
 from anctmm.discretise.mesh import passed_meshes
 from anctmm.discretise.plan import WELD, Kept, Plan, plan_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
+from anctmm.discretise.segments import Segments
 from anctmm.discretise.vertices import Vertex, vertices_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
@@ -53,7 +54,7 @@ class Chain:
     Raises
     ------
     MeshError
-        If the discretisation does not fit the scene's bodies.
+        If the discretisation does not fit the scene's bodies, or a joint is where no node lies.
     UnsupportedError
         If the scene needs what ANC-TMM lacks.
     DiscretisationError
@@ -67,10 +68,10 @@ class Chain:
 
     def __post_init__(self) -> None:
         refuse(self.scene, LACKING, "ANC-TMM")
-        kinds = self.run.of(self.scene)
-        for joint in self.scene.joints:
+        kinds = self.segments.run.of(self.parts)
+        for joint in self.parts.joints:
             if isinstance(joint, Weld):
-                bodies = [self.scene.place(end).body for end in joint.ends]
+                bodies = [self.parts.place(end).body for end in joint.ends]
                 names = [
                     body.name for body in bodies if isinstance(body, Beam) and body.name not in self.rigid
                 ]
@@ -82,28 +83,45 @@ class Chain:
                         f"a weld needs one kind on both sides, or kinds whose nodes have the same vectors "
                         f"(a pin does not)"
                     )
-        check_rigid_loops(self.scene, self.rigid)
+        check_rigid_loops(self.parts, self.rigid)
+
+    @cached_property
+    def segments(self) -> Segments:
+        """Beams cut at the joints between their ends."""
+        return Segments(self.scene, self.run)
+
+    @property
+    def parts(self) -> Scene:
+        """The scene as it is passed: where joints act between the ends of beams, their parts are bodies."""
+        return self.segments.scene
+
+    def coarser(self, most: int) -> "Chain":
+        """The same scene with so many elements of each body, or of each part of it, at most."""
+        run = self.segments.run
+        mesh = {name: min(elements, most) for name, (elements, _) in run.of(self.parts).items()}
+        return Chain(self.parts, replace(run, mesh=mesh))
 
     @cached_property
     def junctions(self) -> tuple[Junction, ...]:
         """Places where ends meet."""
-        return junctions_of(self.scene)
+        return junctions_of(self.parts)
 
     @cached_property
     def vertices(self) -> list[Vertex]:
         """Junctions, less what the ground holds apart."""
-        return vertices_of(self.scene, self.junctions, self.rigid)
+        return vertices_of(self.parts, self.junctions, self.rigid)
 
     @cached_property
     def plan(self) -> Plan:
         """Order and links of the bodies."""
-        nodes = {body.name for body in self.scene.bodies if isinstance(body, PointMass)} | self.rigid.keys()
-        return plan_of([body.name for body in self.scene.bodies], self.vertices, nodes)
+        nodes = {body.name for body in self.parts.bodies if isinstance(body, PointMass)} | self.rigid.keys()
+        return plan_of([body.name for body in self.parts.bodies], self.vertices, nodes)
 
     @cached_property
     def bodies(self) -> Bodies:
         """Bodies in the order and direction in which they are passed."""
-        return Bodies(passed_meshes(self.scene, self.run, [(s.body, s.reversed) for s in self.plan.steps]))
+        passed = [(step.body, step.reversed) for step in self.plan.steps]
+        return Bodies(passed_meshes(self.parts, self.segments.run, passed))
 
     @cached_property
     def kept(self) -> KeptUnknowns:
@@ -113,10 +131,10 @@ class Chain:
     @cached_property
     def rigid(self) -> dict[str, None]:
         """Names of the rigid bodies, beams without strain among them, in the order of the scene."""
-        cut = self.run.of(self.scene)
+        cut = self.segments.run.of(self.parts)
         return {
             body.name: None
-            for body in self.scene.bodies
+            for body in self.parts.bodies
             if isinstance(body, RigidBody) or (body.name in cut and kind_of(cut[body.name][1]).rigid)
         }
 
@@ -194,7 +212,7 @@ class Chain:
     def _does_not_turn(self, junction: Junction, group: tuple[End, ...]) -> bool:
         """Whether a prismatic joint in the ground holds the gradients of a group."""
         return any(
-            isinstance(guide, Prismatic) and guide.body is None and end_of(self.scene, guide.place) in group
+            isinstance(guide, Prismatic) and guide.body is None and end_of(self.parts, guide.place) in group
             for guide in junction.guides
         )
 
@@ -202,7 +220,7 @@ class Chain:
     def dead_load(self) -> Array:
         """Gravity and constant forces, (rows, nodes), N."""
         f = self.bodies.weight()
-        for vector, force in constant_forces_on(self.scene, self.bodies):
+        for vector, force in constant_forces_on(self.parts, self.bodies):
             add_force(vector, force, f)
         return f
 
@@ -246,6 +264,22 @@ class Chain:
             shared = [(0, [end for group in vertex.groups for end in group])]
             shared += [(row, list(g)) for g in vertex.groups for row in range(2, self.bodies.rows, 2)]
             yield from ((row, ends) for row, ends in shared if len(ends) > 1)
+
+    def by_body(self, flat: Array) -> dict[str, Array]:
+        """(…, rows, nodes) → (…, nodes, vectors, 2) of every body of the scene, in the body's own direction."""
+        return self.segments.joined(self.bodies.by_body(flat))
+
+    def flat(self, fields: Mapping[str, Array]) -> Array:
+        """One state, (rows, nodes), from the coordinates of every body, (nodes, vectors, 2), in its own direction."""
+        parts = self.segments.cut(fields)
+        meshes = self.bodies.meshes
+        return self.bodies.flat([mesh.unflipped(parts[mesh.body.name][:, : mesh.vectors]) for mesh in meshes])
+
+    def element_at(self, node: int) -> tuple[str, int]:
+        """Body of the scene and element, counted from the body's start, next to a node."""
+        name, element = self.bodies.element_at(node)
+        body, first = self.segments.owner(name)
+        return body, first + element
 
     @property
     def length(self) -> float:

@@ -121,8 +121,8 @@ class Situated(Protocol):
     """What is asked of a chain here."""
 
     @property
-    def scene(self) -> Scene:
-        """The scene."""
+    def parts(self) -> Scene:
+        """The scene as it is passed."""
         ...
 
     @property
@@ -213,7 +213,7 @@ class _Writer:
 
     def _hinge(self, weld: Weld, junction: Junction) -> None:
         """A driven hinge: the second direction is the first one, turned."""
-        first, second = (self._carrier(end_of(self.chain.scene, place), junction) for place in weld.ends)
+        first, second = (self._carrier(end_of(self.chain.parts, place), junction) for place in weld.ends)
         if first[0] in self.rigid and second[0] in self.rigid:
             row = _across(self._turned(self._direction(first), weld), self._direction(second))
             self.found.add(f"the driven weld at {place_text(second)}", second[0], row)
@@ -232,7 +232,7 @@ class _Writer:
 
     def _guide(self, guide: Slider | Prismatic, junction: Junction) -> None:
         """A place stays on a line, or moves on it as it is driven; a prismatic joint holds the direction, too."""
-        end = end_of(self.chain.scene, guide.place)
+        end = end_of(self.chain.parts, guide.place)
         along = complex(*guide.direction)
         away = _sum(self._place(end, junction), self._origin(guide, end), -1.0)
         line: Vector = {(ALWAYS, ONE): along}
@@ -268,7 +268,7 @@ class _Writer:
 
     def _origin(self, guide: Slider | Prismatic, end: End) -> Vector:
         """The point of the line where the place is in the reference."""
-        reference = self.chain.scene.place(guide.place).position
+        reference = self.chain.parts.place(guide.place).position
         if guide.body is None:
             return {(ALWAYS, ONE): complex(*reference)}
         return self._point(guide.body, complex(*reference))
@@ -284,10 +284,10 @@ class _Writer:
         return _sum(_vector(r), _times(_vector(t), reference - complex(*q)), 1.0)
 
     def _position(self, end: End) -> Vector:
-        return self._point(end[0], complex(*self.chain.scene.body(end[0]).position_at(end[1])))  # type: ignore[arg-type]
+        return self._point(end[0], complex(*self.chain.parts.body(end[0]).position_at(end[1])))  # type: ignore[arg-type]
 
     def _reference(self, end: End) -> Vector:
-        return {(ALWAYS, ONE): complex(*self.chain.scene.body(end[0]).position_at(end[1]))}  # type: ignore[arg-type]
+        return {(ALWAYS, ONE): complex(*self.chain.parts.body(end[0]).position_at(end[1]))}  # type: ignore[arg-type]
 
     def _place(self, end: End, junction: Junction) -> Vector:
         """Where a junction is."""

@@ -29,8 +29,8 @@ class Passed(Protocol):
     """What is asked of a scene in the order of elimination; `anctmm.discretise.chain.Chain` has it."""
 
     @property
-    def scene(self) -> Scene:
-        """The scene."""
+    def parts(self) -> Scene:
+        """The scene as it is passed."""
         ...
 
     @property

@@ -8,6 +8,7 @@ DONE = {
     "rotational-springs",
     "driven-springs",
     "laws",
+    "interior-joints",
     "interior-loads",
     "follower-forces",
     "line-loads",

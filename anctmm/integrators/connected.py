@@ -23,9 +23,9 @@ class Connected:
     """
 
     def __init__(self, chain: Chain) -> None:
-        actuation = Actuation(chain.scene, chain.bodies)
+        actuation = Actuation(chain.parts, chain.bodies)
         self.chain = chain
-        self.connectors = actuation.loads().connectors if chain.scene.connectors else None
+        self.connectors = actuation.loads().connectors if chain.parts.connectors else None
         self.values = actuation.load_table(np.zeros(1))[0]
 
     def subtract(self, q: Array, at: Array, damping: bool, out: Array) -> None:

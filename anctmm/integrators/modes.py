@@ -21,7 +21,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 from anctmm.discretise.assembly import resist
 from anctmm.discretise.chain import Chain, Joined
 from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.elements.kinds import check_kinds, flexible
+from anctmm.elements.kinds import check_kinds, flexible, kind_of
 from anctmm.errors import DiscretisationError, SolverError, shown
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -161,14 +161,14 @@ def modes(
     values, vectors = problem.symmetric_modes(count) if problem.symmetric else problem.general_modes(count)
     rates = np.abs(values)
     fields = np.stack([_normalised(problem.spread(x)) for x in vectors.T])
-    real, imaginary = chain.bodies.by_body(fields.real), chain.bodies.by_body(fields.imag)
+    real, imaginary = chain.by_body(fields.real), chain.by_body(fields.imag)
     return Modes(
         scene,
         run,
         np.abs(values.imag) / (2.0 * np.pi),
         np.divide(-values.real, rates, out=np.zeros(count), where=rates > 0.0),
         {name: real[name] + 1j * imaginary[name] for name in real},
-        chain.bodies.by_body(q),
+        chain.by_body(q),
     )
 
 
@@ -344,14 +344,13 @@ def _last(chain: Chain, about: Solution) -> Array:
         raise DiscretisationError(
             f"about is {shown(about)}; a solution of scene {chain.scene.name!r} with an output is needed"
         )
-    fields = []
-    for mesh in chain.bodies.meshes:
-        found = about.fields[mesh.body.name]
-        shape = (mesh.nodes, mesh.vectors, 2)
+    fields = dict[str, Array]()
+    for name, (elements, kind) in chain.run.of(chain.scene).items():
+        found = about.fields[name]
+        shape = (elements + 1, len(kind_of(kind).vectors), 2)
         if not isinstance(found, HermiteField) or found.coordinates.shape[1:] != shape:
             raise DiscretisationError(
-                f"about has another mesh or element of body {mesh.body.name!r}; {mesh.elements} of kind "
-                f"{mesh.kind.name!r} are needed"
+                f"about has another mesh or element of body {name!r}; {elements} of kind {kind!r} are needed"
             )
-        fields.append(mesh.unflipped(found.coordinates[-1]))
-    return chain.bodies.flat(fields)
+        fields[name] = found.coordinates[-1]
+    return chain.flat(fields)

@@ -76,7 +76,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     """
     if chain.plan.kept and chain.kept.constraints.names:
         return ()
-    bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.scene, chain.bodies)
+    bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.parts, chain.bodies)
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
     now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load

@@ -102,10 +102,10 @@ class Record:
         cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
         chain = self.chain
         q, static = self.q[:kept], t is not None
-        rates, second = ({}, {}) if static else (chain.bodies.by_body(x[:kept]) for x in (self.v, self.a))
+        rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
         fields = {
             name: _field(chain.scene.body(name), path, rates.get(name), second.get(name))
-            for name, path in chain.bodies.by_body(q).items()
+            for name, path in chain.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
         potential = _potential(q, light(chain, _reference), chain.dead_load)
@@ -158,7 +158,7 @@ def _dofs(chain: Chain) -> int:
 
 def actuation_of(chain: Chain) -> Actuation:
     """What acts on a chain in time."""
-    return Actuation(chain.scene, chain.bodies, chain.start)
+    return Actuation(chain.parts, chain.bodies, chain.start)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:
@@ -173,7 +173,7 @@ def _potential(q: Array, reference: Array, dead: Array) -> Array:
 def worst_element(chain: Chain, size: Array) -> tuple[str, int]:
     """Body and element next to the node of the largest (or first not finite) of sizes, (nodes,)."""
     bad = np.flatnonzero(~np.isfinite(size))
-    return chain.bodies.element_at(int(bad[0]) if bad.size else int(np.argmax(size)))
+    return chain.element_at(int(bad[0]) if bad.size else int(np.argmax(size)))
 
 
 def gradient_size(q: Array) -> Array:

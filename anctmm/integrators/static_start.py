@@ -61,10 +61,8 @@ def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
 
 def _flat(chain: Chain, rest: Solution, k: int) -> Array:
     """Coordinates of output k, (rows, nodes)."""
-    found = []
-    for mesh in chain.bodies.meshes:
-        field = rest.fields[mesh.body.name]
+    found = dict[str, Array]()
+    for name, field in rest.fields.items():
         assert isinstance(field, HermiteField | RigidField)  # what solve_static of ANC-TMM gives
-        coordinates = field.coordinates[k].reshape(mesh.nodes, -1, 2)[:, : mesh.vectors]
-        found.append(mesh.unflipped(coordinates))
-    return chain.bodies.flat(found)
+        found[name] = field.coordinates[k] if isinstance(field, HermiteField) else field.coordinates[k][None]
+    return chain.flat(found)

@@ -152,8 +152,8 @@ def integrate(chain: Chain) -> Solution:
     actuation, record = actuation_of(chain), Record(chain)
     actions = timeline(
         drives_of(chain, actuation),
-        varying_loads(chain.scene),
-        driven_connectors(chain.scene),
+        varying_loads(chain.parts),
+        driven_connectors(chain.parts),
         run.t_end,
         run.steps,
     )
@@ -238,7 +238,7 @@ def _march(
         np.zeros_like(state.q),
         np.zeros_like(state.q),
         np.zeros((2, drives, 3)),
-        np.zeros((2, histories - drives + has_clock(chain.scene), 2)),
+        np.zeros((2, histories - drives + has_clock(chain.parts), 2)),
         np.zeros(2),
         chain.start_coordinates(),
         np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),

@@ -61,7 +61,7 @@ class Parts(NamedTuple):
 
 def parts(chain: Chain, q: Array) -> Parts:
     """Arrays of a chain at coordinates q, (rows, nodes)."""
-    actuation = Actuation(chain.scene, chain.bodies)
+    actuation = Actuation(chain.parts, chain.bodies)
     return Parts(
         q,
         chain.dead_load,

@@ -18,20 +18,23 @@ def shift(t):
     return 0.1 * t**2, 0.2 * t, 0.2 + 0.0 * t
 
 
-def random_mechanism(seed, drives=True, most=7):
-    """A scene that the model takes, the same for the same seed."""
+def random_mechanism(seed, drives=True, most=7, inside=False):
+    """A scene that the model takes, the same for the same seed.
+
+    With `inside` bodies are joined to beams at half their length, too.
+    """
     for attempt in range(200):
         rng = np.random.default_rng([seed, attempt])
         try:
-            return _Builder(rng, drives).scene(f"mechanism {seed}", int(rng.integers(2, most)))
+            return _Builder(rng, drives, inside).scene(f"mechanism {seed}", int(rng.integers(2, most)))
         except AnctmmError:
             continue
     raise AssertionError(f"no mechanism of seed {seed} is sound")
 
 
 class _Builder:
-    def __init__(self, rng, drives):
-        self.rng, self.drives = rng, drives
+    def __init__(self, rng, drives, inside):
+        self.rng, self.drives, self.inside = rng, drives, inside
         self.places, self.ends, self.bodies = [self._point()], {0: []}, []
 
     def scene(self, name, count):
@@ -68,6 +71,9 @@ class _Builder:
             self.bodies.append(at.Beam(name, self.places[first], self.places[second], SECTION, MATERIAL))
             self.ends[first].append(f"{name}.start")
             self.ends[second].append(f"{name}.end")
+            if self.inside and self.rng.random() < 0.6:
+                self.places.append(self.bodies[-1].position_at(0.5))
+                self.ends[len(self.places) - 1] = [(name, 0.5)]
             return
         found = {first, *(self._place(False) for _ in range(int(self.rng.integers(1, 4))))}
         points = {f"p{i}": self.places[i] for i in sorted(found)}
@@ -77,9 +83,9 @@ class _Builder:
             self.ends[i].append(f"{name}.p{i}")
 
     def _joints(self, i):
-        rng, ends = self.rng, list(self.ends[i])
-        rng.shuffle(ends)
-        turning = [end for end in ends if not end.startswith("m")]
+        rng, ends = self.rng, self.ends[i]
+        ends = [ends[k] for k in rng.permutation(len(ends))]
+        turning = [end for end in ends if not str(end).startswith("m")]
         grounded = rng.random() < 0.2
         if len(ends) > 1:
             yield at.Pin(*ends, grounded=bool(grounded))

@@ -307,8 +307,7 @@ def _is_singular_on_any_mesh(search: LoadPath, factor: float) -> bool:
     chain = search.chain
     if chain.bodies.nodes < MANY:
         return True
-    mesh = {name: min(elements, COARSE) for name, (elements, _) in chain.run.of(chain.scene).items()}
-    coarse = LoadPath(Chain(chain.scene, replace(chain.run, mesh=mesh)))
+    coarse = LoadPath(chain.coarser(COARSE))
     if coarse.reach(factor) is not None:
         return False
     return stability_of(coarse.system, coarse.q, factor).kind == "singular"

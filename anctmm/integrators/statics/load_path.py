@@ -1,6 +1,5 @@
 """Newton's iteration on K_T along a growing load: an equilibrium near the one before, stable or not."""
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -128,8 +127,7 @@ class LoadPath:
         chain = self.chain
         if chain.bodies.nodes < MANY:
             return 0.0
-        coarse = {name: min(elements, 2) for name, (elements, _) in chain.run.of(chain.scene).items()}
-        stands = LoadPath(Chain(chain.scene, replace(chain.run, mesh=coarse)))._solve_error() < DOUBTFUL
+        stands = LoadPath(chain.coarser(2))._solve_error() < DOUBTFUL
         return self._solve_error() if stands else 0.0
 
     def _solve_error(self) -> float:

@@ -34,7 +34,7 @@ class StaticSystem:
     """
 
     def __init__(self, chain: Chain) -> None:
-        bodies, actuation = chain.bodies, Actuation(chain.scene, chain.bodies)
+        bodies, actuation = chain.bodies, Actuation(chain.parts, chain.bodies)
         self.chain = chain
         self.reference = bodies.reference()
         self.values = actuation.load_table(np.zeros(1))[0]

@@ -162,7 +162,7 @@ class Layout:
         body = self.rigid[place.body.name]
         if isinstance(body, PointMass):
             return Vector.of([(at, 1.0)])
-        x, y = body.arm(_point(place))
+        x, y = np.subtract(place.position, body.center).tolist()  # any place of a beam that is rigid
         return Vector(np.arange(at, at + 4), np.array([[1.0, 0.0, x, -y], [0.0, 1.0, y, x]]), np.zeros(2))
 
     def direction(self, place: Place) -> Vector:
@@ -224,11 +224,6 @@ class Layout:
         """Number of the x component of vector k (0 r, 1 r_x, 2 r_y) of a node."""
         assert self.beams is not None
         return 2 * int(self.beams.numbers[k, node])
-
-
-def _point(place: Place) -> str:
-    """Name of a point of a rigid body, also of a beam that is one."""
-    return place.key if isinstance(place.key, str) else ("start", "end")[int(place.key)]
 
 
 def _bar(beam: Beam) -> RigidBody:

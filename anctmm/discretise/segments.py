@@ -1,0 +1,264 @@
+"""Beams cut into parts where joints act between their ends: the recursion joins bodies at their ends alone.
+
+A node between the ends of a beam is where two parts of it are welded to each other. So a joint there is one of ends,
+and all that follows (plan, recursion, integrators) knows nothing of it; results are those of the whole beam again.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
+from anctmm.errors import MeshError, listed, shown, unknown_kind
+from anctmm.model.bodies import Beam, Body
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque
+from anctmm.model.places import SIDES, Place, Written
+from anctmm.model.scene import Scene, unchecked_scene
+from anctmm.model.velocities import Point
+
+Array = NDArray[np.float64]
+
+#: Distance of a place from a node, in elements, at which it is the node.
+AT_NODE = 1e-9
+#: Elements up to which a mesh is looked for that has the nodes needed.
+SEARCHED = 10_000
+#: How many such meshes a message names.
+NAMED = 3
+
+
+class Part(NamedTuple):
+    """A part of a beam: its name, and the first of its elements and that behind its last, from the beam's start."""
+
+    name: str
+    first: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Segments:
+    """A scene whose beams are cut at the joints between their ends.
+
+    Parameters
+    ----------
+    whole : Scene
+    whole_run : Discretisation
+
+    Raises
+    ------
+    MeshError
+        If a joint is where no node lies.
+    """
+
+    whole: Scene
+    whole_run: Discretisation
+
+    @cached_property
+    def parts(self) -> Mapping[str, tuple[Part, ...]]:
+        """Parts of each beam that is cut, from its start to its end."""
+        meshes, found = self.whole_run.of(self.whole), dict[str, tuple[Part, ...]]()
+        taken = {body.name for body in self.whole.bodies}
+        for name, places in _inside(self.whole).items():
+            elements, kind = meshes[name]
+            if kind_of(kind).rigid:
+                continue  # any of its places is one of a rigid body
+            edges = [0, *sorted(_nodes(self.whole.beam(name), elements, places)), elements]
+            found[name] = tuple(
+                Part(_unused(f"{name} from {a / elements:.6g} to {b / elements:.6g}", taken), a, b)
+                for a, b in pairwise(edges)
+            )
+        return found
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene of parts, welded to each other; the whole one where nothing is cut."""
+        if not self.parts:
+            return self.whole
+        whole = self.whole
+        welds = [
+            Weld(f"{one.name}.end", f"{two.name}.start")
+            for parts in self.parts.values()
+            for one, two in pairwise(parts)
+        ]
+        return unchecked_scene(
+            whole.name,
+            [piece for body in whole.bodies for piece in self._pieces(body)],
+            [*map(self._joint, whole.joints), *welds],
+            [piece for load in whole.loads for piece in self._loads(load)],
+            whole.gravity,
+            [self._connector(connector) for connector in whole.connectors],
+        )
+
+    @cached_property
+    def run(self) -> Discretisation:
+        """The discretisation of the parts."""
+        if not self.parts:
+            return self.whole_run
+        mesh, element = dict[str, int](), dict[str, str]()
+        for name, (elements, kind) in self.whole_run.of(self.whole).items():
+            for part in self.parts.get(name, (Part(name, 0, elements),)):
+                mesh[part.name], element[part.name] = part.end - part.first, kind
+        return replace(self.whole_run, mesh=mesh, element=element)
+
+    def joined(self, fields: Mapping[str, Array]) -> dict[str, Array]:
+        """Values at the nodes of each body, (…, nodes, vectors, 2), from those of the parts."""
+        if not self.parts:
+            return dict(fields)
+        found = dict[str, Array]()
+        for body in self.whole.bodies:
+            first, *others = (
+                fields[part.name] for part in self.parts.get(body.name, (Part(body.name, 0, 0),))
+            )
+            found[body.name] = np.concatenate([first, *(x[..., 1:, :, :] for x in others)], axis=-3)
+        return found
+
+    def cut(self, fields: Mapping[str, Array]) -> dict[str, Array]:
+        """Values at the nodes of the parts, from those of whole bodies."""
+        found = dict[str, Array]()
+        for name, x in fields.items():
+            for part in self.parts.get(name, (Part(name, 0, x.shape[-3] - 1),)):
+                found[part.name] = x[..., part.first : part.end + 1, :, :]
+        return found
+
+    def owner(self, name: str) -> tuple[str, int]:
+        """The body that a part belongs to, and its first element there; a body that is not cut itself, and 0."""
+        return self._owners.get(name, (name, 0))
+
+    @cached_property
+    def _owners(self) -> dict[str, tuple[str, int]]:
+        return {part.name: (name, part.first) for name, parts in self.parts.items() for part in parts}
+
+    def _elements(self, name: str) -> int:
+        return self.parts[name][-1].end
+
+    def _pieces(self, body: Body) -> Iterator[Body]:
+        if body.name not in self.parts:
+            yield body
+            return
+        beam, elements = self.whole.beam(body.name), self._elements(body.name)
+        for part in self.parts[body.name]:
+            first, last = part.first / elements, part.end / elements
+            velocity = None if beam.velocity is None else PartVelocity(beam, first, last)
+            start, end = beam.position_at(first), beam.position_at(last)
+            yield replace(beam, name=part.name, start=start, end=end, velocity=velocity)
+
+    def _place(self, written: Written) -> Written:
+        """A place, as one of a part where its beam is cut: at a cut that before it."""
+        place = self.whole.place(written)
+        if place.body.name not in self.parts:
+            return written
+        along = float(place.key) * self._elements(place.body.name)
+        parts = self.parts[place.body.name]
+        part = next(p for p in parts if along <= p.end + AT_NODE)
+        inside = (along - part.first) / (part.end - part.first)
+        for side, name in enumerate(SIDES):
+            if abs(inside - side) * (part.end - part.first) <= AT_NODE:
+                return f"{part.name}.{name}"
+        return part.name, inside
+
+    def _joint(self, joint: Joint) -> Joint:
+        match joint:
+            case Pin():
+                return Pin(*map(self._place, joint.ends), grounded=joint.grounded)
+            case Weld():
+                return Weld(*map(self._place, joint.ends), grounded=joint.grounded, angle=joint.angle)
+            case Clamp():
+                return replace(joint, end=self._place(joint.end))
+            case Slider() | Prismatic():
+                return replace(joint, place=self._place(joint.place))
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
+
+    def _loads(self, load: Load) -> Iterator[Load]:
+        match load:
+            case Force() | Torque():
+                yield replace(load, end=self._place(load.end))
+            case LineLoad():
+                names = [part.name for part in self.parts.get(load.body, ())] or [load.body]
+                yield from (replace(load, body=name) for name in names)
+            case _:
+                raise unknown_kind("load", load, LOADS)
+
+    def _connector(self, connector: Connector) -> Connector:
+        match connector:
+            case Spring():
+                ends: list[Any] = [*map(self._place, connector.places), connector.ground]
+                return replace(connector, first=ends[0], second=ends[1])
+            case RotationalSpring():
+                ends = [*map(self._place, connector.places), None]
+                return replace(connector, first=ends[0], second=ends[1])
+            case _:
+                raise unknown_kind("connector", connector, CONNECTORS)
+
+
+@dataclass(frozen=True)
+class PartVelocity:
+    """Initial velocity of a part of a beam between two fractions of its length."""
+
+    beam: Beam
+    first: float
+    last: float
+
+    def __call__(self, fraction: float) -> Point:
+        """Velocity at a fraction of the part's length, m/s."""
+        return self.beam.velocity_at((1.0 - fraction) * self.first + fraction * self.last)
+
+
+def _inside(scene: Scene) -> dict[str, dict[float, Joint]]:
+    """Fractions of beams, between their ends, where joints act, each with one of these."""
+    found = dict[str, dict[float, Joint]]()
+    for joint in scene.joints:
+        for place in map(scene.place, joint.ends):
+            if place.interior:
+                found.setdefault(place.body.name, {}).setdefault(float(place.key), joint)
+    return found
+
+
+def _nodes(beam: Beam, elements: int, places: Mapping[float, Joint]) -> list[int]:
+    """Nodes at fractions of a beam's length."""
+    found = dict[int, float]()
+    for fraction, joint in places.items():
+        node = round(fraction * elements)
+        if abs(fraction * elements - node) > AT_NODE:
+            raise MeshError(
+                f"{shown(joint)} acts at {Place(beam, fraction)}, where no node lies with {elements} elements of "
+                f"{beam.name!r}; fraction times elements must be whole: {_fitting(beam, places)}"
+            )
+        same = {0: f"{beam.name}.start", elements: f"{beam.name}.end"}.get(node) or (
+            str(Place(beam, found[node])) if node in found else None
+        )
+        if same is not None:
+            raise MeshError(
+                f"{shown(joint)} acts at {Place(beam, fraction)}, whose node is that of {same}; one way of writing "
+                f"a place is needed for all joints there"
+            )
+        found[node] = fraction
+    return list(found)
+
+
+def _fitting(beam: Beam, places: Mapping[float, Joint]) -> str:
+    """Meshes that have nodes at all places of a beam, for a message."""
+    counts = np.arange(1, SEARCHED + 1)
+    whole = np.ones(SEARCHED, dtype=bool)
+    for fraction in places:
+        along = fraction * counts
+        whole &= (np.abs(along - np.round(along)) <= AT_NODE) & (along > 0.5) & (along < counts - 0.5)
+    fitting = counts[whole][:NAMED].tolist()
+    if not fitting:
+        return f"no mesh up to {SEARCHED} has nodes at {listed(places)} of {beam.name!r}"
+    return f"mesh {', '.join(map(str, fitting))}, … of {beam.name!r} would do"
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    """A name that is not taken, which is taken then."""
+    while name in taken:
+        name += "'"
+    taken.add(name)
+    return name
