@@ -22,7 +22,7 @@ from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, We
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque
 from anctmm.model.places import SIDES, Place, Written
 from anctmm.model.scene import Scene, unchecked_scene
-from anctmm.model.velocities import Point
+from anctmm.model.bodies import Point
 
 Array = NDArray[np.float64]
 
