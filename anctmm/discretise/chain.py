@@ -275,11 +275,11 @@ class Chain:
         meshes = self.bodies.meshes
         return self.bodies.flat([mesh.unflipped(parts[mesh.body.name][:, : mesh.vectors]) for mesh in meshes])
 
-    def element_at(self, node: int) -> tuple[str, int]:
-        """Body of the scene and element, counted from the body's start, next to a node."""
+    def element_at(self, node: int) -> tuple[str, int | None]:
+        """Body of the scene and element, counted from the body's start, next to a node; none of a body of one node."""
         name, element = self.bodies.element_at(node)
         body, first = self.segments.owner(name)
-        return body, first + element
+        return body, first + element if isinstance(self.scene.body(body), Beam) else None
 
     @property
     def length(self) -> float:

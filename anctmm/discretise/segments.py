@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import MeshError, listed, shown, unknown_kind
-from anctmm.model.bodies import Beam, Body
+from anctmm.model.bodies import Beam, Body, Point
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque
 from anctmm.model.places import SIDES, Place, Written
 from anctmm.model.scene import Scene, unchecked_scene
-from anctmm.model.bodies import Point
 
 Array = NDArray[np.float64]
 

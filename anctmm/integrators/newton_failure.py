@@ -30,6 +30,7 @@ from anctmm.recursion.riccati import (
     solve,
 )
 from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.finding import part
 from anctmm.results.solution import Status, in_short
 
 Array = NDArray[np.float64]
@@ -52,7 +53,7 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
         )
     return Status(
         "diverged",
-        f"{what}, worst in element {element} of body {body!r}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
+        f"{what}, worst in {part(body, element)}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
         f"may do",
         time=t,
         step=step,

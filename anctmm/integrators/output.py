@@ -170,7 +170,7 @@ def _potential(q: Array, reference: Array, dead: Array) -> Array:
     return found
 
 
-def worst_element(chain: Chain, size: Array) -> tuple[str, int]:
+def worst_element(chain: Chain, size: Array) -> tuple[str, int | None]:
     """Body and element next to the node of the largest (or first not finite) of sizes, (nodes,)."""
     bad = np.flatnonzero(~np.isfinite(size))
     return chain.element_at(int(bad[0]) if bad.size else int(np.argmax(size)))

@@ -58,6 +58,7 @@ from anctmm.recursion.low_rank import correct
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
 from anctmm.recursion.rows import Rows
 from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
 Array = NDArray[np.float64]
@@ -289,7 +290,7 @@ def _stuck(chain: Chain, marched: Marched) -> Status:
         what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s"
     return Status(
         "diverged",
-        f"{what}, worst in element {element} of body {body!r}: a finer mesh may do, or a load that does not jump",
+        f"{what}, worst in {part(body, element)}: a finer mesh may do, or a load that does not jump",
         time=t,
         body=body,
         element=element,

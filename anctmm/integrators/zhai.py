@@ -49,6 +49,7 @@ from anctmm.recursion.constrained import (
 from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, no_split_factors, split_factors
 from anctmm.recursion.rows import Rows, row_work
 from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.finding import part
 from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]
@@ -197,7 +198,7 @@ def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
     why = f", to {limit:.3g} s at the output before" if limit < chain.run.dt else ""
     return Status(
         "diverged",
-        f"the motion diverged at t = {t:.6g} s (step {step}) in element {element} of body {body!r}; "
+        f"the motion diverged at t = {t:.6g} s (step {step}) in {part(body, element)}; "
         f"a smaller dt than {chain.run.dt:g} s may do: deformation lowers the largest stable step{why}",
         time=t,
         step=step,

@@ -18,7 +18,7 @@ from anctmm.results.constraint_check import constraint_findings
 from anctmm.results.ends import ends_of
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.fields import HermiteField, LagrangeField
-from anctmm.results.finding import FATAL, Finding
+from anctmm.results.finding import FATAL, Finding, part
 from anctmm.results.precision_check import precision_findings
 from anctmm.results.solution import Solution, Status
 
@@ -169,10 +169,10 @@ def _shapes_of_lagrange(name: str, field: LagrangeField, length: float) -> Itera
 def _message(wild: bool, body: str, element: int) -> str:
     if wild:
         return (
-            f"gradients grew beyond {STRETCH_LIMIT:g} by {{when}} in element {element} of body {body!r}; "
+            f"gradients grew beyond {STRETCH_LIMIT:g} by {{when}} in {part(body, element)}; "
             f"a smaller dt or smaller loads may do"
         )
     return (
-        f"element {element} of body {body!r} is turned inside out at {{when}}; "
+        f"{part(body, element)} is turned inside out at {{when}}; "
         f"a finer mesh, a smaller dt or smaller loads may do"
     )

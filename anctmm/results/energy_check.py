@@ -19,7 +19,7 @@ from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
 from anctmm.results.fields import HermiteField
-from anctmm.results.finding import Finding, most_stretched, place
+from anctmm.results.finding import Finding, most_stretched, part
 from anctmm.results.solution import Energy, Solution
 
 Array = NDArray[np.float64]
@@ -156,6 +156,7 @@ def _finding(solution: Solution, k: int, code: str) -> Finding:
     run, energy = solution.run, solution.energy
     assert run is not None
     body, element = most_stretched(solution, k)
+    worst = "" if body is None else f", worst in {part(body, element)}"
     balance, present = float(energy.balance[k]), float(all_energy(energy)[: k + 1].max())
     share = "nearly all energy" if code == "diverged" else "much of the energy"
     verb = "came from nowhere" if balance > 0.0 else "vanished"
@@ -163,7 +164,7 @@ def _finding(solution: Solution, k: int, code: str) -> Finding:
     return Finding(
         k,
         code,
-        f"{share} at {{when}} {verb} ({abs(balance):.3g} J of {present:.3g} J){place(body, element)}: {advice}",
+        f"{share} at {{when}} {verb} ({abs(balance):.3g} J of {present:.3g} J){worst}: {advice}",
         body,
         element,
     )

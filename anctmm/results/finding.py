@@ -50,6 +50,6 @@ def most_stretched(solution: Solution, k: int) -> tuple[str | None, int | None]:
     return body, min(int(sizes[body].argmax()), len(sizes[body]) - 2)
 
 
-def place(body: str | None, element: int | None) -> str:
-    """Where, in words, for a message; empty where it is not known."""
-    return "" if body is None else f", worst in element {element} of body {body!r}"
+def part(body: str, element: int | None) -> str:
+    """An element of a body, or a body without elements, in words, for a message."""
+    return f"body {body!r}" if element is None else f"element {element} of body {body!r}"

@@ -1,5 +1,6 @@
 """The status of statics whose equilibrium is not stable, in the same words whoever found it."""
 
+from anctmm.results.finding import part
 from anctmm.results.solution import Status
 
 SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller load steps may"
@@ -58,4 +59,4 @@ def singular(factor: float, body: str | None, element: int | None) -> Status:
 
 
 def _where(body: str | None, element: int | None) -> str:
-    return "" if body is None else f", most in element {element} of body {body!r}"
+    return "" if body is None else f", most in {part(body, element)}"

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
+import anctmm as at
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Clamp, Force, Material, Torque
@@ -181,3 +182,10 @@ def test_load_steps_before_the_failure_are_kept():
     assert not rest.status.ok
     assert rest.t.tolist() == [0.0]
     assert 0.0 < rest.status.time < 0.25
+
+
+def test_a_body_without_elements_is_named_alone():
+    plate = at.RigidBody("plate", mass=2.0, inertia=0.1, center=(0.0, 0.0))
+    found = at.solve_static(at.Scene("free", [plate], gravity=(0.0, -9.81)))
+    assert (found.status.code, found.status.body, found.status.element) == ("diverged", "plate", None)
+    assert "worst in body 'plate'; the tangent stiffness is singular there" in found.status.message

@@ -23,6 +23,7 @@ from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.divergence_checks import inside_out
+from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, interruption_of_load
 from anctmm.results.stability_status import singular, unstable
 from anctmm.validation import one_of
@@ -255,8 +256,8 @@ def _lost(search: LoadPath, points: int) -> Status:
     )
     return Status(
         "diverged",
-        f"the path of equilibria ends at load factor {search.factor:.6g}, softest in element {element} of body "
-        f"{body!r}; {why}; a finer mesh, another load or path='load' may do",
+        f"the path of equilibria ends at load factor {search.factor:.6g}, softest in {part(body, element)}; "
+        f"{why}; a finer mesh, another load or path='load' may do",
         time=search.factor,
         body=body,
         element=element,

@@ -10,6 +10,7 @@ from anctmm.integrators.output import worst_element
 from anctmm.integrators.stability import DIFFERENCE
 from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
 from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.results.finding import part
 from anctmm.results.solution import Status
 
 Array = NDArray[np.float64]
@@ -187,7 +188,7 @@ class LoadPath:
             why = "the scene may be free to move, or buckle there: hold it, add load_steps, refine the mesh"
         return Status(
             "diverged",
-            f"no equilibrium found beyond {factor:.6g} of the load, worst in element {element} of body {body!r}; "
+            f"no equilibrium found beyond {factor:.6g} of the load, worst in {part(body, element)}; "
             f"{why}, or ask for branch='stable'",
             time=factor,
             body=body,
