@@ -5,6 +5,7 @@ The cost is that of Exudyn's `SolveDynamic` or `SolveStatic` alone: building and
 reading the history are outside.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import cos, sin
@@ -103,7 +104,9 @@ class Cables:
     run: Discretisation
     solver = "exudyn-cable"
     width = 4
+    kind = "cable"
     constant_torques = False
+    lacks = LACKS
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -126,14 +129,29 @@ class Cables:
         """Consistent forces of gravity, (nodes, 4), N."""
         return self.meshes[body.name].weight.reshape(-1, 4)
 
-    def add(self, model: Model, body: Beam, velocity: Array) -> list[Any]:
+    def uniform(self, body: Beam, force: Array) -> Array:
+        """∫N dx by the Hermite polynomials: gradients' parts cancel but at the ends."""
+        mesh = self.meshes[body.name]
+        l, forces = mesh.element.l, np.zeros((mesh.nodes, 4))  # noqa: E741
+        forces[:-1, :2] += 0.5 * l * force
+        forces[1:, :2] += 0.5 * l * force
+        forces[0, 2:], forces[-1, 2:] = l * l / 12.0 * force, -l * l / 12.0 * force
+        return forces
+
+    def inside(self, body: Beam, fraction: float) -> tuple[int, float]:
+        """Exudyn counts from the element's start."""
+        mesh = self.meshes[body.name]
+        index = min(int(fraction * mesh.elements), mesh.elements - 1)
+        return index, (fraction * mesh.elements - index) * mesh.element.l
+
+    def add(self, model: Model, body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
         """Add a body's nodes and elements."""
         mesh, items = self.meshes[body.name], model.items
         nodes = [
             model.mbs.AddNode(items.NodePoint2DSlope1(referenceCoordinates=q, initialVelocities=v))
             for q, v in zip(self.reference(body), velocity, strict=True)
         ]
-        for pair in pairwise(nodes):
+        elements = [
             model.mbs.AddObject(
                 items.ObjectANCFCable2D(
                     nodeNumbers=list(pair),
@@ -146,7 +164,9 @@ class Cables:
                     useReducedOrderIntegration=QUADRATURE[self.run.quadrature],
                 )
             )
-        return nodes
+            for pair in pairwise(nodes)
+        ]
+        return nodes, elements
 
     def welded(self, one: Beam, two: Beam) -> Array:
         """The second's gradient is the first's, turned by the angle between them; positions are equal."""
@@ -168,12 +188,10 @@ class Cables:
         """Direction of the gradient, rad."""
         return np.unwrap(np.arctan2(coordinates[:, 3], coordinates[:, 2]))
 
-    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> HermiteField:
+    def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> HermiteField:
         """Motion of a body's axis."""
         shape = (*coordinates.shape[:2], 2, 2)
-        return HermiteField(
-            coordinates.reshape(shape), body.length, None if rates is None else rates.reshape(shape)
-        )
+        return HermiteField(coordinates.reshape(shape), body.length, *(kept.reshape(shape) for kept in rates))
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
         """Kinetic and strain energy, J, by the element's own rules."""

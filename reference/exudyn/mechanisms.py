@@ -1,90 +1,36 @@
-"""Rigid bodies, point masses, sliders, springs and rotational springs in Exudyn.
+"""Rigid bodies, point masses, guides and driven welds in Exudyn.
 
 A rigid body has the angle as its coordinate here, and not a unit vector: with equal steps its motion differs from that
 of the other solvers by the error of the step.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, UnsupportedError, shown, unknown_kind
-from anctmm.model.connectors import CONNECTORS, Connector, ends_of, free_of, law_value, name_of
-from anctmm.model.joints import JOINTS, Joint
-from anctmm.model.needs import MECHANISMS, refuse
+from anctmm.errors import unknown_kind
+from anctmm.model.bodies import Body
+from anctmm.model.drives import value_at
+from anctmm.model.joints import JOINTS, Guide, Joint, drive_of
+from anctmm.model.needs import MECHANISMS
 from anctmm.model.places import Place
-from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.scene import Beam, Clamp, Pin, Prismatic, RotationalSpring, Scene, Slider, Spring, Weld
+from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
+from anctmm.model.scene import Clamp, Pin, Prismatic, Slider, Weld
 from anctmm.results.fields import RigidField
-from reference.exudyn.histories import FAILED, undrifted
+from reference.exudyn import coordinate_joints
+from reference.exudyn.histories import remembered
+from reference.exudyn.places import Model, frame_of, ground_marker, node_of, point_marker, rigid_marker
 
 Array = NDArray[np.float64]
+History = Callable[[float], float]
 
-#: What Exudyn's models have of mechanisms, in implicit runs: the rest is refused.
-OFFERED = frozenset(
-    {"rigid-bodies", "point-masses", "sliders", "springs", "rotational-springs", "driven-springs", "laws"}
-)
-LACKS = (frozenset(MECHANISMS) - OFFERED) | {
-    f"{name} + {other}" for name in OFFERED for other in ("zhai", "statics")
-}
-
-
-class Model(Protocol):
-    """What is asked of a model here; `reference.exudyn.model.Model` has it."""
-
-    mbs: Any
-    items: Any
-    scene: Scene
-    run: Discretisation | None
-    nodes: dict[str, list[Any]]
-    objects: dict[str, Any]
-    ground: Any
-    ground_object: Any
-
-    @property
-    def beams(self) -> Any:
-        """The kind of beams; its `width` is asked for."""
-        ...
-
-    def coordinate(self, node: Any, index: int) -> Any:
-        """Marker of one coordinate of a node."""
-        ...
-
-
-def check_mechanisms(scene: Scene, mode: str) -> None:
-    """Refuse what the models do not have.
-
-    Parameters
-    ----------
-    scene : Scene
-    mode : str
-        "zhai", "generalized-alpha" or "statics".
-
-    Raises
-    ------
-    UnsupportedError
-    """
-    refuse(scene, LACKS, "a model in Exudyn", mode)
-    for joint in scene.joints:
-        places = [scene.place(end) for end in joint.ends]
-        rigid = [not isinstance(place.body, Beam) for place in places]
-        if isinstance(joint, Weld) and any(rigid) and not all(rigid):
-            raise UnsupportedError(
-                f"{shown(joint)} welds a beam to a rigid body; Exudyn's joints hold the direction of a beam's end "
-                f"there and not its stretch, which is another model: a weld of beams, or of rigid bodies, is allowed"
-            )
-        if isinstance(joint, Clamp) and joint.angle is not None and rigid[0]:
-            raise UnsupportedError(f"{shown(joint)} turns a rigid body; a driven clamp of a beam is allowed")
-    for connector in scene.connectors:
-        if isinstance(connector, RotationalSpring):
-            for end in connector.places:
-                if isinstance(scene.place(end).body, Beam):
-                    raise UnsupportedError(
-                        f"{shown(connector)} acts on a beam; Exudyn's torsional springs act on rigid bodies"
-                    )
+#: Exudyn's models have mechanisms in implicit runs and in statics; its explicit solvers have no algebraic joints.
+LACKS = frozenset(f"{name} + zhai" for name in MECHANISMS)
 
 
 def add_body(model: Model, body: RigidBody | PointMass) -> None:
@@ -103,173 +49,155 @@ def add_body(model: Model, body: RigidBody | PointMass) -> None:
         )
         number = mbs.AddObject(items.ObjectMassPoint2D(mass=body.mass, nodeNumber=node))
     model.nodes[body.name] = [node]
-    model.objects[body.name] = number
+    model.objects[body.name] = [number]
     for index, g in enumerate(model.scene.gravity):
         if g:
             mbs.AddLoad(items.LoadCoordinate(markerNumber=model.coordinate(node, index), load=body.mass * g))
 
 
-def marker(model: Model, place: Place) -> Any:
-    """Marker of a place: of its position and, of a rigid body, its turn."""
-    items, mbs = model.items, model.mbs
-    if isinstance(place.body, RigidBody):
-        number, arm = model.objects[place.body.name], place.body.arm(str(place.key))
-        return mbs.AddMarker(items.MarkerBodyRigid(bodyNumber=number, localPosition=[*arm, 0.0]))
-    node = model.nodes[place.body.name][-1 if place.key == 1 else 0]
-    return mbs.AddMarker(items.MarkerNodePosition(nodeNumber=node))
-
-
 def add_joint(model: Model, joint: Joint) -> None:
-    """Add a joint of which a rigid body, a point mass or a line is part."""
-    items, mbs = model.items, model.mbs
+    """Add a joint of which a rigid body, a point mass, a line or a drive is part."""
     places = [model.scene.place(end) for end in joint.ends]
     match joint:
-        case Pin() | Weld() | Clamp():
-            for one, two in pairwise(places):
-                _join(model, marker(model, one), marker(model, two), turning=isinstance(joint, Pin))
-            if joint.grounded:
-                held = ground(model, places[0].position), marker(model, places[0])
-                _join(model, *held, turning=not isinstance(joint, Clamp))
-        case Slider():
-            x, y = joint.direction
-            place = places[0]
-            if isinstance(place.body, RigidBody):
-                turn = [[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]]
-                mbs.AddObject(
-                    items.GenericJoint(
-                        markerNumbers=[ground(model, place.position), marker(model, place)],
-                        constrainedAxes=[0, 1, 0, 0, 0, 0],
-                        rotationMarker0=turn,
-                    )
-                )
-                return
-            # u = displacement: the component of which the line has less follows the other
-            node = model.nodes[place.body.name][-1 if place.key == 1 else 0]
-            steep = abs(y) > abs(x)
-            along, across = (model.coordinate(node, index) for index in ((1, 0) if steep else (0, 1)))
-            slope = x / y if steep else y / x
-            tied = [across, along] if slope else [model.ground, across]
-            mbs.AddObject(items.CoordinateConstraint(markerNumbers=tied, factorValue1=slope or 1.0))
-        case Prismatic():
-            raise UnsupportedError(f"{shown(joint)} is not offered in Exudyn")  # refused before
+        case Pin():
+            _pinned(model, joint, places)
+        case Weld():
+            _welded(model, joint, places)
+        case Clamp():
+            _clamped(model, joint, places[0])
+        case Slider() | Prismatic():
+            body = None if joint.body is None else model.scene.body(joint.body)
+            if isinstance(places[0].body, RigidBody):
+                _guide_of_body(model, joint, places[0], body)
+            elif body is None:
+                _guide_of_node(model, joint, places[0])
+            else:
+                _guide_in_body(model, joint, places[0], body)
         case _:
             raise unknown_kind("joint", joint, JOINTS)
 
 
-def _join(model: Model, one: Any, two: Any, *, turning: bool) -> None:
-    """One place for two markers, and, not turning, one direction."""
-    items = model.items
-    if turning:
-        model.mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=[one, two]))
-    else:
-        model.mbs.AddObject(items.GenericJoint(markerNumbers=[one, two], constrainedAxes=[1, 1, 0, 0, 0, 1]))
+def _pinned(model: Model, joint: Pin | Weld, places: list[Place]) -> None:
+    for one, two in pairwise(places):
+        _hinge(model, joint, point_marker(model, one), point_marker(model, two))
+    if joint.grounded:
+        _hinge(model, joint, ground_marker(model, places[0].position), point_marker(model, places[0]))
 
 
-def ground(model: Model, point: tuple[float, float]) -> Any:
-    """Marker of a point of the ground."""
-    return model.mbs.AddMarker(
-        model.items.MarkerBodyRigid(bodyNumber=model.ground_object, localPosition=[*point, 0.0])
+def _hinge(model: Model, joint: Joint, one: Any, two: Any) -> None:
+    item = model.items.ObjectJointRevolute2D(markerNumbers=[one, two])
+    model.joined(joint, model.mbs.AddObject(item))
+
+
+def _welded(model: Model, joint: Weld, places: list[Place]) -> None:
+    turn = _drive(model, joint) or (lambda t: 0.0)
+    for one, two in pairwise(places):
+        first, second = frame_of(model, one), frame_of(model, two)
+        parts = coordinate_joints.coincide(first, second), coordinate_joints.aligned(first, second, turn)
+        model.joined(joint, coordinate_joints.add(model, first, second, *parts))
+    if joint.grounded:
+        _hinge(model, joint, ground_marker(model, places[0].position), point_marker(model, places[0]))
+
+
+def _clamped(model: Model, joint: Clamp, place: Place) -> None:
+    """A rigid body held at a place."""
+    _hinge(model, joint, ground_marker(model, place.position), rigid_marker(model, place))
+    _fix(model, joint, model.nodes[place.body.name][0], 2, _drive(model, joint))
+
+
+def _fix(model: Model, joint: Joint, node: Any, index: int, history: History | None = None) -> None:
+    """Hold a coordinate at its reference, or a history from there."""
+    item = model.items.CoordinateConstraint(markerNumbers=[model.ground, model.coordinate(node, index)])
+    if history is not None:
+        item.offsetUserFunction = lambda mbs, t, number, offset: history(t)
+    model.joined(joint, model.mbs.AddObject(item))
+
+
+def _guide_of_body(model: Model, guide: Guide, place: Place, body: Body | None) -> None:
+    """A rigid body's point on a line of the ground or of another body."""
+    x, y = guide.direction
+    line = [[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]]
+    drive, turning = _drive(model, guide), int(isinstance(guide, Prismatic))
+    item = model.items.GenericJoint(
+        markerNumbers=[_line_marker(model, place, body), rigid_marker(model, place)],
+        constrainedAxes=[int(drive is not None), 1, 0, 0, 0, turning],
+        rotationMarker0=line,
+        rotationMarker1=line,
     )
+    if drive is not None:
+        item.offsetUserFunction = lambda mbs, t, number, values: [drive(t), 0.0, 0.0, 0.0, 0.0, 0.0]
+    model.joined(guide, model.mbs.AddObject(item))
 
 
-def add_connector(model: Model, connector: Connector) -> None:
-    """Add a spring."""
-    items, mbs = model.items, model.mbs
-    first, second = ends_of(model.scene, connector)
-    one = marker(model, first)
-    if isinstance(second, Place):
-        two = marker(model, second)
-    else:
-        two = ground(model, (0.0, 0.0) if second is None else second)
-    plain = connector.law is None and not _driven(connector)
-    match connector:
-        case Spring():
-            placed = _distance(first, second)
-            item = items.ObjectConnectorSpringDamper(
-                markerNumbers=[one, two],
-                referenceLength=free_of(connector, placed, 0.0)[0],
-                stiffness=connector.stiffness,
-                damping=connector.damping,
-                force=connector.preload,
-            )
-            if not plain:
-                item.springForceUserFunction = _tension(model, connector, placed)
-        case RotationalSpring():
-            # the angle counts from the second place to the first, and the moment works against it
-            order = [one, two] if isinstance(second, Place) else [two, one]
-            data = mbs.AddNode(items.NodeGenericData(numberOfDataCoordinates=1, initialCoordinates=[0.0]))
-            item = items.ObjectConnectorTorsionalSpringDamper(
-                markerNumbers=order,
-                nodeNumber=data,
-                stiffness=connector.stiffness,
-                damping=connector.damping,
-                offset=free_of(connector, 0.0, 0.0)[0],
-                torque=connector.preload,
-            )
-            if not plain:
-                item.springTorqueUserFunction = _moment(model, connector)
-        case _:
-            raise unknown_kind("connector", connector, CONNECTORS)
-    mbs.AddObject(item)
+def _line_marker(model: Model, place: Place, body: Body | None) -> Any:
+    """Where a line passes through the reference of a place: in the ground or in a body."""
+    if body is None:
+        return ground_marker(model, place.position)
+    assert isinstance(body, RigidBody)  # seen by the scene
+    at = [p - c for p, c in zip(place.position, body.center, strict=True)]
+    marker = model.items.MarkerBodyRigid(bodyNumber=model.objects[body.name][0], localPosition=[*at, 0.0])
+    return model.mbs.AddMarker(marker)
 
 
-def rigid_field(body: RigidBody | PointMass, q: Array, v: Array | None) -> RigidField:
-    """Motion of a body from absolute coordinates (n, 1, 2 or 3) and their rates."""
+def _guide_of_node(model: Model, guide: Guide, place: Place) -> None:
+    """A node of a beam or a point mass on a line of the ground."""
+    node, (x, y), drive = node_of(model, place), guide.direction, _drive(model, guide)
+    if isinstance(guide, Prismatic):
+        for index in range(2, model.beams.width):
+            _fix(model, guide, node, index)
+    if drive is not None:
+        for index, part in enumerate(guide.direction):
+            _fix(model, guide, node, index, partial(_scaled, drive, part))
+        return
+    # the component of which the line has less follows the other
+    steep = abs(y) > abs(x)
+    along, across = (model.coordinate(node, index) for index in ((1, 0) if steep else (0, 1)))
+    slope = x / y if steep else y / x
+    tied = [across, along] if slope else [model.ground, across]
+    item = model.items.CoordinateConstraint(markerNumbers=tied, factorValue1=slope or 1.0)
+    model.joined(guide, model.mbs.AddObject(item))
+
+
+def _scaled(history: History, factor: float, t: float) -> float:
+    return factor * history(t)
+
+
+def _guide_in_body(model: Model, guide: Guide, place: Place, body: Body) -> None:
+    """A node of a beam or a point mass on a line of a rigid body."""
+    assert isinstance(body, RigidBody)  # seen by the scene
+    one, two = frame_of(model, Place(body, CENTER)), frame_of(model, place)
+    one = replace(one, arm=np.array(place.position) - body.center)
+    parts = [coordinate_joints.on_line(one, two, np.array(guide.direction), _drive(model, guide))]
+    if isinstance(guide, Prismatic):
+        parts.append(coordinate_joints.aligned(one, two, lambda t: 0.0))
+    model.joined(guide, coordinate_joints.add(model, one, two, *parts))
+
+
+def _drive(model: Model, joint: Joint) -> History | None:
+    """Angle or position of a driven joint, at the times of the run; at its start in statics."""
+    if (drive := drive_of(joint)) is None:
+        return None
+    name, history, _ = drive
+    if model.static:
+        return lambda t: 0.0
+    return remembered(lambda t: float(value_at(name, history, t, 3)[0]), model.run)
+
+
+def rigid_field(body: RigidBody | PointMass, q: Array, rates: Sequence[Array]) -> RigidField:
+    """Motion of a body from absolute coordinates (n, 1, 2 or 3) and their rates, as far as they are known."""
     points = {key: body.arm(key) for key in body.points} if isinstance(body, RigidBody) else {}
-    angle = q[:, 0, 2] if isinstance(body, RigidBody) else np.zeros(len(q))
+    none = np.zeros(len(q))
+    angle, spin, spinning = (
+        kept[:, 0, 2] if kept is not None and isinstance(body, RigidBody) else none
+        for kept in (q, *rates, *(None,) * (2 - len(rates)))
+    )
     turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    coordinates = np.stack([q[:, 0, :2], turn], axis=1)
-    if v is None:
-        return RigidField(coordinates, points)
-    spin = v[:, 0, 2] if isinstance(body, RigidBody) else np.zeros(len(q))
-    rates = np.stack([v[:, 0, :2], spin[:, None] * np.stack([-turn[:, 1], turn[:, 0]], axis=1)], axis=1)
-    return RigidField(coordinates, points, rates)
+    normal = np.stack([-turn[:, 1], turn[:, 0]], axis=1)
+    vectors = [spin[:, None] * normal, spinning[:, None] * normal - spin[:, None] ** 2 * turn]
+    moved = [np.stack([kept[:, 0, :2], vector], axis=1) for kept, vector in zip(rates, vectors, strict=False)]
+    return RigidField(np.stack([q[:, 0, :2], turn], axis=1), points, *moved)
 
 
 def reference_of(body: RigidBody | PointMass) -> Array:
     """Reference coordinates, (1, 2 or 3)."""
     return np.array([[*body.center, 0.0] if isinstance(body, RigidBody) else list(body.position)])
-
-
-def _driven(connector: Connector) -> bool:
-    return callable(connector.length if isinstance(connector, Spring) else connector.angle)
-
-
-def _distance(first: Place, second: Place | tuple[float, float] | None) -> float:
-    p, q = first.position, second.position if isinstance(second, Place) else second
-    assert q is not None
-    return float(np.hypot(q[0] - p[0], q[1] - p[1]))
-
-
-def _pull(model: Model, connector: Connector, placed: float, value: float, rate: float, t: float) -> float:
-    """Tension or moment of a driven connector or of one with a law."""
-    t = t if model.run is None else undrifted(t, model.run)
-    try:
-        free, free_rate = free_of(connector, placed, t)
-        e, r = value - free, rate - free_rate
-        if connector.law is not None:
-            return law_value(name_of(connector), connector.law, e, r, t)
-    except AnctmmError as error:
-        FAILED.append(error)
-        raise
-    return connector.stiffness * e + connector.damping * r + connector.preload
-
-
-def _tension(model: Model, connector: Spring, placed: float) -> Any:
-    start = free_of(connector, placed, 0.0)[0]  # Exudyn gives the distance less its reference length
-
-    def force(
-        mbs: Any, t: float, item: int, apart: float, rate: float, k: float, d: float, f: float
-    ) -> float:
-        return _pull(model, connector, placed, apart + start, rate, t)
-
-    return force
-
-
-def _moment(model: Model, connector: RotationalSpring) -> Any:
-    def torque(
-        mbs: Any, t: float, item: int, turn: float, rate: float, k: float, d: float, offset: float
-    ) -> float:
-        return _pull(model, connector, 0.0, turn, rate, t)
-
-    return torque

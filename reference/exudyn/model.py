@@ -6,7 +6,7 @@ Exudyn: Gerstmayr 2023, DOI 10.1007/s11044-023-09937-1. Its coordinates are disp
 import io
 import math
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -17,31 +17,28 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import UnsupportedError, unknown_kind
-from anctmm.model.drives import Angle, Pulse, Quintic, value_at
+from anctmm.model.drives import Angle, Quintic, value_at
 from anctmm.model.joints import JOINTS
-from anctmm.model.loads import LOADS, load_text, width_of
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Written
-from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import (
     Beam,
     Clamp,
-    Force,
     Joint,
-    LineLoad,
-    Load,
     Pin,
     Prismatic,
     Scene,
     Slider,
-    Torque,
     Weld,
 )
 from anctmm.model.topology import junctions_of
 from anctmm.results.fields import Field
 from anctmm.results.mechanism_check import is_mechanism
 from reference.exudyn import mechanisms
+from reference.exudyn.connectors import add_connector
 from reference.exudyn.histories import remembered
+from reference.exudyn.loads import add_load
+from reference.exudyn.places import node_of
 
 Array = NDArray[np.float64]
 
@@ -55,6 +52,10 @@ class Beams(Protocol):
     solver: str
     width: int
     """Coordinates of a node."""
+    kind: str
+    """What they are: of a `coordinate_joints.Frame`."""
+    lacks: frozenset[str]
+    """What is refused of mechanisms."""
     constant_torques: bool
     """Whether the generalized force of a torque does not depend on the coordinates."""
 
@@ -74,8 +75,12 @@ class Beams(Protocol):
         """Consistent forces of gravity, (nodes, width)."""
         ...
 
-    def add(self, model: "Model", body: Beam, velocity: Array) -> list[Any]:
-        """Add a body's nodes, with their velocities at t = 0, and elements; the nodes from its start to its end."""
+    def uniform(self, body: Beam, force: Array) -> Array:
+        """Consistent forces of a force along the whole body, per length (N/m), (nodes, width)."""
+        ...
+
+    def add(self, model: "Model", body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
+        """Add a body's nodes, with their velocities at t = 0, and elements; both from its start to its end."""
         ...
 
     def welded(self, one: Beam, two: Beam) -> Array:
@@ -90,8 +95,11 @@ class Beams(Protocol):
         """Continuous angle of a node, (n,), rad; `coordinates` (n, width) are absolute."""
         ...
 
-    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> Field:
-        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute, `rates` like them; None in statics."""
+    def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> Field:
+        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute.
+
+        `rates` are like them: velocities and accelerations, as far as they are known.
+        """
         ...
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
@@ -132,11 +140,11 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
     velocities = {body.name: beams.velocity(body).copy() for body in scene.beams}
     for junction in junctions_of(scene):
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-            ends = [(name, side) for name, side in group if name in velocities]
+            ends = [(name, key) for name, key in group if name in velocities]
             if not ends:
                 continue
             bodies = [scene.beam(name) for name, _ in ends]
-            nodes = [velocities[name][-side] for name, side in ends]
+            nodes = [velocities[name][round(key * (len(velocities[name]) - 1))] for name, key in ends]
             to_each = [beams.welded(bodies[0], body) for body in bodies]
             if clamp is not None:
                 shared = beams.spin(bodies[0], float(clamp.angle(0.0)[1]) if clamp.angle else 0.0)
@@ -169,9 +177,13 @@ class Model:
     run: Discretisation | None = None
     static: bool = False
     nodes: dict[str, list[Any]] = field(default_factory=dict)
+    objects: dict[str, list[Any]] = field(default_factory=dict)
+    """By body: the elements of a beam, or the one object of another."""
+    parts: list[tuple[Joint, Any]] = field(default_factory=list)
+    """Exudyn's objects of mechanisms' joints."""
     held: dict[int, set[int]] = field(default_factory=dict)
     drives: list[tuple[str, int, int, Any]] = field(default_factory=list)
-    """Driven coordinates: body, side, coordinate and the sensor of its multiplier."""
+    """Driven coordinates: body, number of the node, coordinate and the sensor of its multiplier."""
     symbolic: list[tuple[Any, str, Callable[..., Any]]] = field(default_factory=list)
     kept: list[Any] = field(default_factory=list)
 
@@ -181,30 +193,38 @@ class Model:
         self.mbs = self.container.AddSystem()
         self.ground_node = self.mbs.AddNode(self.items.NodePointGround())
         self.ground = self.coordinate(self.ground_node, 0)
-        self.objects: dict[str, Any] = {}
         if is_mechanism(self.scene):
             self.ground_object = self.mbs.AddObject(self.items.ObjectGround())
         velocities = joined_velocities(self.scene, self.beams)
         for body in self.scene.beams:
-            self.nodes[body.name] = self.beams.add(self, body, velocities[body.name])
+            self.nodes[body.name], self.objects[body.name] = self.beams.add(self, body, velocities[body.name])
             self._add_weight(body)
         for other in self.scene.bodies:
             if not isinstance(other, Beam):
                 mechanisms.add_body(self, other)
         for joint in self.scene.joints:
-            if isinstance(joint, Slider | Prismatic) or not self._of_beams(joint):
+            driven_weld = isinstance(joint, Weld) and joint.angle is not None
+            if isinstance(joint, Slider | Prismatic) or driven_weld or not self._of_beams(joint):
                 mechanisms.add_joint(self, joint)
             else:
                 self._add_joint(joint)
         for connector in self.scene.connectors:
-            mechanisms.add_connector(self, connector)
+            add_connector(self, connector)
         for load in self.scene.loads:
-            self._add_load(load)
-        kinds = self.exu.OutputVariableType.Coordinates, self.exu.OutputVariableType.Coordinates_t
+            add_load(self, load)
+        variables = self.exu.OutputVariableType
+        kinds = [variables.Coordinates, variables.Coordinates_t]
+        if self.knows_accelerations:
+            kinds.append(variables.Coordinates_tt)
         self.sensors = {
             name: [[self._sensor(node, kind) for node in nodes] for kind in kinds]
             for name, nodes in self.nodes.items()
         }
+
+    @property
+    def knows_accelerations(self) -> bool:
+        """Whether they are kept, for reactions: of mechanisms in implicit runs."""
+        return is_mechanism(self.scene) and self.run is not None and not self.run.explicit
 
     def assemble(self) -> None:
         """Assemble, then put compiled expressions in the place of Python callables where they are known."""
@@ -221,9 +241,15 @@ class Model:
         return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
 
     def node(self, end: Written) -> tuple[Beam, Any]:
-        """Body and node of an end."""
-        body, side = self.scene.body_end(end)
-        return body, self.nodes[body.name][-1 if side else 0]
+        """Beam and node of a place where a node lies."""
+        place = self.scene.place(end)
+        assert isinstance(place.body, Beam)  # joints of other bodies are made elsewhere
+        return place.body, node_of(self, place)
+
+    def joined(self, joint: Joint, number: Any) -> Any:
+        """Remember an object as part of a joint; its number."""
+        self.parts.append((joint, number))
+        return number
 
     def hold(self) -> None:
         """Add a huge inertia to every fixed coordinate.
@@ -304,7 +330,7 @@ class Model:
         )
 
     def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
-        side, drive = self.scene.body_end(clamp.end)[1], cast(Angle, clamp.angle)
+        number, drive = self.nodes[body.name].index(node), cast(Angle, clamp.angle)
         name = f"clamp {clamp.end!r} angle"
         angle = remembered(lambda t: float(value_at(name, drive, t, 3)[0]), self.run)
         for index, displacement in self.beams.turned(body).items():
@@ -323,34 +349,7 @@ class Model:
                 storeInternal=True,
                 writeToFile=False,
             )
-            self.drives.append((body.name, side, index, self.mbs.AddSensor(sensor)))
-
-    def _add_load(self, load: Load) -> None:
-        if isinstance(load, LineLoad):
-            raise not_offered(load)
-        place = self.scene.place(load.end)
-        rigid = isinstance(place.body, RigidBody)
-        items, value = self.items, load.value
-        history = value if callable(value) and not self.static else None
-        vector = _load_vector(load, None)(self.mbs, 0.0, None) if callable(value) else _constant_vector(load)
-        match load:
-            case Force():
-                marker = mechanisms.marker(self, place)
-                item = items.LoadForceVector(markerNumber=marker, loadVector=vector)
-            case Torque():
-                if rigid:
-                    marker = mechanisms.marker(self, place)
-                else:
-                    marker = self.mbs.AddMarker(items.MarkerNodeRigid(nodeNumber=self.node(load.end)[1]))
-                item = items.LoadTorqueVector(markerNumber=marker, loadVector=vector)
-            case _:
-                raise unknown_kind("load", load, LOADS)
-        if history is not None:
-            item.loadVectorUserFunction = _load_vector(load, self.run)
-        number = self.mbs.AddLoad(item)
-        if isinstance(load, Torque) and type(history) is Pulse:
-            compiled = _symbolic_pulse(self.exu.symbolic, history)
-            self.symbolic.append((number, "loadVectorUserFunction", compiled))
+            self.drives.append((body.name, number, index, self.mbs.AddSensor(sensor)))
 
 
 def _offset(angle: Callable[[float], float], displacement: Callable[[Any, Any], Any]) -> Callable[..., float]:
@@ -371,31 +370,3 @@ def _symbolic_offset(
         return displacement(angle, esym)
 
     return offset
-
-
-def _load_vector(load: Load, run: Discretisation | None) -> Callable[..., list[float]]:
-    name, history, width = load_text(load), cast(Callable[[Any], Any], load.value), width_of(load)
-
-    def plain(t: float) -> list[float]:
-        value = value_at(name, history, t, width).tolist()
-        return [0.0, 0.0, *value] if width == 1 else [*value, 0.0]
-
-    known = remembered(plain, run)
-    return lambda mbs, t, constant: known(t)  # type: ignore[no-any-return]
-
-
-def _constant_vector(load: Load) -> list[float]:
-    """Exudyn's vector of a load that does not vary."""
-    value = [float(x) for x in np.atleast_1d(cast(Any, load.value))]
-    return [0.0, 0.0, *value] if width_of(load) == 1 else [*value, 0.0]
-
-
-def _symbolic_pulse(esym: Any, pulse: Pulse) -> Callable[..., Any]:
-    real = esym.Real
-
-    def vector(mbs: Any, t: Any, constant: Any) -> Any:
-        x = esym.min(t * real(1.0 / pulse.duration), real(1.0))
-        wave = esym.sin(real(math.pi) * x)
-        return esym.Vector([real(0.0), real(0.0), real(pulse.amplitude) * wave * wave])
-
-    return vector

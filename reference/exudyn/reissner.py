@@ -4,6 +4,7 @@ Whatever element a discretisation asks for, this solver uses these. Poisson's ra
 stiffness kGA. The cost is that of Exudyn's `SolveDynamic` or `SolveStatic` alone.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,7 +26,7 @@ from reference.exudyn.run import CHOICES, check_room, dynamics, statics
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
+    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS | {"interior-loads"},
     element="reissner",
     limits={"shear": "reissner"},
     choices=CHOICES,
@@ -119,7 +120,10 @@ class ReissnerBeams:
     shear_factor: float = 1.0
     solver = "exudyn-reissner"
     width = 3
+    kind = "turning"
     constant_torques = True
+    lacks = LACKS | {"interior-loads"}
+    """Of mechanisms: Exudyn's beams do not tell their turning between nodes."""
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -152,11 +156,14 @@ class ReissnerBeams:
 
     def weight(self, body: Beam) -> Array:
         """Consistent forces of gravity, (nodes, 3), N."""
+        return self.uniform(body, body.material.density * body.section.area * np.array(self.scene.gravity))
+
+    def uniform(self, body: Beam, force: Array) -> Array:
+        """Consistent forces of a force per length, (nodes, 3), N."""
         nodal = np.zeros(self.meshes[body.name].nodes)
         for k, share in enumerate(WEIGHT[self.order]):
             nodal[k : len(nodal) - self.order + k : self.order] += share
-        nodal *= body.material.density * body.section.area * self.length(body)
-        return np.column_stack([np.outer(nodal, self.scene.gravity), 0.0 * nodal])
+        return np.column_stack([self.length(body) * np.outer(nodal, force), 0.0 * nodal])
 
     def stiffness(self, body: Beam) -> Array:
         """EA, kGA and EI, in N, N and N m²."""
@@ -168,7 +175,7 @@ class ReissnerBeams:
         A, I = body.section.area, body.section.second_moment  # noqa: E741
         return body.material.density * np.array([A, A, I])
 
-    def add(self, model: Model, body: Beam, velocity: Array) -> list[Any]:
+    def add(self, model: Model, body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
         """Add a body's nodes and elements."""
         items, (EA, GA, EI) = model.items, self.stiffness(body).tolist()
         mass, _, inertia = self.inertia(body).tolist()
@@ -176,7 +183,7 @@ class ReissnerBeams:
             model.mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=q, initialVelocities=v))
             for q, v in zip(self.reference(body), velocity, strict=True)
         ]
-        for first in range(0, len(nodes) - 1, self.order):
+        elements = [
             model.mbs.AddObject(
                 items.ObjectBeamGeometricallyExact2D(
                     nodeNumbers=nodes[first : first + self.order + 1],
@@ -191,7 +198,9 @@ class ReissnerBeams:
                     bendingDamping=body.material.damping * EI,
                 )
             )
-        return nodes
+            for first in range(0, len(nodes) - 1, self.order)
+        ]
+        return nodes, elements
 
     def welded(self, one: Beam, two: Beam) -> Array:
         """All displacements are equal, at any angle."""
@@ -205,9 +214,9 @@ class ReissnerBeams:
         """Angle of the section, rad."""
         return coordinates[:, 2]
 
-    def field(self, body: Beam, coordinates: Array, rates: Array | None) -> LagrangeField:
+    def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> LagrangeField:
         """Motion of a body's axis."""
-        velocities = None if rates is None else rates[..., :2]
+        velocities = rates[0][..., :2] if rates else None
         return LagrangeField(coordinates[..., :2], self.order, velocities, coordinates[..., 2])
 
     def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:

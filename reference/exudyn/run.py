@@ -4,7 +4,7 @@ One thread, fixed steps, a sparse solver that keeps its pattern, no files, inter
 The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
@@ -19,7 +19,7 @@ from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS, load_text, width_of
-from anctmm.model.needs import not_offered
+from anctmm.model.needs import not_offered, refuse
 from anctmm.model.scene import (
     Beam,
     Clamp,
@@ -41,7 +41,7 @@ from anctmm.results.mechanism_check import is_mechanism
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, one_of, positive
 from reference.exudyn.histories import FAILED
-from reference.exudyn.mechanisms import check_mechanisms, reference_of, rigid_field
+from reference.exudyn.mechanisms import reference_of, rigid_field
 from reference.exudyn.model import Beams, Model, load_exudyn, silence
 from reference.exudyn.stability import stability_status
 
@@ -52,6 +52,8 @@ Array = NDArray[np.float64]
 TOLERANCES = (1e-7, 1e-9)
 #: Those of statics, tried in turn: self-weight on fine meshes misses the first. None: what rounding leaves.
 STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
+#: Least step of the load of mechanisms.
+LEAST_LOAD_STEP = 1e-4
 #: Bytes that a model takes for each coordinate, and its sensors and their history for each at an output, as measured.
 MEMORY, KEPT = 4_700.0, 90.0
 #: Kinds of element that may be asked for; the models have one of their own instead.
@@ -74,14 +76,19 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
 
 @dataclass(frozen=True)
 class History:
-    """What the sensors have kept: absolute coordinates and velocities by body, (n, nodes, width), and the
-    multipliers of the driven coordinates.
+    """What the sensors have kept: absolute coordinates, velocities and, if known, accelerations by body,
+    (n, nodes, width), and the multipliers of the driven coordinates.
     """
 
     t: Array
     coordinates: dict[str, Array]
     velocities: dict[str, Array]
+    accelerations: dict[str, Array]
     multipliers: list[Array]
+
+    def rates(self, body: str) -> list[Array]:
+        """Velocities and, if known, accelerations of a body."""
+        return [kept[body] for kept in (self.velocities, self.accelerations) if kept]
 
 
 def check_room(scene: Scene, run: Discretisation, outputs: int | None = None) -> None:
@@ -98,7 +105,7 @@ def dynamics(
 ) -> Solution:
     """Motion of a scene by Exudyn; a scene it cannot do gets a status that says why."""
     try:
-        check_mechanisms(scene, run.integrator)
+        refuse(scene, beams.lacks, "a model in Exudyn", run.integrator)
     except UnsupportedError as why:
         return nothing(beams.solver, scene, run, Status("unsupported", str(why)))
     if tolerances is None:
@@ -143,7 +150,7 @@ def statics(beams: Beams, scene: Scene, run: Discretisation, load_steps: int) ->
     positive("load_steps", load_steps, DiscretisationError)
     load_steps = parts_of_load(load_steps)
     try:
-        check_mechanisms(scene, "statics")
+        refuse(scene, beams.lacks, "a model in Exudyn", "statics")
         check_kinds(run.of(scene), ELEMENTS, "a model in Exudyn", UnsupportedError)
         exu = load_exudyn()
     except UnsupportedError as why:
@@ -251,6 +258,8 @@ def _static_settings(exu: Any, model: Model, load_steps: int, tolerances: tuple[
     settings.solution.sensors.writePeriod = 1e-9  # below every load step: all of them are kept
     static = settings.staticSolver
     static.numberOfLoadSteps = int(load_steps)
+    if is_mechanism(model.scene):  # constraints' curvature is not in Exudyn's tangent: tiny steps do not help
+        static.minimumStepSize = LEAST_LOAD_STEP
     static.newton.relativeTolerance, static.newton.absoluteTolerance = tolerances
     return settings
 
@@ -282,10 +291,14 @@ def _read(model: Model, expected: Array | None) -> History:
         late = np.flatnonzero(np.abs(t[:rows] - expected[:rows]) > 1e-6 * np.diff(expected).min())
         rows = int(late[0]) if late.size else rows
         t = expected[:rows]
-    q, v = ({n: np.stack([s[: len(t), 1:] for s in d[k]], axis=1) for n, d in data.items()} for k in (0, 1))
+    kept: list[dict[str, Array]] = [
+        {name: np.stack([s[: len(t), 1:] for s in kinds[k]], axis=1) for name, kinds in data.items()}
+        for k in range(len(next(iter(data.values()))))
+    ]
     for body in model.scene.bodies:
-        q[body.name] += model.beams.reference(body) if isinstance(body, Beam) else reference_of(body)
-    return History(t, q, v, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
+        kept[0][body.name] += model.beams.reference(body) if isinstance(body, Beam) else reference_of(body)
+    q, v, a = (*kept, {}) if len(kept) == 2 else kept
+    return History(t, q, v, a, [stored(sensor)[: len(t), 1] for *_, sensor in model.drives])
 
 
 def _verdict(model: Model, run: Discretisation, history: History, message: str | None) -> Status:
@@ -314,11 +327,10 @@ def _solution(
     model: Model, run: Discretisation, history: History, loads: dict[int, Array], cost: Cost, status: Status
 ) -> Solution:
     scene, beams = model.scene, model.beams
-    rates: Mapping[str, Array] = {} if model.static else history.velocities
     fields: dict[str, Field] = {}
     for name, q in history.coordinates.items():
-        body, v = scene.body(name), rates.get(name)
-        fields[name] = beams.field(body, q, v) if isinstance(body, Beam) else rigid_field(body, q, v)
+        body, rates = scene.body(name), [] if model.static else history.rates(name)
+        fields[name] = beams.field(body, q, rates) if isinstance(body, Beam) else rigid_field(body, q, rates)
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
         known = not is_mechanism(scene)  # of mechanisms energies are not read
         energy = _energy(model, history, loads) if known else Energy.unknown(len(history.t))
@@ -376,8 +388,8 @@ def _energy(model: Model, history: History, tables: dict[int, Array]) -> Energy:
                 work += _work(moment, model.beams.angle(node)[:, None])
             case _:
                 raise unknown_kind("load", load, LOADS)
-    for (name, side, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
-        work += _work(-multiplier[:, None], history.coordinates[name][:, -1 if side else 0, index, None])
+    for (name, number, index, _), multiplier in zip(model.drives, history.multipliers, strict=True):
+        work += _work(-multiplier[:, None], history.coordinates[name][:, number, index, None])
     nan = np.full(n, np.nan)
     if model.static:
         return Energy(kinetic, strain, nan, nan)
