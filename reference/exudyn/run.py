@@ -4,7 +4,7 @@ One thread, fixed steps, a sparse solver that keeps its pattern, no files, inter
 The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import Any
