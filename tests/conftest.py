@@ -18,6 +18,7 @@ SLOW = {
     "of_reference": ["exudyn", "foreign_kinds", "global_dae", "junctions", "peer_pyelastica",
                      "times"],
     "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",
+                   "extremes_of_cases",
                    "failures", "fidelity", "fidelity_of_cases", "interruption",
                    "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
                    "trade_of_cases"],

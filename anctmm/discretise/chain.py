@@ -19,6 +19,7 @@ from anctmm.discretise.kept import KeptUnknowns, Port
 from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.maps import add_force, constant_forces_on
 from anctmm.discretise.mesh import passed_meshes
+from anctmm.discretise.node_mesh import BarMesh
 from anctmm.discretise.plan import WELD, Kept, Plan, plan_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
 from anctmm.discretise.segments import Segments
@@ -273,7 +274,12 @@ class Chain:
         """One state, (rows, nodes), from the coordinates of every body, (nodes, vectors, 2), in its own direction."""
         parts = self.segments.cut(fields)
         meshes = self.bodies.meshes
-        return self.bodies.flat([mesh.unflipped(parts[mesh.body.name][:, : mesh.vectors]) for mesh in meshes])
+        return self.bodies.flat([
+            mesh.from_ends(parts[mesh.body.name])
+            if isinstance(mesh, BarMesh)
+            else mesh.unflipped(parts[mesh.body.name][:, : mesh.vectors])
+            for mesh in meshes
+        ])  # fmt: skip
 
     def element_at(self, node: int) -> tuple[str, int | None]:
         """Body of the scene and element, counted from the body's start, next to a node; none of a body of one node."""

@@ -125,6 +125,13 @@ class BarMesh(NodeMesh):
         ends = [np.stack([r + sign * half, along], axis=-2) for sign in (-1.0, 1.0)]
         return np.stack(ends, axis=-3)
 
+    def from_ends(self, ends: Array) -> Array:
+        """Coordinates of its node, (1, 2, 2), from r, r_x of its start and its end, (2, 2, 2)."""
+        (x, y), (u, v) = self.body.start, self.body.end
+        c, s = (u - x) / self.body.length, (v - y) / self.body.length
+        a, b = ends[0, 1]
+        return np.array([[0.5 * (ends[0, 0] + ends[1, 0]), (c * a + s * b, c * b - s * a)]])
+
 
 def node_mesh(body: Body, gravity: tuple[float, float]) -> NodeMesh:
     """The node of a rigid body, a point mass or a beam without strain."""

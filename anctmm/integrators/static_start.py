@@ -44,7 +44,7 @@ def started(chain: Chain, rest: object) -> Chain:
         if getattr(rest.scene, what) != getattr(chain.scene, what):
             raise DiscretisationError(f"{name} has other {what} than scene {chain.scene.name!r}; {NEEDED}")
     _check_cut(name, chain, rest)
-    path = [_flat(chain, rest, k) for k in range(len(rest.t))]
+    path = [coordinates_of(chain, rest, k) for k in range(len(rest.t))]
     return replace(chain, start=np.array(path))
 
 
@@ -59,10 +59,10 @@ def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
             )
 
 
-def _flat(chain: Chain, rest: Solution, k: int) -> Array:
-    """Coordinates of output k, (rows, nodes)."""
+def coordinates_of(chain: Chain, solution: Solution, k: int) -> Array:
+    """Coordinates of output k of a solution by ANC-TMM of the same bodies, mesh and elements, (rows, nodes)."""
     found = dict[str, Array]()
-    for name, field in rest.fields.items():
-        assert isinstance(field, HermiteField | RigidField)  # what solve_static of ANC-TMM gives
+    for name, field in solution.fields.items():
+        assert isinstance(field, HermiteField | RigidField)  # what ANC-TMM gives
         found[name] = field.coordinates[k] if isinstance(field, HermiteField) else field.coordinates[k][None]
     return chain.flat(found)

@@ -163,11 +163,12 @@ def check_taken(options: Options, study: str) -> None:
 
 
 def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Options]]:
-    """Studies of a report with their options: all, or those that take cases; what trades time takes motions only."""
+    """Studies of a report with their options: all, or those that take cases; each takes the cases that it can."""
     if cases is None:
         return [(name, Options(quick=quick)) for name in REPORTED]
     moving = tuple(case for case in cases if not case.static)
-    found = [("convergence", cases), ("trade", moving)]
+    bending = tuple(case for case in cases if case.scene.beams)
+    found = [("convergence", cases), ("trade", moving), ("fidelity", bending), ("extremes", cases)]
     return [(name, Options(quick=quick, cases=those)) for name, those in found if those]
 
 

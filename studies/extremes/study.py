@@ -3,10 +3,11 @@
 from collections.abc import Callable
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, refuse
+from studies.engine.study import Options, Result, check_taken, refuse
 from studies.extremes.damping import damping
 from studies.extremes.deformation import deformation
 from studies.extremes.length import length
+from studies.extremes.of_cases import study as of_cases
 from studies.extremes.parameters import parameters
 from studies.extremes.parts import Part
 from studies.extremes.places import places
@@ -28,8 +29,11 @@ PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study; meshes, steps and solvers are its own."""
+    """Run the study, of cases or else of its own scenes; meshes, steps and solvers are its own."""
+    check_taken(options, "extremes")
     refuse(options, "extremes", "meshes", "steps", "solvers")
+    if options.cases is not None:
+        return of_cases.run(options, runner)
     parts = [part(options.quick, runner) for part in PARTS]
     learned = tuple(sentence for part in parts for sentence in part.learned)
     return Result(

@@ -9,6 +9,8 @@ from rich.table import Table as RichTable
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, text
 
+#: Below it whole numbers are written out.
+MOST_WHOLE = 1e6
 SHORT = {"generalized-alpha": "gen-alpha"}
 #: Heads and whether they hold numbers.
 HEADS = (
@@ -35,6 +37,8 @@ def _shown(table: Table, console: Console) -> None:
     for values, rows in table.frame.groupby(about, sort=False):
         hidden = {*about, "status", *(("value", "uncertainty", "unit") if "digits" in table.frame else ())}
         columns = [c for c in table.frame.columns if c not in hidden]
+        constant = [c for c in columns if len(rows) > 1 and _is_one_text(rows[c])]
+        columns = [c for c in columns if c not in constant and rows[c].notna().any()]
         console.print(
             f"{table.title}: {', '.join(map(str, values))}", style="bold", highlight=False, markup=False
         )
@@ -43,12 +47,25 @@ def _shown(table: Table, console: Console) -> None:
             numeric = is_numeric_dtype(rows[column])
             shown.add_column(str(column), justify="right" if numeric else "left", header_style="dim")
         for cells in rows[columns].itertuples(index=False, name=None):
-            shown.add_row(
-                *(escape(f"{c:.3g}" if isinstance(c, float) and c == c else text(c)) for c in cells)
-            )
-        console.print(shown, "")
+            shown.add_row(*map(_cell, cells))
+        console.print(shown)
+        for column in constant:
+            console.print(f"{column}: {rows[column].iloc[0]}", style="dim", highlight=False, markup=False)
+        console.print()
     for status in dict.fromkeys(failed(table.frame)["status"]) if "status" in table.frame else ():
         console.print(status, style="yellow", highlight=False, markup=False)
+
+
+def _cell(value: object) -> str:
+    """Three digits of a number; a whole one, also where a column has gaps, with all of them."""
+    if isinstance(value, float) and value == value:
+        return f"{value:.0f}" if value.is_integer() and abs(value) < MOST_WHOLE else f"{value:.3g}"
+    return escape(text(value))
+
+
+def _is_one_text(cells: pd.Series) -> bool:
+    """Whether a column holds one text alone, that is told once."""
+    return not is_numeric_dtype(cells) and cells.nunique(dropna=False) == 1 and isinstance(cells.iloc[0], str)
 
 
 def _accuracy(frame: pd.DataFrame, console: Console) -> None:

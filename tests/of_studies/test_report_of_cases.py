@@ -33,7 +33,7 @@ def page(tmp_path_factory) -> Path:
 def test_the_page_speaks_of_the_files_cases(page):
     text = page.read_text()
     assert 'id="convergence"' in text
-    assert 'id="trade"' in text
+    assert all(f'id="{study}"' in text for study in ("trade", "fidelity", "extremes"))
     assert 'id="film-frame-1-2-pushed"' in text
     assert "frame 1/2 &lt;pushed&gt;" in text
     assert "portal-frame-at-rest" in text
@@ -69,7 +69,7 @@ def test_it_fits_a_phone_and_a_desktop(page, width, tmp_path):
 def test_studies_of_a_report():
     assert [name for name, _ in asked(None, quick=True)] == list(REPORTED)
     at_rest = tuple(case for case in cases_in(PORTAL_FRAME) if case.static)
-    assert [name for name, _ in asked(at_rest, quick=True)] == ["convergence"]
+    assert [name for name, _ in asked(at_rest, quick=True)] == ["convergence", "fidelity", "extremes"]
     both = dict(asked(cases_in(PORTAL_FRAME), quick=True))
     assert [case.name for case in both["trade"].cases] == ["portal-frame"]
     assert len(both["convergence"].cases) == 2

@@ -1,0 +1,1 @@
+"""What holds at the extremes of a user's case."""

@@ -1,0 +1,66 @@
+"""What a case stands: explicit steps, disturbances, many elements, other units and places, stiffness."""
+
+from collections.abc import Iterator
+
+import pandas as pd
+
+from anctmm.model.case import Case
+from studies.cases import assumptions_of
+from studies.engine.files import file_name
+from studies.engine.runner import Runner
+from studies.engine.study import Options, Result
+from studies.engine.tables import Table
+from studies.extremes.of_cases.base import Base
+from studies.extremes.of_cases.growth import growth
+from studies.extremes.of_cases.length import length
+from studies.extremes.of_cases.places import places
+from studies.extremes.of_cases.steps import steps
+from studies.extremes.of_cases.stiffness import stiffness
+from studies.extremes.parts import Part
+
+
+def run(options: Options, runner: Runner) -> Result:
+    """Run the study of cases; what does not apply is a row that says why."""
+    cases = options.cases or ()
+    parts = [part for case in cases for part in _parts(case, options.quick, runner)]
+    learned = tuple(sentence for part in parts for sentence in part.learned)
+    tables = _joined([table for part in parts for table in part.tables])
+    return Result(
+        name=file_name("-".join(["extremes", *(case.name for case in cases)])),
+        title="Extremes",
+        question="How long may a step be, how does a disturbance grow, and what do many elements, other units, far "
+        "places and stiff beams do to the answer?",
+        findings=learned,
+        assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
+        tables=tables,
+        pictures=tuple(shown for part in parts for shown in part.pictures),
+        answers=learned[:1],
+        shown=tuple(table.name for table in tables),
+    )
+
+
+def _parts(case: Case, quick: bool, runner: Runner) -> Iterator[Part]:
+    base = Base.of(case, runner, quick)
+    if not base.found.solution.status.ok:
+        why = f"{case.name}: no refined run: {base.found.solution.status}."
+        row = pd.DataFrame([base.row("refined run", status=str(base.found.solution.status))])
+        yield Part((Table("refined", "The refined run", row),), (), (why,))
+        return
+    larger = 1.0
+    if not case.static:
+        part, larger = growth(base)
+        yield part
+        yield steps(base)
+    yield places(base, larger)
+    yield length(base)
+    yield stiffness(base)
+
+
+def _joined(tables: list[Table]) -> tuple[Table, ...]:
+    """Tables of one name as one."""
+    found: dict[str, Table] = {}
+    for table in tables:
+        before = found.get(table.name)
+        frame = table.frame if before is None else pd.concat([before.frame, table.frame], ignore_index=True)
+        found[table.name] = Table(table.name, table.title, frame, table.notes)
+    return tuple(found.values())
