@@ -174,9 +174,12 @@ def report(
     from studies.engine.files import check_writable, file_name
     from studies.engine.study import asked, find
     from studies.report.folder import write
-    from studies.report.page import write_page
+    from studies.report.page import BUILT_IN, Subject, write_page
 
-    every = asked(chosen(file, case), quick)
+    cases = chosen(file, case)
+    every = asked(cases, quick)
+    words = (str(file), *(["--case", case] if case else []))
+    subject = BUILT_IN if cases is None else Subject([c.name for c in cases], words)
     folder = out or Path("reports") / (file_name(Path(file).stem) if file else "")
     check_writable(folder)
     results = []
@@ -185,7 +188,7 @@ def report(
             runner.heading = f"{name} ({done} of {len(every)}), "
             results.append(replace(find(name)(options, runner), name=name))
             write(results[-1], folder)  # an hour later something may fail; this is whole
-    print(f"Written to {write_page(results, folder, quick)}")
+    print(f"Written to {write_page(results, folder, quick, subject)}")
 
 
 @app.command(cls=Command)

@@ -9,15 +9,18 @@ import pandas as pd
 
 from anctmm.elements.kinds import KINDS
 from studies.cases import assumptions_of
+from studies.convergence.answers import answers
+from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
-from studies.engine.digits import values_of
+from studies.engine.digits import Reading, at_probes, values_of
 from studies.engine.files import file_name
-from studies.engine.pictures import Film
+from studies.engine.pictures import Film, Picture
 from studies.engine.refinement import STEP_ORDER, Part, Refined, Refinement, Setup
 from studies.engine.runner import Runner, mesh_label
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.report.animation import film
+from studies.report.configurations import configurations
 from studies.scenes import moving_scenes
 
 #: Error to which mesh and step are refined; by whether the run is quick.
@@ -60,6 +63,10 @@ def run(options: Options, runner: Runner) -> Result:
     values = _table(
         "values", "Values and their uncertainty", (r for f in found for r in value_rows(f)), VALUES, _digits()
     )
+    forces = _table(
+        "forces", "Largest forces in joints and springs", (r for f in found for r in value_rows(f, at_joints)),
+        [{"probe": "joint"}.get(c, c) for c in VALUES], _forces(),
+    )  # fmt: skip
     findings = tuple(finding(f) for f in found)
     return Result(
         name="convergence",
@@ -67,18 +74,18 @@ def run(options: Options, runner: Runner) -> Result:
         question="How does the error fall with mesh and step, and how far is each value from the exact one?",
         findings=findings,
         assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
-        tables=(values, meshes, steps),
-        pictures=tuple(pictures(meshes.frame, steps.frame)),
+        tables=(values, forces, meshes, steps),
+        pictures=(*configurations_of(found), *pictures(meshes.frame, steps.frame)),
         films=tuple(filter(None, map(motion, found))),
-        answers=findings[:1],
-        shown=("mesh", "step", "values"),
+        answers=answers(found),
+        shown=("mesh", "step", "values", "forces"),
     )
 
 
 def motion(found: Refined) -> Film | None:
     """The refined run of a case with its first element, to be played."""
     case, solution = found.levels.case, found.solution
-    if case.static or not case.scene.beams or found.levels.setup.element != "cable":
+    if case.static or found.levels.setup.element != "cable":
         return None
     shown = film(case.name, case.note or found.label, {found.levels.setup.solver: solution})
     return shown and replace(shown, name=file_name(case.name))
@@ -103,10 +110,21 @@ def step_levels(found: Refined) -> Iterator[dict[str, Any]]:
         yield from _levels(found, [(found.i, k) for k in range(found.j + 1)], found.levels.step_part)
 
 
-def value_rows(found: Refined) -> Iterator[dict[str, Any]]:
-    """A row for each value at the probes."""
-    for value in values_of(found):
-        yield {**_about(found), **vars(value), "digits": value.text}
+def value_rows(found: Refined, read: Reading = at_probes) -> Iterator[dict[str, Any]]:
+    """A row for each value at the probes, or in the joints."""
+    for value in values_of(found, read):
+        place = {"probe" if read is at_probes else "joint": value.probe}
+        yield {**_about(found), **vars(value), **place, "digits": value.text}
+
+
+def configurations_of(found: Sequence[Refined]) -> Iterator[Picture]:
+    """A picture of each case that has a run, by its first element."""
+    seen = set()
+    for refined in found:
+        case = refined.levels.case
+        if case.name not in seen and len(refined.solution.t):
+            seen.add(case.name)
+            yield configurations(refined.solution, f"configurations_{file_name(case.name)}")
 
 
 def finding(found: Refined) -> str:
@@ -168,6 +186,14 @@ def _mesh_notes() -> tuple[str, ...]:
 
 def _step_notes() -> tuple[str, ...]:
     return ("error and order as over the mesh, of steps on the finest mesh.",)
+
+
+def _forces() -> tuple[str, ...]:
+    return (
+        "Of all output times the largest; of an equilibrium what it holds by. A moment is that on the first place of a "
+        "joint; what a solver does not give, or equilibrium alone does not tell, is left out.",
+        "digits: as of the values at the probes. Forces follow accelerations, and converge more slowly than places.",
+    )
 
 
 def _digits() -> tuple[str, ...]:

@@ -1,6 +1,6 @@
 """Values read off a run, each with its own uncertainty: how many of its digits hold."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import takewhile
@@ -11,6 +11,7 @@ import pandas as pd
 
 from anctmm.errors import ResultError
 from anctmm.model.case import Case
+from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution
 from studies.engine.refinement import SAFETY, UNSURE, Refined
@@ -47,7 +48,10 @@ class Value:
         """The value to its last sure digit, with its uncertainty and unit."""
         if not isfinite(self.uncertainty):
             return f"{self.value:.{DIGITS}g} {self.unit}"
-        return f"{rounded(self.value, self.uncertainty)} ± {self.uncertainty:.1g} {self.unit}"
+        about = f"{self.uncertainty:.1g}"
+        if 10.0 <= self.uncertainty < 1e6:  # no power of ten where the number is as short
+            about = f"{float(about):.0f}"
+        return f"{rounded(self.value, self.uncertainty)} ± {about} {self.unit}"
 
 
 def rounded(value: float, uncertainty: float) -> str:
@@ -55,6 +59,8 @@ def rounded(value: float, uncertainty: float) -> str:
     if not uncertainty > 0.0:
         return f"{value:.12g}"
     place = -floor(log10(uncertainty))
+    if abs(value) < 0.5 * uncertainty:  # no digit holds
+        return f"{0.0:.{min(place, 11)}f}" if 0 <= place <= 6 else "0"
     first = floor(log10(abs(value))) if value else -place
     if first < -4 or first > 6:
         return f"{value:.{min(max(first + place, 0), 11)}e}"
@@ -66,26 +72,53 @@ def probe_text(probe: Probe) -> str:
     return probe if isinstance(probe, str) else f"{probe[0]} at {probe[1]:g}"
 
 
-def values_of(found: Refined) -> list[Value]:
+def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
+    """For each probe its place and its angle at the end, and its largest displacement, as `Reading` asks for."""
+    if not len(solution.t):
+        return
+    when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
+    for probe in case.probes:
+        name, path = probe_text(probe), solution.position(probe)
+        size = np.linalg.norm(path - path[0], axis=1)
+        way = float(size.max())
+        yield Value(name, f"x {when}", "m", float(path[-1, 0])), way
+        yield Value(name, f"y {when}", "m", float(path[-1, 1])), way
+        yield Value(name, "largest displacement", "m", way), way
+        if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
+            continue
+        with suppress(ResultError):  # not every solver keeps angles
+            angle = solution.angle(probe)
+            yield (
+                Value(name, f"angle {when}", "rad", float(angle[-1])),
+                float(np.abs(angle).max(initial=-inf)),
+            )
+
+
+Reading = Callable[[Solution, Case], Iterator[tuple[Value, float]]]
+"""(solution, case) → values, each with a size that its uncertainty is at home in."""
+
+
+def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     """What is read off a run, with uncertainties from the next coarser mesh and step.
 
     Parameters
     ----------
     found : Refined
+    read : callable
+        What is read off a solution: of all runs of a case the same values, in the same order.
 
     Returns
     -------
     list of Value
-        For each probe its place and its angle at the end, and its largest displacement.
     """
     case, levels = found.levels.case, found.levels
-    own = list(_read(found.solution, case))
+    own = list(read(found.solution, case))
     known = levels.estimates and isfinite(found.error) and found.solution.status.ok
     if not known:
         return [value for value, _ in own]
     place = found.i, found.j
     ways = [
-        (_numbers(runs, case), part.sure)
+        (_numbers(runs, case, read), part.sure)
         for runs, part in ((levels.mesh_runs(*place), found.mesh), (levels.step_runs(*place), found.step))
     ]
     values = []
@@ -129,27 +162,7 @@ def values_table(values: Sequence[Value]) -> Table:
     return Table("values", "Values and their uncertainty", frame, notes)
 
 
-def _numbers(runs: Sequence[Solution], case: Case) -> list[list[float]]:
+def _numbers(runs: Sequence[Solution], case: Case, read: Reading) -> list[list[float]]:
     """Values of runs on levels from fine to coarse; of those that are whole."""
     whole = takewhile(lambda solution: solution.status.ok, runs)
-    return [[value.value for value, _ in _read(solution, case)] for solution in whole]
-
-
-def _read(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
-    """Values of a run, each with a size that its uncertainty is at home in."""
-    if not len(solution.t):
-        return
-    when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
-    for probe in case.probes:
-        name, path = probe_text(probe), solution.position(probe)
-        size = np.linalg.norm(path - path[0], axis=1)
-        way = float(size.max())
-        yield Value(name, f"x {when}", "m", float(path[-1, 0])), way
-        yield Value(name, f"y {when}", "m", float(path[-1, 1])), way
-        yield Value(name, "largest displacement", "m", way), way
-        with suppress(ResultError):  # not every solver keeps angles
-            angle = solution.angle(probe)
-            yield (
-                Value(name, f"angle {when}", "rad", float(angle[-1])),
-                float(np.abs(angle).max(initial=-inf)),
-            )
+    return [[value.value for value, _ in read(solution, case)] for solution in whole]

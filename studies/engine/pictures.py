@@ -30,7 +30,9 @@ class Film:
     supports : tuple of (str, int, int)
         "pin" or "clamp", and where.
     data : str
-        JSON: for each layer and body the numbers of all frames, see `encoded`.
+        JSON: for each layer and shape the numbers of all frames, see `encoded`.
+    shapes : tuple of (str, str)
+        Kind of each shape of all layers, such as "beam" or "spring", and its name; empty of what is no body.
     """
 
     name: str
@@ -41,3 +43,4 @@ class Film:
     box: tuple[int, int, int, int]
     supports: tuple[tuple[str, int, int], ...]
     data: str
+    shapes: tuple[tuple[str, str], ...] = ()

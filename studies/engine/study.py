@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
+from studies.engine.answers import Answer
 from studies.engine.pictures import Film, Picture
 from studies.engine.tables import Table
 
@@ -107,8 +108,8 @@ class Result:
     pictures : tuple of Picture
     films : tuple of Film
         Motions to be played on the page.
-    answers : tuple of str
-        The findings that the page begins with: one or two sentences.
+    answers : tuple of Answer or str
+        What the page begins with: one line an answer; a sentence alone answers the study's question.
     shown : tuple of str
         Names of the tables that a terminal shows.
     """
@@ -121,7 +122,7 @@ class Result:
     tables: tuple[Table, ...]
     pictures: tuple[Picture, ...] = ()
     films: tuple[Film, ...] = ()
-    answers: tuple[str, ...] = ()
+    answers: tuple[Answer | str, ...] = ()
     shown: tuple[str, ...] = ()
 
     def table(self, name: str) -> Table:

@@ -15,6 +15,7 @@ from studies.engine.tables import Table
 from studies.four_bar.paper_table import BASELINE, paper_table
 from studies.report import error_pictures, mechanism_pictures
 from studies.report.animation import Film, film
+from studies.report.configurations import configurations
 from studies.report.plots import Picture
 from studies.scenes import four_bar
 
@@ -216,7 +217,8 @@ def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
         drawn += [mechanism_pictures.joint(curves), mechanism_pictures.deflection(curves)]
     if whole := [s for s in curves.values() if s.status.ok]:
         drawn.insert(0, mechanism_pictures.crank_angle(whole[-1]))
-        drawn.append(mechanism_pictures.configurations(whole[-1], SNAPSHOTS))
+        caption = "Configurations of the mechanism (Fig. 8 of the paper); triangles: ground pivots."
+        drawn.append(configurations(whole[-1], "configurations", SNAPSHOTS, caption))
     if (frame["error"] > 0).any():
         drawn += [
             error_pictures.over_mesh(frame),

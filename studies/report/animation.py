@@ -1,6 +1,7 @@
 """The motion of a scene in a few kilobytes: each body by few cubic pieces, as whole numbers, differences in time.
 
 A piece is a Hermite cubic, which an SVG path draws exactly as a Bézier curve: the bent axis of an ANCF body.
+Outlines of rigid bodies and springs are pieces without tangents, which are straight.
 """
 
 import json
@@ -10,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
-from anctmm.model.joints import JOINTS
-from anctmm.model.scene import Clamp, Pin, Prismatic, Scene, Slider, Weld
+from anctmm.model.scene import Scene
+from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.solution import Solution
 from studies.engine.pictures import Film
 
@@ -39,39 +39,48 @@ def film(title: str, caption: str, layers: Mapping[str, Solution]) -> Film | Non
     whole = {label: s for label, s in layers.items() if s.status.ok and s.fields}
     if not whole:
         return None
-    scene, first = next(iter(whole.values())).scene, next(iter(whole.values()))
+    first = next(iter(whole.values()))
     frames = np.unique(np.linspace(0, len(first.t) - 1, min(FRAMES, len(first.t))).round().astype(int))
-    paths = {label: [body_curve(s, b.name, frames, 0) for b in scene.beams] for label, s in whole.items()}
-    corners = np.concatenate([c[:, :, :2].reshape(-1, 2) for curves in paths.values() for c in curves])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    size = float((high - low).max())
-    fine = {
-        label: [body_curve(s, b.name, frames, SMOOTH * size) for b in scene.beams]
-        for label, s in whole.items()
-    }
+    drawn = {label: shapes_of(s) for label, s in whole.items()}
+    every = [shape.points[frames].reshape(-1, 2) for shapes in drawn.values() for shape in shapes]
+    low, high = box(np.concatenate(every))
+    size = float((high - low).max()) or 1.0
     unit = size / GRAIN
-    data = [[encoded(curve / unit) for curve in curves] for curves in fine.values()]
+    data = [
+        [encoded(curve_of(whole[label], shape, frames, SMOOTH * size) / unit) for shape in shapes]
+        for label, shapes in drawn.items()
+    ]
     margin = round(0.06 * GRAIN)
     left, top = round(low[0] / unit) - margin, round(-high[1] / unit) - margin
     width, height = ((high - low) / unit).round().astype(int) + 2 * margin
     return Film(
-        scene.name, title, caption, tuple(whole), float(first.t[-1]), (left, top, int(width), int(height)),
-        supports(scene, unit), json.dumps({"frames": len(frames), "layers": data}, separators=(",", ":")),
+        first.scene.name, title, caption, tuple(whole), float(first.t[-1]), (left, top, int(width), int(height)),
+        supports(first.scene, unit), json.dumps({"frames": len(frames), "layers": data}, separators=(",", ":")),
+        tuple((shape.kind, shape.name) for shapes in drawn.values() for shape in shapes),
     )  # fmt: skip
 
 
+def curve_of(solution: Solution, shape: Shape, frames: NDArray[Any], wrong: float) -> Array:
+    """What is drawn of a shape: the axis of a beam as `body_curve`, other lines straight from point to point."""
+    if shape.kind == "beam":
+        return body_curve(solution, shape.name, frames, wrong)
+    points = shape.points[frames]
+    if shape.kind == "mass":
+        points = np.repeat(points, 2, axis=1)  # a line without length, whose round ends are seen
+    return np.concatenate([points, np.zeros_like(points)], axis=2)
+
+
 def body_curve(solution: Solution, body: str, frames: NDArray[Any], wrong: float) -> Array:
-    """A body's axis as Hermite pieces, few but no further than `wrong` (m) from the solution's axis.
+    """A beam's axis as Hermite pieces, few but no further than `wrong` (m) from the solution's axis.
 
     Returns
     -------
     ndarray, shape (frames, pieces + 1, 4)
-        x, y, and a third of the tangent over a piece: what the control points of a Bézier curve are away. With
-        `wrong` zero as many pieces as there can be.
+        x, y, and a third of the tangent over a piece: what the control points of a Bézier curve are away.
     """
-    for pieces in PIECES if wrong > 0.0 else PIECES[-1:]:
+    for pieces in PIECES:
         curve = _pieces(solution, body, frames, pieces)
-        if wrong == 0.0 or _distance(solution, body, frames, curve) <= wrong:
+        if _distance(solution, body, frames, curve) <= wrong:
             break
     return curve
 
@@ -97,21 +106,10 @@ def decoded(nodes: int, numbers: list[int]) -> NDArray[np.int64]:
 
 def supports(scene: Scene, unit: float) -> tuple[tuple[str, int, int], ...]:
     """Where the scene is held by the ground."""
-    found = []
-    for joint in scene.joints:
-        match joint:
-            case Clamp():
-                sign = "clamp"
-            case Pin() | Weld():
-                sign = "pin"
-            case Slider() | Prismatic():
-                continue
-            case _:
-                raise unknown_kind("joint", joint, JOINTS)
-        if joint.grounded:
-            x, y = scene.place(joint.ends[0]).position
-            found.append((sign, round(x / unit), round(-y / unit)))
-    return tuple(found)
+    return tuple(
+        (support.kind, round(support.position[0] / unit), round(-support.position[1] / unit))
+        for support in supports_of(scene)
+    )
 
 
 def _pieces(solution: Solution, body: str, frames: NDArray[Any], pieces: int) -> Array:

@@ -15,8 +15,6 @@ from studies.report.plots import (
     histories,
     legend_below,
     picture,
-    sequence_colours,
-    shapes,
 )
 from studies.scenes import CRANK_TURN
 
@@ -99,25 +97,3 @@ def deflection(solutions: Mapping[str, Solution]) -> Picture:
 
     caption = "Offset of the coupler's midpoint from the chord of its ends (Fig. 7 of the paper)."
     return picture("coupler_deflection", caption, draw, (7.2, 3.8))
-
-
-def configurations(solution: Solution, times: tuple[float, ...]) -> Picture:
-    """Fig. 8: the mechanism at a few times."""
-    bodies = [b.name for b in solution.scene.beams]
-    indices = [int(np.abs(solution.t - t).argmin()) for t in times]
-    colours = sequence_colours(len(times))
-
-    def draw(figure: Figure) -> None:
-        axes = figure.subplots()
-        drawn = [
-            (f"{solution.t[i]:.2f} s", [axis_at(solution, b, i) for b in bodies], colour)
-            for i, colour in zip(indices, colours, strict=True)
-        ]
-        shapes(axes, drawn, "Configurations")
-        for body, fraction in ((bodies[0], 0.0), (bodies[-1], 1.0)):
-            x, y = solution.position(body, fraction)[0]
-            axes.plot(x, y, marker="^", color=INK, markersize=9, zorder=5)
-        legend_below(figure, [axes], columns=4)
-
-    caption = "Configurations of the mechanism (Fig. 8 of the paper); triangles: ground pivots."
-    return picture("configurations", caption, draw, (7.2, 4.6))

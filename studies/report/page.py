@@ -1,46 +1,56 @@
 """One self-contained page of all studies."""
 
-import json
 import re
+import shlex
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from studies.engine import provenance
+from studies.engine.answers import answers_of
 from studies.engine.files import atomic_write
+from studies.engine.pictures import Film
 from studies.engine.study import Result
-from studies.engine.tables import MOST_ROWS, Table, cells
-from studies.report.animation import Film
+from studies.engine.tables import MOST_ROWS
 from studies.report.plots import GRID, INK, PAPER, Picture
+from studies.report.table_view import by_subject, is_short, view
 
 #: What a reader asks first stands first; the other studies follow in their order.
 FIRST = ("trade", "agreement")
-#: Study and table that stand right below the answers.
-ADVICE = ("trade", "advice")
 #: What `anctmm bench` may have left beside the page.
 BENCH = "bench/requirements.md"
-#: Columns whose name needs a unit or a symbol.
-LABELS = {
-    "cpu_s": "CPU time (s)",
-    "cpu_ms": "CPU time (ms)",
-    "build_s": "set-up (s)",
-    "wall_s": "wall time (s)",
-    "us_per_step": "µs per step",
-    "dofs": "DOFs",
-    "dt": "Δt (s)",
-    "t": "t (s)",
-    "t_end": "t end (s)",
-    "wished_error": "target error",
-    "wish": "target error",
-}
-#: Tables with no more rows and columns are open.
-SHORT, NARROW = 12, 10
+#: Colours that tell bodies apart in an animation.
+BODY_COLOURS = 7
 
 
-def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
+@dataclass(frozen=True)
+class Subject:
+    """What a page is about: the built-in scenes, or cases of a user's.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the cases; none for the built-in scenes.
+    words : sequence of str
+        What was typed to mean them: a file or a scene's name, and --case.
+    """
+
+    names: Sequence[str] = ()
+    words: Sequence[str] = ()
+
+    def command(self, study: str, quick: bool) -> str:
+        """The command that makes a study's tables."""
+        return shlex.join(["anctmm", "study", study, *self.words, *(["--quick"] if quick else [])])
+
+
+#: The scenes that are built in.
+BUILT_IN = Subject()
+
+
+def write_page(results: Sequence[Result], out: Path, quick: bool, subject: Subject = BUILT_IN) -> Path:
     """`<out>/index.html` with everything inside: answers, scenes in motion, pictures, tables, how they were got."""
     ordered = sorted(results, key=lambda r: FIRST.index(r.name) if r.name in FIRST else len(FIRST))
     environment = Environment(
@@ -48,24 +58,45 @@ def write_page(results: Sequence[Result], out: Path, quick: bool) -> Path:
         lstrip_blocks=True,
     )  # fmt: skip
     environment.filters |= {
-        "inline": inline,
-        "columns": columns,
-        "cells": lambda t: cells(t.frame),
-        "label": label,
-        "prose": prose,
-        "bodies": bodies,
-    }
-    environment.tests["short"] = lambda frame: frame.shape[0] <= SHORT and frame.shape[1] <= NARROW
+        "inline": inline, "view": view, "prose": prose, "curves": curves, "by_subject": by_subject, "name": css_text,
+    }  # fmt: skip
+    environment.tests["short"] = is_short
     page = environment.get_template("page.html.jinja").render(
-        results=ordered, answers=[a for r in ordered for a in r.answers],
-        advice=next((t for r in ordered for t in r.tables if (r.name, t.name) == ADVICE), None),
+        results=ordered, answers=[a for r in ordered for a in answers_of(r.question, r.answers)],
+        advice=next((t for r in ordered for t in r.tables if t.name == "advice"), None),
         films=[f for r in results for f in r.films],
         machine=provenance.machine(), versions=provenance.versions(), quick=quick, most_rows=MOST_ROWS,
-        bench=(out / BENCH).is_file() and BENCH,
+        bench=(out / BENCH).is_file() and BENCH, subject=subject,
+        whole=shlex.join(["anctmm", "report", *subject.words, *(["--quick"] if quick else [])]),
     )  # fmt: skip
     path = out / "index.html"
     atomic_write(path, page)
     return path
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A shape of an animation: its number among all, its classes of CSS, and its name."""
+
+    number: int
+    classes: str
+    name: str
+
+
+def curves(film: Film) -> list[Curve]:
+    """Shapes of all layers of an animation; bodies of one layer alone have colours of their own."""
+    own = len(film.shapes) // len(film.labels)
+    found = []
+    for number, (kind, name) in enumerate(film.shapes):
+        behind = number >= own
+        colour = "behind" if behind else f"c{number % BODY_COLOURS}" if len(film.labels) == 1 and name else ""
+        found.append(Curve(number, " ".join(filter(None, ("body", kind, colour))), "" if behind else name))
+    return found
+
+
+def css_text(text: str) -> Markup:
+    """A text as a string of CSS, safe inside a style element."""
+    return Markup('"' + re.sub(r"[^\w .,()%/×-]", lambda m: f"\\{ord(m[0]):x} ", text) + '"')
 
 
 def inline(shown: Picture, study: str) -> str:
@@ -81,21 +112,6 @@ def inline(shown: Picture, study: str) -> str:
     for colour, variable in ((INK, "ink"), (GRID, "grid"), (PAPER, "paper")):
         svg = svg.replace(colour, f"var(--{variable})")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{_attribute(shown.caption)}" ', 1)
-
-
-def columns(table: Table) -> list[tuple[str, bool]]:
-    """Names of the columns, and whether each holds numbers."""
-    return [(str(n), pd.api.types.is_numeric_dtype(t)) for n, t in table.frame.dtypes.items()]
-
-
-def bodies(film: Film) -> int:
-    """Number of all bodies of all layers of an animation."""
-    return sum(map(len, json.loads(film.data)["layers"]))
-
-
-def label(name: str) -> str:
-    """A column's name for people."""
-    return LABELS.get(name, name.replace("_", " "))
 
 
 def prose(text: str) -> Markup:

@@ -341,11 +341,15 @@ def slope_triangle(axes: Axes, x: Array, y: Array, order: float) -> None:
 def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: bool = True) -> None:
     """Error against CPU time, with the columns of `convergence`; down and left is better.
 
-    With a column "tip" the markers have texts. `bounded`: whether the reference's floor is drawn.
+    With a column "tip" the markers have texts, with a column "alpha" they are more or less seen, least seen first.
+    `bounded`: whether the reference's floor is drawn.
     """
     shown = points[(points["error"] > 0.0) & (points["cpu_s"] > 0.0)]
     size = 3.6 if len(shown) > 300 else 5.0
-    for label, found in shown.groupby("label", sort=False):
+    if "alpha" not in shown:
+        shown = shown.assign(alpha=0.9)
+    shown = shown.sort_values("alpha", kind="stable")
+    for (label, _), found in shown.groupby(["label", "alpha"], sort=False):
         style = found.iloc[0]
         (drawn,) = axes.plot(
             found["cpu_s"],
@@ -356,7 +360,7 @@ def work_precision(axes: Axes, points: pd.DataFrame, title: str = "", bounded: b
             color=style["colour"],
             markerfacecolor="none" if style["hollow"] else style["colour"],
             label=str(label),
-            alpha=0.9,
+            alpha=style["alpha"],
         )
         if "tip" in found:
             tell(drawn, found["tip"])
@@ -375,9 +379,9 @@ def front_line(axes: Axes, cpu_s: Iterable[float], error: Iterable[float]) -> No
         list(error),
         where="post",
         color=INK,
-        linewidth=1.1,
+        linewidth=1.4,
         zorder=3,
-        label="front, both elements",
+        label="Pareto front, all elements",
     )
 
 
@@ -387,9 +391,12 @@ def legend_below(figure: Figure, axes: Sequence[Axes], columns: int = 3) -> None
     for panel in axes:
         for handle, label in zip(*panel.get_legend_handles_labels(), strict=True):
             entries.setdefault(label, handle)
-    figure.legend(
+    legend = figure.legend(
         list(entries.values()),
         list(entries),
         loc="outside lower center",
         ncols=min(columns, max(len(entries), 1)),
     )
+    for shown in legend.legend_handles:
+        if shown is not None:
+            shown.set_alpha(1.0)  # whatever is faded in the picture

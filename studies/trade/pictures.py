@@ -27,6 +27,9 @@ from studies.report.plots import (
     work_precision,
 )
 
+#: How much is seen of settings that are not on the front.
+FADED = 0.22
+COLOURS = "viridis"
 SIGNS = {"mesh": "m", "step": "s", "both": "="}
 
 
@@ -47,7 +50,9 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
         families = [e for e in ELEMENT_TITLES if (lines["family"] == e).any()]
         panels = figure.subplots(1, len(families), squeeze=False, sharey=True, sharex=True)[0]
         for axes, family in zip(panels, families, strict=True):
-            work_precision(axes, lines[lines["family"] == family], ELEMENT_TITLES[family], bounded=False)
+            mine = lines[lines["family"] == family]
+            title = ELEMENT_TITLES[family]
+            work_precision(axes, mine, title, bounded=False)
             front_line(axes, best["cpu_s"], best["error"])
         known = sound["reference_error"].min()
         panels[0].set_ylim(bottom=min(panels[0].get_ylim()[0], 0.4 * known))
@@ -59,9 +64,9 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
 
     caption = (
         f"{scene}: error against CPU time of all {len(sound)} settings that ended well; left and down is better. "
-        "Line: the front of both elements together. Hollow: explicit. Grey: the reference's own "
-        "uncertainty, below which an error says "
-        "nothing. Point at a marker for its setting."
+        "Line: the Pareto front of all elements together, and its settings; what another setting beats in both is "
+        "faded. Hollow: explicit. Grey: the reference's own uncertainty, below which an error says nothing. "
+        "Point at a marker for its setting."
     )
     return picture(f"front_{file_name(scene)}", caption, draw, (7.6, 5.0))
 
@@ -76,6 +81,7 @@ def _styled(sound: pd.DataFrame) -> pd.DataFrame:
         colour=["#8c6d5a" if c else solver_colour(s) for s, c in zip(sound["solver"], controlled, strict=True)],
         marker=["X" if c else solver_marker(s) for s, c in zip(sound["solver"], controlled, strict=True)],
         hollow=sound["integrator"] == "zhai",
+        alpha=sound["excess"].eq(1.0).map({True: 1.0, False: FADED}),
         tip=[_tip(line, str(r)) for line, r in zip(sound.to_dict("records"), rule, strict=True)],
     )  # fmt: skip
 
@@ -118,6 +124,11 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
             mine = rows[rows["family"] == family].iloc[0]
             rule = "" if mine["quadrature"] in ("-", "full") else f", {mine['quadrature']}"
             axes.set_title(f"{ELEMENT_TITLES[family]}{rule}")
+        shades = mpl.cm.ScalarMappable(norm, COLOURS)
+        bar = figure.colorbar(shades, ax=list(panels), fraction=0.05, pad=0.02)
+        bar.set_label("relative error: the darker the better")
+        bar.ax.minorticks_off()
+        bar.outline.set_visible(False)  # type: ignore[operator]
 
     caption = (
         f"{scene}: error of implicit ANC–TMM (Newton to 1e-7) over mesh and step, and below it the CPU time in ms. "
@@ -137,7 +148,7 @@ def _map(axes: Axes, rows: pd.DataFrame, norm: LogNorm) -> None:
         sorted(rows["dt"].unique(), reverse=True),
     )
     grid = rows.pivot(index="elements", columns="dt", values="error").reindex(index=meshes, columns=steps)
-    colours = mpl.colormaps["viridis"]
+    colours = mpl.colormaps[COLOURS]
     axes.pcolormesh(grid.to_numpy(float), norm=norm, cmap=colours, edgecolor=INK, linewidth=0.4)
     for line in rows.to_dict("records"):
         x, y = steps.index(line["dt"]) + 0.5, meshes.index(line["elements"]) + 0.5

@@ -25,7 +25,7 @@ from studies.trade.plan import Ladder, ladders
 from studies.trade.split import same_mesh, split
 from studies.trade.tables import (
     Traded,
-    answer,
+    answers,
     by_rival,
     findings,
     histories,
@@ -75,7 +75,7 @@ def run(options: Options, runner: Runner) -> Result:
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
-        answers=tuple(filter(None, [answer(best.frame, rivals.frame)])),
+        answers=tuple(answers(best.frame, rivals.frame)) if len(best.frame) else (),
     )  # fmt: skip
 
 

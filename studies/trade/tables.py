@@ -10,6 +10,7 @@ import pandas as pd
 from anctmm.model.case import Case
 from anctmm.results.metrics import compare
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
+from studies.engine.answers import Answer
 from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR, cost_at
@@ -192,17 +193,27 @@ def histories(traded: Sequence[Traded]) -> Table:
 # --- what was found ------------------------------------------------------------------------------------------
 
 
-def answer(best: pd.DataFrame, rivals: pd.DataFrame) -> str:
-    """What to take, and what the others cost, in one sentence; empty where nothing reaches the error."""
-    if best.empty:
-        return ""
-    wish = WISH if (best["wished_error"] == WISH).any() else best["wished_error"].min()
-    lines = records(best[(best["wished_error"] == wish) & (best["status"] == "ok")])
-    takes = "; ".join(
-        f"on the {r['scene']} {setting_of(r)} ({milliseconds(r['cpu_s'])} of CPU time)" for r in lines
-    )
-    others = _against(rivals, wish)
-    return f"For an error of {wish:g} take {takes}{others and f'; {others}'}." if takes else ""
+def answers(best: pd.DataFrame, rivals: pd.DataFrame) -> list[Answer]:
+    """For each scene what to take, what it costs, and what the others cost."""
+    return [_answer(mine, rivals) for _, mine in best.groupby("scene", sort=False)]
+
+
+def _answer(best: pd.DataFrame, rivals: pd.DataFrame) -> Answer:
+    """Of one scene, for the target error that sentences speak of."""
+    wish = headline(best)
+    line = best[best["wished_error"] == wish].iloc[0].to_dict()
+    question = f"{line['scene']}: what to take for an error of {wish:g}?"
+    if line["status"] != "ok":
+        return Answer(question, f"error {line['error']:.2g}", f"{line['status']}: {setting_of(line)}.")
+    others = _against(rivals[rivals["scene"] == line["scene"]], wish)
+    known = f"its error is {line['error']:.1g} ± {line['reference_error']:.1g}"
+    take = "; ".join(filter(None, (f"Take {setting_of(line)}: {known}", others)))
+    return Answer(question, f"{milliseconds(line['cpu_s'])} of CPU time", f"{take}.")
+
+
+def headline(best: pd.DataFrame) -> float:
+    """The target error that sentences speak of."""
+    return WISH if (best["wished_error"] == WISH).any() else float(best["wished_error"].min())
 
 
 def _against(rivals: pd.DataFrame, wish: float) -> str:
@@ -260,7 +271,9 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
         else f"{r['scene']}, error {r['wished_error']:g}: {r['status']} ({r['error']:.2g})."
         for r in records(best.frame)
     ]
-    said += filter(None, [answer(best.frame, rivals.frame), _models(known.frame), _sources(points)])
+    said += filter(
+        None, [*map(str, answers(best.frame, rivals.frame)), _models(known.frame), _sources(points)]
+    )
     if failures := len(failed(points)):
         said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")
     return said

@@ -7,4 +7,6 @@ DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS = (
     str(FOLDER / f"{name}.py")
     for name in ("double_pendulum", "portal_frame", "thrown_chain", "three_supports")
 )
+#: One with bodies of all kinds, springs and a guide: what pictures have to show.
+SLIDER_CRANK = str(FOLDER / "slider_crank.py")
 FILES = (DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN, THREE_SUPPORTS)

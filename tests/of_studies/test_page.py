@@ -8,16 +8,19 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from browser import CHROMIUM, NAMES, Browser, Tab
+from browser import Browser, Tab, needs_chromium
+from markupsafe import escape
 
 from studies.agreement.study import findings, matrix
+from studies.engine.answers import answers_of
 from studies.engine.runner import Runner, Trial
 from studies.engine.study import Options, Result, find
 from studies.engine.tables import MOST_ROWS, Table
 from studies.report import animation as film
 from studies.report.folder import write
-from studies.report.page import inline, label, prose, write_page
+from studies.report.page import inline, prose, write_page
 from studies.report.plots import picture, tell
+from studies.report.table_view import label
 from studies.scenes import cantilever_fall, four_bar
 from studies.trade.advice import advice
 
@@ -29,9 +32,6 @@ SMALL = {
     "agreement": Options(quick=True, meshes=((16,),), steps=(5e-3,), solvers=("anctmm", "global-dae", "pyelastica")),
     "trade": Options(quick=True, meshes=((1, 3, 1), (4,)), steps=(1e-2,), solvers=("anctmm",)),
 }  # fmt: skip
-needs_chromium = pytest.mark.skipif(
-    CHROMIUM is None, reason=f"no Chromium is installed; looked for {', '.join(NAMES)}"
-)
 
 
 def another_study() -> Result:
@@ -194,8 +194,10 @@ def test_what_a_reader_needs_stands_in_order(results, folder):
               'id="four-bar"', 'id="cantilever"', 'id="another"', 'id="provenance"', 'id="machine"']  # fmt: skip
     places = [text.index(w) for w in wanted]
     assert places == sorted(places)
-    for answer in (a for r in results for a in r.answers):
-        assert str(prose(answer)) in text[: places[2]]
+    for answer in (a for r in results for a in answers_of(r.question, r.answers)):
+        for part in (answer.question, answer.take):
+            assert str(prose(part)) in text[: places[2]]
+        assert escape(answer.figure) in text[: places[2]]
     assert text.count("<summary>Assumptions</summary>") == len(results)
     assert "A study &amp; its &lt;title&gt;" in text
     assert "<code>it &lt; 1</code> holds" in text
@@ -249,8 +251,8 @@ return {
 
 
 @pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    started = Browser(tmp_path_factory.mktemp("chromium"))
+def browser():
+    started = Browser()
     yield started
     started.close()
 

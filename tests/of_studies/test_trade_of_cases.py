@@ -54,7 +54,7 @@ def test_references_are_better_known_than_the_smallest_target(measured):
 @pytest.mark.slow
 def test_texts_speak_of_this_scene(measured):
     _, case, result = measured
-    texts = [*result.findings, *result.answers, *(n for t in result.tables for n in t.notes)]
+    texts = [*result.findings, *map(str, result.answers), *(n for t in result.tables for n in t.notes)]
     texts += [p.caption for p in result.pictures]
     assert any(case.name in text for text in texts)
     assert not [t for t in texts if re.search("crank|coupler|follower|four-bar|cantilever", t)]

@@ -241,7 +241,7 @@ def test_pictures(moved, tmp_path):
     left, right = figure.axes
     assert (left.get_xlabel(), left.get_ylabel()) == ("x (m)", "y (m)")
     assert right.get_ylabel() == "energy (J)"
-    assert len(left.lines) == 3 * 2
+    assert len(left.lines) == 3 * 2 + 1  # and the clamp
     figure.savefig(tmp_path / "plot.png")
     page = moved.animate(tmp_path / "motion.html")
     assert "<script" in page.read_text()

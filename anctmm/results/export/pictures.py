@@ -1,6 +1,8 @@
 """Pictures of solutions: configurations, energies, animations."""
 
+import re
 from collections.abc import Sequence
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason, shown
+from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
-from anctmm.results.fields import RigidField
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,12 +20,44 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-#: Points along a beam.
-POINTS = 41
 #: Configurations in a picture, and frames of an animation at most.
 SHOWN, FRAMES = 7, 400
 #: Line styles tell energies apart without colour, too.
 STYLES = {"kinetic": "-", "strain": "--", "potential": "-.", "work": ":"}
+#: Line width, dashes and filling of what is drawn, by kind.
+LOOKS: dict[str, dict[str, Any]] = {
+    "beam": {"lw": 2.0, "solid_capstyle": "round"},
+    "rigid": {"lw": 1.5},
+    "mass": {"marker": "o", "ms": 8},
+    "spring": {"lw": 0.9},
+    "guide": {"lw": 0.9, "ls": (0, (5, 3)), "color": "0.55"},
+}
+MARKS = {"clamp": "s", "pin": "^"}
+#: Bodies that are named in a picture at most, and lines between two names that would touch.
+NAMED, LINES = 12, 12
+#: Signs of the buttons of matplotlib's player, whose own come from the network.
+SIGNS = {
+    "play fa-flip-horizontal": "◀", "fast-backward": "«", "fast-forward": "»", "step-backward": "‹",
+    "step-forward": "›", "play": "▶", "pause": "‖", "minus": "−", "plus": "+",
+}  # fmt: skip
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,">
+<title>{title}</title>
+<style>
+body {{ margin: 0; font-family: system-ui, sans-serif; text-align: center; }}
+.animation img {{ max-width: 100%; height: auto; }}
+.anim-buttons button {{ min-width: 2.2rem; min-height: 2.2rem; padding: 0; }}
+</style>
+</head>
+<body>
+{player}
+</body>
+</html>
+"""
 #: File types of animations, and what writes them.
 WRITERS = {".html": "html", ".gif": "pillow"}
 
@@ -101,7 +135,8 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     )
     try:
         if target.suffix == ".html":
-            target.write_text(moving.to_jshtml(fps=fps), encoding="utf-8")
+            player = _alone(moving.to_jshtml(fps=fps), f"{solution.scene.name}: {solution.solver}")
+            target.write_text(player, encoding="utf-8")
         else:
             moving.save(target, writer=WRITERS[target.suffix], fps=fps)
     except OSError as error:
@@ -109,42 +144,130 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     return target
 
 
+def _alone(player: str, title: str) -> str:
+    """Matplotlib's player as a page that needs no network and fits a phone."""
+    player = re.sub(r"<link\b[^>]*>", "", player)
+    for icon, sign in SIGNS.items():
+        player = player.replace(f'<i class="fa fa-{icon}"></i>', sign)
+    return PAGE.format(title=escape(title), player=player)
+
+
 class _Drawing:
-    """Lines of all bodies in axes that hold the whole motion."""
+    """Lines of all that moves, in axes that hold the whole motion."""
 
     def __init__(self, axes: "Axes", solution: Any) -> None:
-        self.paths = _paths(solution)
+        self.shapes = shapes_of(solution)
         self.t, self.axes, self.static = solution.t, axes, solution.static
-        every = np.concatenate([path.reshape(-1, 2) for path in self.paths.values()])
-        _frame(axes, every)
-        self.lines = [axes.plot([], [], lw=2.0, color=f"C{k % 10}")[0] for k in range(len(self.paths))]
+        _frame(axes, _points(self.shapes))
+        _supports(axes, solution)
+        self.lines, self.fills = [], []
+        for number, shape in enumerate(self.shapes):
+            look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
+            label = shape.name if number < NAMED and shape.name else None
+            self.lines.append(axes.plot([], [], label=label, **look)[0])
+            if shape.kind == "rigid":
+                self.fills.append((shape, axes.fill([], [], color=look["color"], alpha=0.25, lw=0)[0]))
+        if len(self.shapes) > 1:
+            axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
     def move(self, k: int) -> Any:
         """Show output k."""
-        for line, path in zip(self.lines, self.paths.values(), strict=True):
-            line.set_data(path[k, :, 0], path[k, :, 1])
+        for line, shape in zip(self.lines, self.shapes, strict=True):
+            line.set_data(*shape.points[k].T)
+        for shape, fill in self.fills:
+            fill.set_xy(shape.points[k])
         label = f"load factor {self.t[k]:.3g}" if self.static else f"t = {self.t[k]:.3f} s"
         self.axes.set_title(label)
         return self.lines
 
 
 def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
-    """All bodies at some outputs: the first in grey, later ones darker."""
-    paths = _paths(solution)
+    """Bodies at some outputs, the first in grey, later ones darker; springs at the last, names where there is room."""
+    shapes = shapes_of(solution)
     shades = np.linspace(0.25, 1.0, len(chosen))
+    unit = "" if solution.static else " s"
     for number, (k, shade) in enumerate(zip(chosen, shades, strict=True)):
-        color = "0.6" if number == 0 and len(chosen) > 1 else (0.1, 0.25, 0.6, float(shade))
-        unit = "" if solution.static else " s"
-        for line, path in enumerate(paths.values()):
-            label = f"{solution.t[k]:.3g}{unit}" if line == 0 else None
-            axes.plot(path[k, :, 0], path[k, :, 1], color=color, lw=1.8, label=label, solid_capstyle="round")
-    _frame(axes, np.concatenate([path[list(chosen)].reshape(-1, 2) for path in paths.values()]))
+        first = number == 0 and len(chosen) > 1
+        color = (0.6, 0.6, 0.6, 1.0) if first else (0.1, 0.25, 0.6, float(shade))
+        for place, shape in enumerate(shapes):
+            if not shape.name and k != chosen[-1]:
+                continue
+            x, y = shape.points[k].T
+            label = f"{solution.t[k]:.3g}{unit}" if place == 0 else None
+            axes.plot(x, y, label=label, **{"color": color, **LOOKS[shape.kind]})
+            if shape.kind == "rigid":
+                axes.fill(x, y, color=color[:3], alpha=0.25 * color[3], lw=0)
+    _frame(axes, _points(shapes, chosen))
+    _supports(axes, solution)
+    name_bodies(axes, shapes, clearest(shapes, chosen))
     axes.legend(
         title="load factor" if solution.static else "t",
         fontsize="small",
         loc="upper left",
         bbox_to_anchor=(1.0, 1.0),
     )
+
+
+def clearest(shapes: Sequence[Shape], chosen: Sequence[int]) -> int:
+    """The output at which the middles of the bodies are the farthest from each other."""
+    middles = np.stack(
+        [shape.points[:, shape.points.shape[1] // 2] for shape in shapes if shape.name], axis=1
+    )
+
+    def nearest(k: int) -> float:
+        apart = np.linalg.norm(middles[k, :, None] - middles[k, None], axis=2)
+        return float(np.where(np.eye(len(apart), dtype=bool), np.inf, apart).min())
+
+    return max(chosen, key=nearest)
+
+
+def name_bodies(
+    axes: "Axes", shapes: Sequence[Shape], k: int, size: float = 8.0, ink: Any = "0.1", paper: Any = "white"
+) -> None:
+    """Write the names of bodies beside them at output k: where two would touch, one moves up or down.
+
+    Parameters
+    ----------
+    axes : Axes
+        With its limits set, and equal scales.
+    shapes : sequence of Shape
+    k : int
+    size : float
+        Of the letters, pt.
+    ink, paper : colour
+        Of the letters, and behind them.
+    """
+    named = [shape for shape in shapes if shape.name]
+    if not 1 < len(named) <= NAMED:
+        return
+    figure: Any = axes.figure
+    (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+    wide, tall = figure.get_size_inches() * 72.0 * axes.get_position().size
+    unit = max((right - left) / wide, (high - low) / tall)  # m a point
+    line = 1.35 * size * unit
+    taken: list[tuple[float, float, float]] = []
+    for shape in named:
+        x, y = shape.points[k][len(shape.points[k]) // 2]
+        if not np.isfinite([x, y]).all():
+            continue
+        width = 0.68 * size * unit * len(shape.name)
+        x = min(max(x, left + 0.6 * width), right - 0.6 * width)
+        rows = sorted(range(-LINES, LINES + 1), key=lambda row: (abs(row - 1), -row))
+        free = (y + row * line for row in rows if _free(x, y + row * line, width, line, taken))
+        y = min(max(next(free, y), low + line), high - line)
+        taken.append((x, y, width))
+        text = axes.text(x, y, shape.name, fontsize=size, ha="center", va="center", color=ink, zorder=6)
+        text.set_bbox({"facecolor": paper, "alpha": 0.75, "edgecolor": "none", "pad": 0.6})
+
+
+def _free(x: float, y: float, width: float, line: float, taken: Sequence[tuple[float, float, float]]) -> bool:
+    """Whether a name of a width fits at a place beside those that are there."""
+    return all(abs(y - v) >= line or abs(x - u) >= 0.55 * (width + w) for u, v, w in taken)
+
+
+def _supports(axes: "Axes", solution: Any) -> None:
+    for support in supports_of(solution.scene):
+        axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
 
 
 def _energies(axes: "Axes", solution: Any) -> None:
@@ -159,26 +282,15 @@ def _energies(axes: "Axes", solution: Any) -> None:
         axes.legend(fontsize="small")
 
 
-def _paths(solution: Any) -> dict[str, Array]:
-    """Points that draw each body, (n, k, 2), m."""
-    fractions = np.linspace(0.0, 1.0, POINTS)
-    return {
-        name: _outline(field) if isinstance(field, RigidField) else solution.position(name, fractions)
-        for name, field in solution.fields.items()
-    }
-
-
-def _outline(field: RigidField) -> Array:
-    """From the centre of mass to each point and back."""
-    center = field.position("center")
-    stops = [p for point in field.points if point != "center" for p in (field.position(point), center)]
-    return np.stack([center, *stops], axis=1)
+def _points(shapes: Sequence[Shape], chosen: Sequence[int] | None = None) -> Array:
+    """All points of shapes, at some outputs or at all, (k, 2), m."""
+    parts = [shape.points if chosen is None else shape.points[list(chosen)] for shape in shapes]
+    return np.concatenate([part.reshape(-1, 2) for part in parts])
 
 
 def _frame(axes: "Axes", points: Array) -> None:
     """Equal scales, and room for all points that are finite."""
-    points = points[np.isfinite(points).all(axis=1)]
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = box(points)
     middle, half = 0.5 * (low + high), 0.55 * max(float((high - low).max()), 1e-12)
     axes.set_xlim(middle[0] - half, middle[0] + half)
     axes.set_ylim(middle[1] - half, middle[1] + half)

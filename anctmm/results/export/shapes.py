@@ -1,0 +1,172 @@
+"""What is to be seen of a solution: the shapes of its bodies, springs and guides at all outputs, and its supports."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import unknown_kind
+from anctmm.model.bodies import Beam
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
+from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.rigid_bodies import PointMass, RigidBody
+
+Array = NDArray[np.float64]
+
+#: Points along a beam.
+POINTS = 41
+#: Windings of a spring; its half width, and the radius of a rotational one, of the picture's size.
+WINDINGS, WIDTH, RADIUS = 6, 0.014, 0.03
+#: Half the length of the line that a guide is drawn as, of the picture's size.
+GUIDE = 0.12
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line or an outline that moves.
+
+    Parameters
+    ----------
+    name : str
+        Of the body; empty of what is none.
+    kind : str
+        "beam", "rigid" (an outline, closed), "mass" (one point), "spring" or "guide".
+    points : ndarray, shape (n, k, 2)
+        m, at the n outputs.
+    """
+
+    name: str
+    kind: str
+    points: Array
+
+
+@dataclass(frozen=True)
+class Support:
+    """Where the ground holds a scene: "clamp" or "pin", and where, m."""
+
+    kind: str
+    position: tuple[float, float]
+
+
+def shapes_of(solution: Any) -> list[Shape]:
+    """Everything that moves: bodies in the scene's order, then springs, then guides.
+
+    Parameters
+    ----------
+    solution : Solution
+        With at least one output.
+    """
+    bodies = [_body(solution, body) for body in solution.scene.bodies if body.name in solution.fields]
+    size = size_of(bodies)
+    springs = [_spring(solution, connector, size) for connector in solution.scene.connectors]
+    return [*bodies, *springs, *_guides(solution, size)]
+
+
+def size_of(shapes: list[Shape]) -> float:
+    """Larger side of the box around shapes, m."""
+    low, high = box(np.concatenate([shape.points.reshape(-1, 2) for shape in shapes]))
+    return float((high - low).max()) or 1.0
+
+
+def box(points: Array) -> tuple[Array, Array]:
+    """Lower left and upper right of the points that are finite."""
+    points = points[np.isfinite(points).all(axis=1)]
+    return points.min(axis=0), points.max(axis=0)
+
+
+def supports_of(scene: Any) -> list[Support]:
+    """What the ground holds: clamps, grounded hinges, and fixed ends of springs."""
+    found = []
+    for joint in scene.joints:
+        match joint:
+            case Clamp():
+                kind = "clamp"
+            case Pin() | Weld():
+                kind = "pin"
+            case Slider() | Prismatic():
+                continue
+            case _:
+                raise unknown_kind("joint", joint, JOINTS)
+        if joint.grounded:
+            found.append(Support(kind, scene.place(joint.ends[0]).position))
+    grounds = (c.ground for c in scene.connectors if isinstance(c, Spring))
+    return [*found, *(Support("pin", point) for point in grounds if point is not None)]
+
+
+def _body(solution: Any, body: Any) -> Shape:
+    match body:
+        case Beam():
+            fractions = np.linspace(0.0, 1.0, POINTS)
+            return Shape(body.name, "beam", solution.position(body.name, fractions))
+        case RigidBody():
+            return _rigid(solution, body)
+        case PointMass():
+            return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
+        case _:
+            raise unknown_kind("body", body, (Beam, RigidBody, PointMass))
+
+
+def _rigid(solution: Any, body: RigidBody) -> Shape:
+    """The outline through a body's points, in their order around its middle; of one point a line from the centre."""
+    keys = list(body.points)
+    if not keys:
+        return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
+    if len(keys) < 3:
+        keys = ["center", *(key for key in keys if key != "center")]
+    arms = np.array([body.arm(key) for key in keys])
+    x, y = (arms - arms.mean(axis=0)).T
+    around = [keys[k] for k in np.argsort(np.arctan2(y, x), kind="stable")]
+    points = [solution.position(f"{body.name}.{key}") for key in (*around, around[0])]
+    return Shape(body.name, "rigid", np.stack(points, axis=1))
+
+
+def _spring(solution: Any, connector: Connector, size: float) -> Shape:
+    first = solution.position(connector.first)
+    match connector:
+        case Spring():
+            ground = connector.ground
+            last = solution.position(connector.second) if ground is None else np.full_like(first, ground)
+            return Shape("", "spring", zigzag(first, last, WIDTH * size))
+        case RotationalSpring():
+            turn = np.linspace(0.0, 4.0 * np.pi, 49)
+            radius = RADIUS * size * (0.35 + 0.65 * turn / turn[-1])
+            spiral = radius[:, None] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
+            return Shape("", "spring", first[:, None] + spiral)
+        case _:
+            raise unknown_kind("connector", connector, CONNECTORS)
+
+
+def zigzag(first: Array, last: Array, width: float) -> Array:
+    """A spring between two moving points, (n, 2 WINDINGS + 4, 2), m."""
+    along = last - first
+    distance = np.linalg.norm(along, axis=1, keepdims=True)
+    side = np.stack([-along[:, 1], along[:, 0]], axis=1) / np.where(distance > 0.0, distance, 1.0)
+    parts = np.array([0.0, 0.15, *np.linspace(0.15, 0.85, 4 * WINDINGS + 1)[1::2], 0.85, 1.0])
+    away = width * np.array([0.0, 0.0, *((-1.0) ** k for k in range(2 * WINDINGS)), 0.0, 0.0])
+    return np.asarray(first[:, None] + parts[:, None] * along[:, None] + away[:, None] * side[:, None])
+
+
+def _guides(solution: Any, size: float) -> Iterator[Shape]:
+    """The lines of sliders: fixed in the ground, or in a rigid body with which they move."""
+    scene = solution.scene
+    for joint in scene.joints:
+        if isinstance(joint, Guide):
+            place = np.array(scene.place(joint.ends[0]).position)
+            line = place + GUIDE * size * np.array([[-1.0], [1.0]]) * joint.direction
+            if joint.body is None:
+                yield Shape("", "guide", np.broadcast_to(line, (len(solution.t), 2, 2)))
+            else:
+                yield Shape("", "guide", _carried(solution, scene.body(joint.body), line))
+
+
+def _carried(solution: Any, body: RigidBody, points: Array) -> Array:
+    """Points of the reference that a rigid body carries along, (n, k, 2)."""
+    center = solution.position(f"{body.name}.center")
+    x, y = (points - np.array(body.center)).T
+    cosine, sine = solution.fields[body.name].coordinates[:, 1].T
+    turned = np.stack(
+        [np.outer(cosine, x) - np.outer(sine, y), np.outer(sine, x) + np.outer(cosine, y)], axis=2
+    )
+    return np.asarray(center[:, None] + turned)

@@ -1,0 +1,67 @@
+"""What joints and springs carry, and how many digits of it hold."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from anctmm.errors import ResultError, unknown_kind
+from anctmm.model.case import Case
+from anctmm.model.connectors import Connector, Spring
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.results.solution import Solution
+from studies.engine.digits import Value, probe_text
+
+
+def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
+    """For each joint its largest force and moment, for each spring its largest tension, as `Reading` asks for.
+
+    What a solver does not give, or equilibrium alone does not tell, is left out.
+    """
+    if not len(solution.t):
+        return
+    for joint in case.scene.joints:
+        with suppress(ResultError):
+            yield from _of_joint(solution, case, joint)
+    for connector in case.scene.connectors:
+        unit = "N" if isinstance(connector, Spring) else "N m"
+        with suppress(ResultError):
+            yield _largest(
+                solution, case, connector_text(connector), "tension", unit, solution.tension(connector)
+            )
+
+
+def joint_text(joint: Joint) -> str:
+    """A joint in words."""
+    return f"{type(joint).__name__.lower()} {', '.join(map(probe_text, joint.ends))}"
+
+
+def connector_text(connector: Connector) -> str:
+    """A connector in words."""
+    kind = "spring" if isinstance(connector, Spring) else "rotational spring"
+    return f"{kind} {', '.join(map(probe_text, connector.places))}"
+
+
+def _of_joint(solution: Solution, case: Case, joint: Joint) -> Iterator[tuple[Value, float]]:
+    reaction, name = solution.reaction(joint), joint_text(joint)
+    yield _largest(solution, case, name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1))
+    match joint:
+        case Clamp() | Weld():
+            what = "moment" if joint.angle is None else "torque of the drive"
+        case Prismatic():
+            what = "moment"
+        case Pin() | Slider():  # free to turn
+            return
+        case _:
+            raise unknown_kind("joint", joint, JOINTS)
+    yield _largest(solution, case, name, what, "N m", reaction[:, 2])
+
+
+def _largest(
+    solution: Solution, case: Case, name: str, what: str, unit: str, series: np.ndarray
+) -> tuple[Value, float]:
+    """The largest of a series over a motion, at rest its last, with the time and the size it is measured in."""
+    k = len(series) - 1 if case.static else int(np.abs(series).argmax())
+    when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
+    quantity = f"{what} {when}" if case.static else f"largest {what}, {when}"
+    return Value(name, quantity, unit, float(series[k])), float(np.abs(series).max())

@@ -1,0 +1,95 @@
+"""Pictures and animations of mechanisms: everything that moves is to be seen, and no name lies on another."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import Browser, Tab, needs_chromium
+from PIL import Image
+from user_cases import SLIDER_CRANK
+
+import anctmm as at
+from anctmm.results.export.shapes import shapes_of, supports_of
+from studies.cases import cases_in
+
+
+@pytest.fixture(scope="module")
+def mechanism():
+    """Bodies, joints and springs of all kinds: what stands at a few outputs is enough, and needs no solver."""
+    (case,) = cases_in(SLIDER_CRANK)
+    turn = at.RotationalSpring("rod.end", "plate.a", stiffness=0.1)
+    scene = replace(case.scene, connectors=(*case.scene.connectors, turn))
+    return at.solve(scene, mesh=2, dt=2e-3, t_end=0.02, output_dt=2e-3)
+
+
+def test_everything_that_moves_has_a_shape(mechanism):
+    found = shapes_of(mechanism)
+    assert [(s.name, s.kind) for s in found] == [
+        ("crank", "beam"), ("rod", "beam"), ("plate", "rigid"), ("load", "mass"), ("", "spring"), ("", "spring"),
+        ("", "spring"), ("", "guide"),
+    ]  # fmt: skip
+    plate, load, first, second = (found[k].points for k in (2, 3, 4, 5))
+    corners = [mechanism.position(f"plate.{key}") for key in "abc"]
+    assert all(np.abs(plate - corner[:, None]).sum(axis=2).min(axis=1).max() < 1e-14 for corner in corners)
+    assert (plate[:, 0] == plate[:, -1]).all()  # closed
+    np.testing.assert_array_equal(load[:, 0], mechanism.position("load.center"))
+    ends = [mechanism.position("load.center"), mechanism.position("plate.c")]
+    np.testing.assert_allclose(first[:, [0, -1]], np.stack(ends, axis=1), atol=1e-14)
+    np.testing.assert_array_equal(second[:, -1], np.full((11, 2), (1.2, 0.05)))
+    assert {(s.kind, s.position) for s in supports_of(mechanism.scene)} == {
+        ("clamp", (0.0, 0.0)), ("pin", (1.2, 0.05)),
+    }  # fmt: skip
+
+
+def test_a_guide_moves_with_the_body_that_carries_it():
+    """The line of a slider on a plate that turns freely turns as the plate does."""
+    plate = at.RigidBody("plate", 1.0, 0.1, (0.0, 0.0), {"a": (1.0, 0.0)}, spin=2.0)
+    bead = at.PointMass("bead", 0.1, (1.0, 0.0), velocity=(0.0, 2.0))
+    scene = at.Scene(
+        "s", [plate, bead], [at.Pin("plate.center"), at.Slider("bead.center", (1.0, 0.0), body="plate")]
+    )
+    solution = at.solve(scene, dt=1e-2, t_end=0.2, output_dt=0.1)
+    line = shapes_of(solution)[-1].points
+    along = line[:, 1] - line[:, 0]
+    angle = np.arctan2(along[:, 1], along[:, 0])
+    np.testing.assert_allclose(angle, solution.angle("plate.center"), atol=1e-12)
+    assert angle[-1] > 0.3
+
+
+def test_pictures_of_mechanisms(mechanism, tmp_path):
+    figure = mechanism.plot()
+    axes = figure.axes[0]
+    assert {text.get_text() for text in axes.texts} == {"crank", "rod", "plate", "load"}
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axes.texts]
+    assert not any(a.overlaps(b) for k, a in enumerate(boxes) for b in boxes[:k])
+    low, high = axes.get_xlim()
+    assert low < 0.0
+    assert high > 1.2  # where a spring is fixed
+    with Image.open(mechanism.animate(tmp_path / "motion.gif")) as picture:
+        assert picture.n_frames == len(mechanism.t)
+
+
+@needs_chromium
+def test_the_player_of_an_animation_plays(mechanism, tmp_path):
+    """The page that `animate` writes, offline."""
+    browser = Browser()
+    try:
+        for width in (1280, 390):
+            tab = Tab(browser, mechanism.animate(tmp_path / "motion.html"), width=width)
+            image = "return document.querySelector('.animation img').src"
+            tab.run("document.querySelector('button[title=\"First frame\"]').click();")
+            first = tab.run(image)
+            tab.run("document.querySelector('button[title=\"Next frame\"]').click();")
+            assert first.startswith("data:image/png")
+            assert tab.run(image) != first
+            assert tab.run("return document.documentElement.scrollWidth") == width
+            signs = tab.run(
+                "return [...document.querySelectorAll('.anim-buttons button')].map(b => b.textContent.trim());"
+            )
+            assert "▶" in signs
+            assert all(signs)
+            assert tab.wrong == []
+            tab.close()
+    finally:
+        browser.close()
