@@ -9,10 +9,11 @@ import typer
 
 from studies.command_line.ending import CODES, BadOption, Code, Command, Commands
 from studies.command_line.options import duration, path, positive, read_options, texts
-from studies.command_line.progress import bar, sweeping
+from studies.command_line.progress import Log, bar, shortened, sweeping
 
 if TYPE_CHECKING:
     from anctmm.model.case import Case
+    from studies.engine.study import Options
     from studies.regression.check import Finding
     from studies.regression.scenes import Watch
     from studies.trade.recommend import Measured
@@ -188,6 +189,9 @@ def report(
             runner.heading = f"{name} ({done} of {len(every)}), "
             results.append(replace(find(name)(options, runner), name=name))
             write(results[-1], folder)  # an hour later something may fail; this is whole
+            print(
+                f"anctmm: {name} is done, {len(every) - done} of {len(every)} studies left", file=sys.stderr
+            )
     print(f"Written to {write_page(results, folder, quick, subject)}")
 
 
@@ -204,11 +208,15 @@ def recommend(
     budget: Annotated[
         str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
     ] = None,
+    elements: Elements = None,
+    dt: Steps = None,
+    solvers: Solvers = None,
     element: Annotated[str | None, typer.Option(help="Only this kind: cable, shear, reissner.")] = None,
+    integrator: Integrator = None,
     table: Annotated[
         Path | None,
         typer.Option(
-            help="Directory of a measured trade; else reports/trade, results/trade, or measure now.",
+            help="Directory of a measured trade; else yours in results/ or reports/, or the one that is kept.",
             parser=path,
             metavar="PATH",
         ),
@@ -220,20 +228,28 @@ def recommend(
     from rich.console import Console
 
     from studies.cases import find_case, is_file
+    from studies.command_line.options import setup_of
     from studies.trade import recommend as advice
     from studies.trade.recommend_print import show, show_rerun, show_script
 
-    own = find_case(scene, case) if is_file(scene) or case is not None else None
-    try:
-        name = advice.scene_name(scene) if own is None else own.name
-    except advice.RecommendError:  # none of those whose trade is kept
-        own = find_case(scene)
-        name = own.name
     wish, limit = positive("--error", error), duration("--budget", budget)
     if wish is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
+    narrow = read_options(elements, dt, solvers, quick)
+    setup_of("anctmm", None, integrator)  # refuses what is not known
+    own = find_case(scene, case) if is_file(scene) or case is not None else None
+    try:
+        name = advice.scene_name(scene) if own is None else own.name
+    except advice.RecommendError:  # none that moves
+        own = find_case(scene)
+        name = own.name
+    measured = advice.read(table) if table is not None else advice.kept() if own is None else None
+    if measured is None or (table is None and name not in set(measured.points["scene"])):
+        own = own or find_case(name)
+        options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=wish)
+        measured = _measured_case(own, options)
     origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
-    measured = _measured_trade(table) if own is None or table else _measured_case(own, wish, quick)
+    measured = replace(measured, points=advice.narrowed(measured.points, name, narrow, integrator))
     choice = advice.choose(measured.points, name, wish, limit, element)
     console = Console()
     show(choice, measured.origin, advice.models_apart(measured, name, wish), console)
@@ -247,34 +263,15 @@ def recommend(
         raise typer.Exit(Code.DIFFERS)
 
 
-def _measured_trade(table: Path | None) -> "Measured":
-    """A kept trade, from a directory, or one measured now and kept."""
-    from studies.engine.files import check_writable
-    from studies.engine.study import Options, find
-    from studies.report.folder import write
+def _measured_case(case: "Case", options: "Options") -> "Measured":
+    """The trade of one case, measured now; runs that were done before are kept."""
+    from studies.engine.study import find
     from studies.trade import recommend as advice
 
-    if table is not None:
-        return advice.read(table)
-    for folder in (Path("reports/trade"), Path("results/trade")):
-        if (folder / "points.csv").exists():
-            return advice.read(folder)
-    check_writable(Path("results"))
-    print("No measured trade in reports/trade or results/trade: measuring (some minutes) …", file=sys.stderr)
-    with sweeping(quick=False) as runner:
-        result = find("trade")(Options(), runner)
-    write(result, Path("results"))
-    return advice.of_result(result)
-
-
-def _measured_case(case: "Case", error: float | None, quick: bool) -> "Measured":
-    """The trade of a case of the user's, measured now; runs that were done before are kept."""
-    from studies.engine.study import Options, find
-    from studies.trade import recommend as advice
-
-    print(f"Measuring {case.name} (some minutes; with --quick less) …", file=sys.stderr)
-    with sweeping(quick) as runner:
-        return advice.of_result(find("trade")(Options(quick=quick, cases=(case,), error=error), runner))
+    takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
+    print(f"anctmm: no trade of {case.name} is kept; measuring it takes {takes} …", file=sys.stderr)
+    with sweeping(options.quick) as runner:
+        return advice.of_result(find("trade")(options, runner))
 
 
 @app.command(cls=Command)
@@ -292,8 +289,15 @@ def bench(
     from studies.report.folder import write
 
     check_writable(out)
-    with Console(stderr=True).status("starting") as shown:
-        result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
+    console = Console(stderr=True)
+    log = Log.on(console)
+    with console.status("starting") as shown:
+
+        def tell(text: str) -> None:
+            shown.update(f"measuring: {text}")
+            log.now(f"measuring: {text}")
+
+        result = benchmark.bench(quick, tell)
     folder = write(result, out)
     benchmark.glance(result, Console())
     print(f"\nWritten to {folder}/")
@@ -353,11 +357,14 @@ def check(
         if update
         else checking.check(tasks, stored, whole=not asked and not solvers and not case, workers=processors())
     )
-    with bar(Console(stderr=True)) as progress:
+    console = Console(stderr=True)
+    log = Log.on(console)
+    with bar(console) as progress:
         task = progress.add_task("running", total=len(tasks))
-        for found in work:
+        for done, found in enumerate(work, 1):
             findings += found
-            progress.update(task, description=found[-1].name, advance=1)
+            progress.update(task, description=shortened(found[-1].name, console.width), advance=1)
+            log.done(found[-1].name, done, len(tasks))
         findings = checking.in_order(findings, tasks)
         write_check(findings, out / "check")
     show(findings, Console())

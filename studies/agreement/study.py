@@ -18,7 +18,7 @@ from anctmm.solvers import registry
 from studies.engine.clock import records
 from studies.engine.dynamics import check_mesh
 from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of, mesh_label
-from studies.engine.study import Options, Result
+from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import Table
 from studies.report.plots import GRID, ON_DARK, ON_PALE, Picture, picture
 from studies.scenes import BaseScene, moving_scenes
@@ -91,13 +91,15 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Tr
         if len(mesh) not in (1, 3):
             check_mesh(base.scene, mesh)
     dt = options.steps[0] if options.steps else STEP[options.quick]
+    if options.element not in (None, *ELEMENTS):
+        raise StudyError(f"--element is {options.element!r}; solvers are compared with {', '.join(ELEMENTS)}")
     cases = []
-    for element, solver in product(ELEMENTS, solvers):
+    for element, solver in product([options.element] if options.element else ELEMENTS, solvers):
         used = element_of(solver, element)
         if used != element and (used in ELEMENTS or element == "cable"):
             continue  # asked for its own element once is enough
         mesh = fitting[0] if fitting else MESHES[options.quick][element][len(base.scene.beams)]
-        implicit = options.quick or _has_implicit(solver)
+        implicit = (options.quick or _has_implicit(solver)) and options.integrator != "zhai"
         cases.append(Trial(
             base.scene, solver, mesh, element=element, integrator="generalized-alpha" if implicit else "zhai",
             dt=dt if implicit else EXPLICIT_STEP, t_end=base.duration, output_dt=base.interval,

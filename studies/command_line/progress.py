@@ -1,9 +1,11 @@
-"""What a command shows while it works, on standard error."""
+"""What a command shows while it works, on standard error: a bar on a terminal, lines elsewhere."""
 
 import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import monotonic
 from typing import TYPE_CHECKING
 
 import typer
@@ -14,7 +16,77 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.progress import Progress
 
-    from studies.engine.runner import Runner, Trial
+    from studies.engine.runner import Runner
+
+#: Parts that take less are not told in a log, s; longest time between two lines of it, s.
+BRIEF, SILENT = 2.0, 15.0
+
+
+@dataclass
+class Log:
+    """Lines for where nobody looks, such as a file: one for each part that is finished, and some on the way.
+
+    Parameters
+    ----------
+    say : callable
+        Writes a line.
+    clock : callable
+        Seconds since whenever.
+    """
+
+    say: Callable[[str], None]
+    clock: Callable[[], float] = monotonic
+    _began: float = field(init=False)
+    _part_began: float = field(init=False)
+    _said: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._began = self._part_began = self._said = self.clock()
+
+    @classmethod
+    def on(cls, console: "Console") -> "Log":
+        """One that writes to a console, or, where that is a terminal and has a bar, nowhere."""
+
+        def say(text: str) -> None:
+            console.print(f"anctmm: {text}", markup=False, highlight=False, soft_wrap=True)
+
+        return cls((lambda text: None) if console.is_terminal else say)
+
+    def started(self, label: str, done: int, total: int) -> None:
+        """Something begins: of a part its first is what its time is measured from."""
+        now = self.clock()
+        if done == 0:
+            self._part_began = now
+        if now - self._said >= SILENT:
+            self._line(now, f"{label} is running, {done} of {total} done{self._left(now, done, total)}")
+
+    def done(self, label: str, done: int, total: int) -> None:
+        """Something has ended."""
+        now = self.clock()
+        if done == total and now - self._part_began >= BRIEF:
+            self._line(now, f"{label}: done, {total} of {total} in {spoken(now - self._part_began)}")
+        elif done < total and now - self._said >= SILENT:
+            self._line(now, f"{label}: {done} of {total} done{self._left(now, done, total)}")
+
+    def now(self, text: str) -> None:
+        """Say something at once."""
+        self._line(self.clock(), text)
+
+    def _left(self, now: float, done: int, total: int) -> str:
+        if not done:
+            return ""
+        return f", {spoken((now - self._part_began) / done * (total - done))} left"
+
+    def _line(self, now: float, text: str) -> None:
+        self._said = now
+        self.say(f"[{spoken(now - self._began)}] {text}")
+
+
+def spoken(seconds: float) -> str:
+    """A time in words."""
+    if seconds < 99.5:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5970.0 else f"{seconds / 3600.0:.1f} h"
 
 
 @contextmanager
@@ -23,19 +95,25 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
     from rich.console import Console
 
     from anctmm.jit.cache_dir import kept_in
-    from studies.engine.runner import Runner
+    from studies.engine.runner import Runner, Trial, label_of
 
     cache = kept_in("runs")
     console = Console(stderr=True)
+    log = Log.on(console)
     with bar(console) as progress:
         task = progress.add_task("starting", total=None)
 
-        def on_done(case: "Trial", done: int, total: int) -> None:
-            what = f"{case.scene.name} · {case.solver} {case.element} {case.integrator}"
-            on_job(what, done, total)
+        def on_start(label: str, done: int, total: int) -> None:
+            told = f"{runner.heading}{label}"
+            progress.update(task, description=shortened(told, console.width), completed=done, total=total)
+            log.started(told, done, total)
 
         def on_job(label: str, done: int, total: int) -> None:
-            progress.update(task, description=f"{runner.heading}{label}", completed=done, total=total)
+            progress.update(task, completed=done, total=total)
+            log.done(f"{runner.heading}{label}", done, total)
+
+        def on_done(case: Trial, done: int, total: int) -> None:
+            on_job(label_of(case), done, total)
 
         def note(text: str) -> None:
             console.print(f"anctmm: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
@@ -47,6 +125,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             on_done=on_done,
             note=note,
             on_job=on_job,
+            on_start=on_start,
         )
         try:
             yield runner
@@ -62,6 +141,12 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             raise typer.Exit(Code.INTERRUPTED) from None
 
 
+def shortened(text: str, width: int) -> str:
+    """A text that leaves room for a bar and times in a line."""
+    room = max(width - 46, 20)
+    return text if len(text) <= room else f"{text[: room - 1]}…"
+
+
 def bar(console: "Console") -> "Progress":
     """A bar that goes away when it is done; none where nobody looks."""
     from rich.progress import (
@@ -74,7 +159,7 @@ def bar(console: "Console") -> "Progress":
     )
 
     columns = (
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-        TextColumn("left"), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False), BarColumn(bar_width=10), MofNCompleteColumn(),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     return Progress(*columns, console=console, transient=True, disable=not console.is_terminal)

@@ -157,7 +157,17 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
         check_mesh(base.scene, mesh)
     cases = []
     listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
-    for scheme in plan.schemes:
+    schemes = [
+        scheme for scheme in plan.schemes
+        if options.element in (None, scheme.element) and options.integrator in (None, scheme.integrator)
+    ]  # fmt: skip
+    if not schemes:
+        asked = " ".join(filter(None, (options.element, options.integrator)))
+        kinds = "; ".join(dict.fromkeys(f"{scheme.element} {scheme.integrator}" for scheme in plan.schemes))
+        raise StudyError(
+            f"--element and --integrator ask for {asked}; scene {base.scene.name!r} is run with {kinds}"
+        )
+    for scheme in schemes:
         wanted = scheme.solvers if options.solvers is None else options.solvers
         solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
         for mesh in options.meshes or scheme.meshes:

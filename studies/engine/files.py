@@ -24,6 +24,7 @@ def atomic_write(path: Path, content: str | bytes) -> None:
     """
     # a path that is no UTF-8 may stand in a message
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
+    path = path.resolve() if path.is_symlink() else path  # what a link refers to is the file
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")

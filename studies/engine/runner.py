@@ -175,6 +175,8 @@ class Runner:
         What the runs are for: stands before them where progress is shown.
     on_job : callable
         Told after each job: (label, number done, number of all).
+    on_start : callable
+        Told before each run or job: (label, number done, number of all).
     """
 
     cache: Path | None
@@ -185,6 +187,7 @@ class Runner:
     note: Callable[[str], None] = storage.note
     heading: str = ""
     on_job: Callable[[str, int, int], None] = lambda label, done, total: None
+    on_start: Callable[[str, int, int], None] = lambda label, done, total: None
     computed: int = 0
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
     _sources: Sources = field(default_factory=Sources)
@@ -210,6 +213,7 @@ class Runner:
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
+            self.on_start(label_of(group[0]), len(outcomes), len(ordered))
             for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s):
                 outcomes.append(outcome)
                 self.on_done(outcome.case, len(outcomes), len(ordered))
@@ -253,6 +257,7 @@ class Runner:
         """
         results = []
         for done, (label, compute, otherwise) in enumerate(jobs, 1):
+            self.on_start(label, done - 1, len(jobs))
             try:
                 results.append(self.remember(code and f"{label}|{code}", compute))
             except (AnctmmError, np.linalg.LinAlgError) as error:
@@ -440,6 +445,12 @@ def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
     about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
     times = ("cpu_s", "build_s", "wall_s")
     return [{**about, "sample": k, **{t: getattr(c, t) for t in times}} for k, c in enumerate(outcome.costs)]
+
+
+def label_of(case: Trial) -> str:
+    """A run in a few words, for whoever waits for it."""
+    mesh = f"{mesh_label(case.mesh)} {case.element}"
+    return f"{case.scene.name} · {case.solver} {mesh} {case.integrator}"
 
 
 def mesh_label(mesh: Mesh) -> str:

@@ -54,7 +54,8 @@ TYPED = {
 RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
     "convergence": ("cases", "element", "integrator", "error", "solvers"),
-    "trade": ("cases", "error", "meshes", "steps", "solvers"),
+    "trade": ("cases", "error", "element", "integrator", *RANGES),
+    "agreement": ("element", "integrator", *RANGES),
     "fidelity": ("cases", "error", *RANGES),  # these it refuses itself
     "extremes": ("cases", *RANGES),
 }

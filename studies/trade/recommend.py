@@ -1,8 +1,9 @@
 """The cheapest measured setting for a target error, or the best within a budget: chosen from the trade's table."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,17 @@ from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
 from studies.engine.choices import read as read_own
 from studies.engine.files import check_checksum
-from studies.engine.runner import Trial
-from studies.engine.study import Result
+from studies.engine.runner import Trial, mesh_label
+from studies.engine.study import Options, Result
 from studies.engine.timing import undisturbed
 from studies.scenes import base_of, moving_scenes
 from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of
 from studies.trade.snippet import snippet, snippet_of_file
 
+#: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.
+KEPT = Path(__file__).parent / "kept"
+#: Where a trade that the user measured may be.
+OWN = (Path("results/trade"), Path("reports/trade"))
 #: Runs of a rerun; its time is their median.
 REPEATS = 3
 #: A rerun without a target error that was met must give the measured error to this factor: it is the same computation.
@@ -109,6 +114,52 @@ def read(folder: Path) -> Measured:
                 f"table {path} may be damaged ({wrong}); a whole one of `anctmm study trade` is needed"
             )
     return Measured(**frames, origin=str(folder))
+
+
+def kept() -> Measured:
+    """What the user measured in this directory, or else the tables that ship with the package; errors as of `read`."""
+    own = next((folder for folder in OWN if (folder / "points.csv").exists()), None)
+    if own is not None:
+        return read(own)
+    machine = json.loads((KEPT / "machine.json").read_text(encoding="utf-8"))["machine"]["processor"]
+    return replace(read(KEPT), origin=f"the table that ships with anctmm, measured on {machine}")
+
+
+def narrowed(points: pd.DataFrame, scene: str, options: Options, integrator: str | None) -> pd.DataFrame:
+    """Rows of some solvers, meshes and steps, and of an integrator.
+
+    Raises
+    ------
+    RecommendError
+        If nothing of the scene is left of them.
+    """
+    wanted: dict[tuple[str, str], Any] = {
+        ("solver", "--solvers"): options.solvers,
+        ("integrator", "--integrator"): integrator and (integrator,),
+        ("elements", "--elements"): options.meshes and tuple(map(mesh_label, options.meshes)),
+        ("dt", "--dt"): options.steps,
+    }
+    for (column, typed), values in wanted.items():
+        if not values:
+            continue
+        mine = points[points["scene"] == scene]
+        points = points[_among(points[column], values)]
+        if scene not in set(points["scene"]):
+            allowed = ", ".join(
+                f"{v:g}" if column == "dt" else str(v) for v in mine[column].dropna().unique()
+            )
+            raise RecommendError(
+                f"{typed} is {', '.join(map(str, values))!r}; measured on scene {scene!r} are {allowed}"
+            )
+    return points
+
+
+def _among(column: pd.Series, values: Sequence[Any]) -> pd.Series:
+    """Whether each of a column is one of some values; numbers to the digits that tables keep."""
+    if column.name != "dt":
+        return column.isin(values)
+    near = np.isclose(column.to_numpy(float)[:, None], np.array(values, float), rtol=1e-6, atol=0.0)
+    return pd.Series(near.any(axis=1), column.index)
 
 
 def of_result(result: Result) -> Measured:
