@@ -55,7 +55,7 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.compiling import kernel
-from anctmm.jit.second_process import side_by_side
+from anctmm.jit.second_process import Task, side_by_side
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.recursion.riccati import (
     BlockFactors,
@@ -109,7 +109,7 @@ def integrate(chain: Chain) -> Solution:
 
     def compiles(_: Chain) -> None:
         call = arguments(0, 0, of_step, newton)
-        with side_by_side(*parts(state, of_step, *system[1:4], system.loads, newton)):
+        with side_by_side(*_parts(system, of_step, out, call[-1][0])):
             advance(*call)
 
     once(chain, compiles, what=advance)
@@ -126,6 +126,18 @@ def integrate(chain: Chain) -> Solution:
     when = float(run.times(np.array([failed]))[0])
     status = locked(chain, state.q, rows_in(system.factors.loops), when, failed)
     return so_far(1 + (failed - 1) // run.stride, status or stalled(chain, failed, state, newton), failed)
+
+
+def _parts(system: System, c: Coefficients, out: Output, values: Array) -> tuple[list[Task], list[Task]]:
+    """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
+    state, tables, links, factors, hubs, loads, newton, _ = system
+    aside, here = parts(state, c, tables, links, factors, loads, newton)
+    outside = [
+        (hub_reactions, (state.q, state.w, state.f, tables, hubs)),
+        (work_done, (True, state.q, hubs, loads, values)),
+        (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
+    ]
+    return outside + aside, here
 
 
 def _system(chain: Chain) -> System:

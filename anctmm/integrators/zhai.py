@@ -46,7 +46,14 @@ from anctmm.recursion.constrained import (
     constrain_motion,
     take_accelerations,
 )
-from anctmm.recursion.riccati import BlockFactors, SplitFactors, mass_factors, no_split_factors, split_factors
+from anctmm.recursion.riccati import (
+    BlockFactors,
+    SplitFactors,
+    block_factors,
+    mass_factors,
+    no_split_factors,
+    split_factors,
+)
 from anctmm.recursion.rows import Rows, row_work
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.finding import part
@@ -125,11 +132,11 @@ def integrate(chain: Chain) -> Solution:
         If the step lies above the stability limit and the discretisation asks for the check.
     """
     run = chain.run
-    if run.check_stability:
-        once(chain, check_step)
     actuation, record = once(chain, actuation_of), Record(chain)
     out = record.arrays()
     with nullcontext() if is_found(chain, advance) else side_by_side(_parts(chain, out)):
+        if run.check_stability:
+            once(chain, check_step)
         fixed = own(chain, _system)
         once(chain, lambda _: advance(*_call(chain, fixed, out, 0, 0)), what=advance)  # compiles
     q, rows = fixed.state.q, fixed.rows
@@ -159,13 +166,25 @@ def _parts(chain: Chain, out: Output) -> list[Task]:
     """Kernels that `advance` calls, for a second process: what it reaches first, and what is large."""
     actuation, q = once(chain, actuation_of), chain.bodies.reference()
     hubs, loads = actuation.hubs(), actuation.loads()
-    drives, values = actuation.hub_table(np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
+    drives, values = drive_table(chain, actuation, np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
+    tables = chain.bodies.tables()
     return [
         (turn_hubs, (hubs, drives)),
         (place_hubs, (q, q, hubs)),
+        *([] if chain.split else _block_parts(chain, q, tables, hubs, drives)),
         (set_loads, (q, q, q, loads, values)),
-        (keep, (0, 1, q, q, q, chain.bodies.tables(), loads.connectors, out)),
+        (keep, (0, 1, q, q, q, tables, loads.connectors, out)),
         (work_done, (True, q, hubs, loads, values)),
+    ]
+
+
+def _block_parts(chain: Chain, q: Array, tables: Tables, hubs: Hubs, drives: Array) -> list[Task]:
+    """What needs the mass in full blocks, which this process factors meanwhile."""
+    factors = block_factors(chain)
+    motion = (constrain_motion, (factors, factors.loops, 0, drives, q, q, q))
+    return [
+        *([motion] if rows_in(factors.loops) is not None else []),
+        (by_blocks, (q, q, tables, hubs, factors, q, q)),
     ]
 
 

@@ -7,12 +7,12 @@ machine code holds it once more. Here a function gets both when Python calls it 
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 import llvmlite.binding as llvm
 from numba.core import event, sigutils
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder, Flags
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.registry import CPUDispatcher
@@ -22,8 +22,21 @@ from numba.core.typed_passes import NativeLowering
 _calls = threading.local()
 
 
+class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Machine code of a function and of all that is linked into it, optimised as a whole."""
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        ll_module.data_layout = self._codegen._data_layout
+
+
 class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Code of a function to be linked into its callers: optimised, but no machine code."""
+    """Code of a function to be linked into its callers: simplified, but no machine code.
+
+    What it calls is only linked: it is inlined and optimised once, in the machine code of the last caller.
+    """
+
+    def _optimize_final_module(self) -> None:
+        pass
 
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
@@ -55,16 +68,48 @@ class _Callable(AnalysisPass):  # type: ignore[misc]
         return False
 
 
+class KernelFlags(Flags):  # type: ignore[misc]
+    """Options of the compiler, which looks them up at every call that it compiles: equal copies are one object.
+
+    Functions of numba's that kernels call take over the options in the copy. Without that to be inlined, which these
+    small functions are anyway, they are compiled once for all kernels.
+    """
+
+    _known: ClassVar[list["KernelFlags"]] = []
+    _hash: ClassVar[int] = hash(Flags())  # numba's is the same for all
+
+    def copy(self) -> "KernelFlags":
+        """Options for what is called."""
+        one = KernelFlags(self)
+        one.discard("forceinline")
+        if one not in self._known:
+            self._known.append(one)
+        return self._known[self._known.index(one)]
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or bool(super().__eq__(other))
+
+    def __hash__(self) -> int:
+        return self._hash
+
+
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
     """numba's compiler, which stops before machine code where a caller is compiled."""
+
+    def _compile_core(self) -> Any:
+        self.state.flags = KernelFlags(self.state.flags)
+        return super()._compile_core()
 
     def define_pipelines(self) -> list[PassManager]:
         """The one pipeline."""
         state = self.state
+        codegen, name = state.targetctx.codegen(), state.func_id.func_qualname
         if not for_caller():
+            state.library = KernelLibrary(codegen, name)
+            state.library.enable_object_caching()
             return [DefaultPassBuilder.define_nopython_pipeline(state)]
         state.flags.no_cpython_wrapper = state.flags.no_compile = True
-        state.library = CalleeLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        state.library = CalleeLibrary(codegen, name)
         passes = DefaultPassBuilder.define_nopython_pipeline(state)
         passes.add_pass_after(_Callable, NativeLowering)
         passes.finalize()
@@ -117,7 +162,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         """Give Python what callers had; its entry."""
         context, name = callee.target_context, callee.fndesc.qualname
         with event.trigger_event("numba:compile", data={"dispatcher": self, "args": callee.signature.args}):
-            library = context.codegen().create_library(name)
+            library = KernelLibrary(context.codegen(), name)
             library.enable_object_caching()
             library.add_linking_library(callee.library)
             context.create_cpython_wrapper(library, callee.fndesc, callee.environment, None)

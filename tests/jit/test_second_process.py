@@ -79,16 +79,21 @@ SCENES = {
     "hinged": ([at.Pin("a.start"), at.Pin("a.end", "b.start")], []),
     "driven": ([at.Clamp("a.start", at.Quintic(1.0, 1.0)), at.Pin("a.end", "b.start")], [at.Torque("b.end", 1.0)]),
     "triangle": ([at.Pin("a.end", "b.start"), at.Pin("b.end", "c.start"), at.Pin("c.end", "a.start")], []),
+    "plate": ([at.Pin("a.start"), at.Pin("a.end", "b.start"), at.Pin("b.end", "plate.corner")], []),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("module", [zhai, generalized_alpha])
-@pytest.mark.parametrize(("kind", "name"), [("cable", "hinged"), ("shear", "driven"), ("cable", "triangle")])
+@pytest.mark.parametrize(
+    ("kind", "name"), [("cable", "hinged"), ("shear", "driven"), ("cable", "triangle"), ("cable", "plate")]
+)
 def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, module, monkeypatch):
     """Else it would work in vain, and in every process again."""
     joints, loads = SCENES[name]
     bodies = [beam(), beam("b", (1.0, 0.0), (1.0, 1.0))]
     bodies += [beam("c", (1.0, 1.0), (0.0, 0.0))] if name == "triangle" else []
+    plate = at.RigidBody("plate", mass=1.0, inertia=0.1, center=(1.0, 1.5), points={"corner": (1.0, 1.0)})
+    bodies += [plate] if name == "plate" else []
     integrator = "zhai" if module is zhai else "generalized-alpha"
     asked = []
 
