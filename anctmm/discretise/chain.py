@@ -7,11 +7,10 @@ node of its own, also where ends are joined.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TypeGuard
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
@@ -20,13 +19,13 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.maps import add_force, constant_forces_on
 from anctmm.discretise.mesh import passed_meshes
 from anctmm.discretise.node_mesh import BarMesh
-from anctmm.discretise.plan import WELD, Kept, Plan, plan_of
+from anctmm.discretise.plan import BREAK, WELD, Kept, Plan, plan_of
 from anctmm.discretise.rigid_loops import check_rigid_loops
 from anctmm.discretise.segments import Segments
 from anctmm.discretise.vertices import Vertex, vertices_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
-from anctmm.model.bodies import Beam
+from anctmm.model.bodies import Beam, Point
 from anctmm.model.joints import Prismatic, Weld
 from anctmm.model.needs import refuse
 from anctmm.model.places import End
@@ -39,6 +38,18 @@ Ints = NDArray[np.int64]
 
 #: Turn of a weld below which its two frames count as one, rad.
 ALIGNED = 1e-12
+
+
+#: Guides up to which an explicit step restores their lines one by one; it takes full blocks for more.
+FEW_GUIDES = 4
+
+
+class Guided(NamedTuple):
+    """Ends at a place that moves on a line in the ground, the one whose node is eliminated there, and the direction."""
+
+    ends: tuple[End, ...]
+    carrier: End
+    direction: Point
 
 
 @dataclass(frozen=True)
@@ -179,9 +190,24 @@ class Chain:
 
     @property
     def split(self) -> bool:
-        """Whether x and y, and r_y and the rest, do not mix in the mass: no weld at an angle, and no loop."""
+        """Whether x and y, and r_y and the rest, do not mix in the mass, but for a few guides: no weld at an angle, and
+        no loop.
+        """
         straight = (self.turn[:, 1] == 0.0).all() and (self.turn[:, 0] > 0.0).all()
-        return bool(straight and not self.plan.kept)
+        return bool(straight and not self.plan.kept and len(self.guided) <= FEW_GUIDES)
+
+    @cached_property
+    def guided(self) -> list[Guided]:
+        """Places on lines in the ground that are eliminated like others, in the frames of these lines."""
+        kept = {end for vertex in self.plan.kept for group in vertex.groups for end in group}
+        last = {step.inboard for step in self.plan.steps}
+        last |= {step.outboard for step in self.plan.steps if step.link == BREAK}
+        found = []
+        for vertex in self.vertices:
+            ends = tuple(end for group in vertex.groups for end in group)
+            if vertex.line is not None and ends[0] not in kept:
+                found.append(Guided(ends, next(end for end in ends if end in last), vertex.line))
+        return found
 
     @property
     def single(self) -> bool:
@@ -239,6 +265,10 @@ class Chain:
             )
             for i, w in zip(nodes, turns, strict=True):
                 v[row : row + 2, i] = (mean * w).real, (mean * w).imag
+        for guided in self.guided:
+            x, y = guided.direction
+            for i in map(self.node, guided.ends):
+                v[:2, i] = (x * v[0, i] + y * v[1, i]) * np.array([x, y])
         for end, port in self.on_bodies():
             at = self.kept.homes[:, port.unknowns[port.unknowns >= 0]]
             v[port.shared, self.node(end)] = (port.map[:, port.unknowns >= 0] @ v[at[0], at[1]])[port.shared]
@@ -300,65 +330,3 @@ class Chain:
 
 def _is_end(to: End | Kept | None) -> TypeGuard[End]:
     return to is not None and not isinstance(to, Kept)
-
-
-class Joined:
-    """Independent unknowns of a scene: those of all nodes, less known ones, less the doubles at joints.
-
-    Parameters
-    ----------
-    chain : Chain
-    """
-
-    def __init__(self, chain: Chain) -> None:
-        bodies = chain.bodies
-        self.shape = (bodies.rows, bodies.nodes)
-        index = np.arange(bodies.rows * bodies.nodes).reshape(self.shape)
-        master = ~chain.prescribed
-        entries: list[tuple[int, int, float]] = []
-        for row, ends in chain.shared():
-            first, *others = sorted(ends, key=chain.node)
-            i = chain.node(first)
-            for end in () if chain.prescribed[row, i] else others:
-                j = chain.node(end)
-                c, s = chain.turn_between(first, end) if row else (1.0, 0.0)
-                master[row : row + 2, j] = False
-                for k, n, value in ((0, 0, c), (0, 1, -s), (1, 0, s), (1, 1, c)):
-                    entries.append((index[row + k, j], index[row + n, i], value))
-        for end, port in chain.on_bodies():
-            j = chain.node(end)
-            for own in map(int, np.flatnonzero(port.shared & ~chain.prescribed[:, j])):
-                master[own, j] = False
-                for p in np.flatnonzero(port.map[own]):
-                    home = chain.kept.homes[:, port.unknowns[p]]
-                    entries.append((index[own, j], index[home[0], home[1]], port.map[own, p]))
-        self.masters = index[master]
-        number = np.full(index.size, -1)
-        number[self.masters] = np.arange(self.masters.size)
-        rows = np.concatenate([self.masters, [e[0] for e in entries]]).astype(int)
-        columns = number[np.concatenate([self.masters, [e[1] for e in entries]]).astype(int)]
-        values = np.concatenate([np.ones(self.masters.size), [e[2] for e in entries]])
-        self.matrix = csr_array((values, (rows, columns)), shape=(index.size, self.masters.size))
-
-    @property
-    def size(self) -> int:
-        """Number of independent unknowns."""
-        return int(self.masters.size)
-
-    def spread(self, x: Array) -> Array:
-        """Unknowns of all nodes, (rows, nodes), from the independent ones."""
-        return (self.matrix @ x).reshape(self.shape)
-
-    def gather(self, f: Array) -> Array:
-        """Generalized forces on the independent unknowns from those on all nodes, (rows, nodes)."""
-        return self.matrix.T @ f.ravel()
-
-    def load(self, f: Array) -> Array:
-        """Forces on nodes, (rows, nodes), whose `gather` is f."""
-        out = np.zeros(self.shape)
-        out.ravel()[self.masters] = f
-        return out
-
-    def unknowns(self, a: Array) -> Array:
-        """Independent unknowns among those of all nodes, (rows, nodes)."""
-        return a.ravel()[self.masters]

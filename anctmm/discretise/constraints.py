@@ -141,6 +141,11 @@ class Situated(Protocol):
         ...
 
     @property
+    def guided(self) -> Sequence[Any]:
+        """Places on lines in the ground that are eliminated like others."""
+        ...
+
+    @property
     def length(self) -> float:
         """Scale of positions, m."""
         ...
@@ -168,6 +173,8 @@ class _Writer:
         self.chain, self.of_end, self.found = chain, of_end, found
         self.rigid = chain.rigid
         self.scale = 1.0 / chain.length
+        #: Ends on lines in the ground that are eliminated like others: no constraint is needed.
+        self.passed = {end for guided in chain.guided for end in guided.ends}
 
     def unit(self, name: str) -> None:
         """|t|² = 1 of a rigid body."""
@@ -197,7 +204,8 @@ class _Writer:
         for weld in junction.hinges:
             self._hinge(weld, junction)
         for guide in junction.guides:
-            self._guide(guide, junction)
+            if _passed(end_of(self.chain.parts, guide.place)) not in self.passed:
+                self._guide(guide, junction)
 
     def _meet(self, end: End, one: Vector, two: Vector) -> None:
         self.found.add(

@@ -6,7 +6,8 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.joined import Joined
 from anctmm.model.drives import value_at
 
 Array = NDArray[np.float64]

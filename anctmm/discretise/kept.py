@@ -7,7 +7,7 @@ groups, in the frame of the first end of each.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,11 @@ class Passed(Protocol):
     @property
     def rigid(self) -> Mapping[str, None]:
         """Names of the rigid bodies."""
+        ...
+
+    @property
+    def guided(self) -> Sequence[Any]:
+        """Places on lines in the ground that are eliminated like others."""
         ...
 
     @property

@@ -5,7 +5,8 @@ root: what lies inboard of a junction is condensed, and the condensed matrices o
 up, S = Σ S_child (Rui et al. 2020, 10.1007/s11044-019-09711-2). A loop has no leaf. So some of its junctions are kept:
 the stretches between them are condensed to both their ends, and the small graph of kept junctions is solved at last.
 Kept are the junctions where three or more stretches of loops meet, and one of each loop that has none. Always kept are
-rigid bodies, and junctions that constraints act on: guides and driven hinges.
+rigid bodies, and junctions that constraints act on: guides and driven hinges. A line in the ground that guides a
+junction of a tree is no constraint: the node there is eliminated in the frame of the line.
 
 A place held by the ground is no connection: each group of ends welded there to each other is a vertex of its own, and
 each end that is clamped there. Ends that are joined to a rigid body, at whatever point of it, are one vertex: the body.
@@ -169,7 +170,7 @@ class _Planner:
         if not core:
             self._tree(reached[-1])  # far from the first leaf: a chain runs from end to end
             return
-        kept = [v for v, ends in core.items() if len(ends) > 2 or self.vertices[v].forced] or [min(core)]
+        kept = [v for v, ends in core.items() if len(ends) > 2 or self._constrained(v)] or [min(core)]
         self.kept |= {v: len(self.kept) + i for i, v in enumerate(kept)}
         for v in core:
             self._tree(v)
@@ -177,6 +178,10 @@ class _Planner:
             for end in core[v]:
                 if end[0] not in self.order:
                     self._path(end, core)
+
+    def _constrained(self, v: int) -> bool:
+        """Whether constraints act on a vertex of a loop: a line in the ground holds one of a tree without them."""
+        return self.vertices[v].forced or self.vertices[v].line is not None
 
     def _tree(self, root: int) -> None:
         """Put the bodies that hang from a vertex in order, each behind those that hang from it."""

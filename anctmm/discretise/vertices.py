@@ -8,6 +8,7 @@ A body of one node, a point mass or a rigid body, stands at the vertex where its
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
+from anctmm.model.bodies import Point
 from anctmm.model.joints import Prismatic
 from anctmm.model.places import End
 from anctmm.model.rigid_bodies import PointMass
@@ -30,6 +31,8 @@ class Vertex(NamedTuple):
         Whether it is kept whatever meets there.
     turning : tuple of tuple of End
         Of its groups those of one end whose gradients are kept like those of several.
+    line : (float, float) or None
+        Direction of the line in the ground on which it moves, where that is all that guides it.
     """
 
     groups: tuple[tuple[End, ...], ...]
@@ -37,6 +40,7 @@ class Vertex(NamedTuple):
     body: str | None = None
     forced: bool = False
     turning: tuple[tuple[End, ...], ...] = ()
+    line: Point | None = None
 
     @property
     def welded(self) -> tuple[tuple[End, ...], ...]:
@@ -71,7 +75,9 @@ class _Vertices:
         if carrier is None and not junction.grounded:
             groups = tuple(map(self._passed, junction.groups))
             turning = tuple(self._passed(group) for group in junction.groups if self._turns(junction, group))
-            self.found.append(Vertex(groups, False, None, bool(junction.guides or turning), turning))
+            line = None if turning else _line(junction)
+            forced = bool(turning or (junction.guides and line is None))
+            self.found.append(Vertex(groups, False, None, forced, turning, line))
             return
         apart: list[tuple[End, ...]] = []
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
@@ -112,3 +118,11 @@ class _Vertices:
         turned = [place for weld in junction.hinges for place in weld.ends]
         turned += [g.place for g in junction.guides if isinstance(g, Prismatic) and g.body is not None]
         return any(end_of(self.scene, place) in group for place in turned)
+
+
+def _line(junction: Junction) -> Point | None:
+    """Direction of the one line in the ground that guides a junction and does not drive it; None otherwise."""
+    if len(junction.guides) != 1:
+        return None
+    (guide,) = junction.guides
+    return guide.direction if guide.body is None and guide.position is None else None

@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from anctmm.discretise.assembly import resist
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.joined import Joined
 from anctmm.elements.kinds import check_kinds, flexible, kind_of
 from anctmm.errors import DiscretisationError, SolverError, shown
 from anctmm.integrators.statics.equilibrium_stability import least_shift

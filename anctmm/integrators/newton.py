@@ -33,6 +33,7 @@ from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.jit.second_process import Task
 from anctmm.recursion.constrained import KEPT, ask_correction, begin_newton, end_newton, take_correction
+from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
     BlockFactors,
@@ -130,6 +131,7 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
             if full == 1:
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
             _drag(q, w, hubs.nodes, hubs.motion, coefficients)
+            hold_on_lines(links.turned, q, w, coefficients)
             solved = _newton(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
             )

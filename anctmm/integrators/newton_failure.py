@@ -8,7 +8,8 @@ from anctmm.discretise.assembly import (
     mass_product,
     resist,
 )
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.joined import Joined
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.forces.actuation import (
     Actuation,

@@ -9,8 +9,9 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
 
 from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.joined import Joined
 from anctmm.discretise.mesh import BodyMesh, Element
 from anctmm.errors import StabilityError
 from anctmm.integrators.connected import Connected

@@ -254,7 +254,7 @@ def advance(
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
     first, blend, kinds, constants, masses, buffer = tables
     _, of, _, motion, reaction, _ = hubs
-    L, G, D, places = split
+    L, G, D, places, lines = split
     driven = len(hubs.nodes) + len(loads.touched) > 0
     flat_q, flat_v, flat_even, flat_odd = state.flat
     one = min(1, q.shape[1] - 1)
@@ -302,6 +302,7 @@ def advance(
                 G,
                 D,
                 places,
+                lines,
                 now,
             )
         else:

@@ -11,6 +11,7 @@ from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.actuation import Hubs, hub_reactions
 from anctmm.jit.compiling import inlined, kernel
+from anctmm.recursion.lines import keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
 
 Array = NDArray[np.float64]
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 
 @inlined
 def by_scalars(
-    blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, a
+    blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, lines, a
 ):  # type: ignore[no-untyped-def]
     """Accelerations of a tree without angled welds, and the reactions of its driven clamps.
 
@@ -30,13 +31,14 @@ def by_scalars(
         Coordinates and the external forces on them.
     of, motion, reaction : ndarray
         Of `Hubs`; the reactions are written.
-    L, G, D, places
+    L, G, D, places, lines
         Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
     _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
     _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
+    keep_on_lines(lines, of, reaction, a)
 
 
 @inlined

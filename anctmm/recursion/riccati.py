@@ -29,6 +29,7 @@ from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
+from anctmm.recursion.lines import Lines, Turned, lines, turn_back_node, turn_node, turned
 from anctmm.recursion.loops import (
     Loops,
     add_start,
@@ -49,7 +50,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@writes("branches")
+@writes("branches", "lines")
 class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
 
@@ -62,12 +63,15 @@ class SplitFactors(NamedTuple):
     D : ndarray, shape (4, nodes)
         Condensed mass of all that lies inboard of the node.
     branches : Branches
+    lines : Lines or None
+        None where there are none: then nothing of them is compiled.
     """
 
     L: Array
     G: Array
     D: Array
     branches: Branches
+    lines: Lines | None
 
 
 @writes("L", "G", "wide", "work", "buffer", "branches", "loops")
@@ -104,27 +108,31 @@ class BlockFactors(NamedTuple):
 
 @writes()
 class Links(NamedTuple):
-    """What kernels need of a `Chain`; known: components prescribed, or found with the kept unknowns, (rows, nodes)."""
+    """What kernels need of a `Chain`; known: components prescribed, or found with the kept unknowns, (rows, nodes).
+
+    Those of a node on a line are along the line and across.
+    """
 
     link: Ints
     turn: Array
     known: NDArray[np.bool_]
+    turned: Turned | None
 
 
 def split_factors(chain: Chain) -> SplitFactors:
     """Factor the mass of a chain without angled welds, once for a whole run."""
     n, bodies = chain.bodies.nodes, chain.bodies
-    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain))
+    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain), lines(chain))
     masks = np.ones((3, n), dtype=bool)
     masks[: bodies.rows // 2] = chain.prescribed[::2]
-    _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result)
+    _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result[:4])
     return result
 
 
 def no_split_factors(chain: Chain) -> SplitFactors:
     """What stands in their place where there are none."""
     L, G, D = np.zeros((3, 1, 1))
-    return SplitFactors(L, G, D, branches(chain))
+    return SplitFactors(L, G, D, branches(chain), None)
 
 
 def block_factors(chain: Chain, single: bool = False) -> BlockFactors:
@@ -150,7 +158,9 @@ def links(chain: Chain) -> Links:
     for b, step in enumerate(chain.plan.steps):
         if step.start is not None:
             known[: 2 if step.start.group is None else None, chain.bodies.first[b]] = True
-    return Links(chain.link, chain.turn, known)
+    for guided in chain.guided:
+        known[1, chain.node(guided.carrier)] = True
+    return Links(chain.link, chain.turn, known, turned(chain))
 
 
 def mass_factors(chain: Chain, q: Array | None = None) -> BlockFactors:
@@ -271,17 +281,19 @@ def factorize(
     int
         Number of negative pivots: 0 where the matrix is positive definite.
     """
-    return _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, factors.loops)  # type: ignore[no-any-return]
+    return _factorize(  # type: ignore[no-any-return]
+        q, tables, links, mass, stiffness, loads, load_values, factors, factors.loops, links.turned
+    )
 
 
 @embedded
-def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops):  # type: ignore[no-untyped-def]
+def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops, turned):  # type: ignore[no-untyped-def]
     """The same; only of arguments that are None the compiler leaves out what needs them."""
     unit, L, G, _, work, buffer, places, _ = factors
     first, blend, kinds, constants, masses, _ = tables
-    link, turn, known = links
+    link, turn, known, _ = links
     d = len(unit)
-    negative, place, port, site = 0, 0, -1, 0
+    negative, place, port, site, line = 0, 0, -1, 0, 0
     work[:] = 0.0
     local = loads.local
     fill_local(q, stiffness, loads, load_values)
@@ -304,11 +316,16 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
                 for n in range(here, site):
                     add_block_beyond(unit, local.blocks[n], work)
+                if turned is not None and turned.node[line] == i:
+                    turn_node(unit, turned.along[line, 0], turned.along[line, 1], work)
                 if loops is None:
                     negative += _eliminate(unit, known, i, work)
                 else:
                     negative += eliminate_coupled(unit, loops, port, known, i, work)
                     port = -1
+                if turned is not None and turned.node[line] == i:
+                    turn_back_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    line += 1
                 _store(unit, i, work, L, G)
                 continue
             if i == first[b]:  # a body of one node
@@ -322,11 +339,16 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 pinned = link[b] == PIN
                 for k in range(d * d):
                     work[d * d + k] = work[k]
+                if turned is not None and turned.node[line] == i:
+                    turn_node(unit, turned.along[line, 0], turned.along[line, 1], work)
                 if loops is not None and pinned:
                     negative += release_coupled(unit, loops, known, i, work)
                 else:
                     negative += _invert(unit, known, 2 if pinned else 0, i, work)
                     _release(unit, pinned, work)
+                if turned is not None and turned.node[line] == i:
+                    turn_back_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    line += 1
                 _store(unit, i, work, L, G)
                 _forget(unit, pinned, work)
     if loops is not None:

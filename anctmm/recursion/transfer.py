@@ -113,6 +113,10 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
     bodies = chain.bodies
     if not all(mesh.elements for mesh in bodies.meshes):
         raise SolverError(f"scene {chain.scene.name!r} has bodies of one node; beams alone are needed here")
+    if chain.guided:
+        raise SolverError(
+            f"scene {chain.scene.name!r} has guides; the readable form takes beams, pins, welds and clamps"
+        )
     if not chain.single:
         raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
     if len(set(bodies.kinds)) > 1:

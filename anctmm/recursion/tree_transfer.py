@@ -59,7 +59,7 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
         If the scene closes loops or mixes kinds of elements.
     """
     nodes = [mesh.body.name for mesh in chain.bodies.meshes if not mesh.elements]
-    if nodes or chain.kept.constraints.names:
+    if nodes or chain.guided or chain.kept.constraints.names:
         raise SolverError(
             f"scene {chain.scene.name!r} has guides, or bodies of one node {nodes}; the readable form takes beams, "
             f"pins, welds and clamps alone"

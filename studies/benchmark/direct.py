@@ -8,7 +8,8 @@ from scipy.linalg import solveh_banded
 from scipy.sparse import coo_array, csr_array
 
 from anctmm.discretise.assembly import Bodies, block_tangents, unpack_tangent
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.joined import Joined
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.jit.compiling import kernel
 

@@ -121,10 +121,26 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     q, f, a = p.q, p.f, p.a
     first, blend, kinds, constants, masses, buffer = p.tables
     of, motion, reaction = p.hubs.of, p.hubs.motion, p.hubs.reaction
-    L, G, D, places = factors
+    L, G, D, places, lines = factors
     for _ in range(repeats):
         accelerations.by_scalars(
-            blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, a
+            blend,
+            q,
+            f,
+            first,
+            kinds,
+            constants,
+            masses,
+            buffer,
+            of,
+            motion,
+            reaction,
+            L,
+            G,
+            D,
+            places,
+            lines,
+            a,
         )
 
 

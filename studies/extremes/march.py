@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.joined import Joined
 from anctmm.elements.kinds import kind_of
 from anctmm.integrators import zhai as explicit
 from anctmm.model.scene import Scene

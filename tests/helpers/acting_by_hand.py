@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import discretise
+from anctmm.discretise.joined import Joined
 from anctmm.elements.shapes import hermite, hermite_load
 from anctmm.model.connectors import Spring
 from anctmm.model.scene import Force, LineLoad, Torque

@@ -8,7 +8,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from anctmm.discretise.assembly import elastic_forces
-from anctmm.discretise.chain import Joined
+from anctmm.discretise.joined import Joined
 from anctmm.forces.actuation import Actuation
 from anctmm.model.scene import Torque
 from anctmm.recursion.accelerations import by_scalars

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from samples import KINDS, SUPPORTS, bar, chain_of, gap, row_scene
 
-from anctmm.discretise.chain import Joined
+from anctmm.discretise.joined import Joined
 from anctmm.errors import StabilityError
 from anctmm.integrators import zhai as explicit
 from anctmm.integrators.stability import element_bound, highest_frequency, largest_step, zhai_limit

@@ -13,8 +13,9 @@ from random_graphs import Kinds, random_graph
 from scipy.linalg import eigh
 
 import anctmm as at
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.joined import Joined
 from anctmm.integrators.stability import highest_frequency
 from reference import global_dae
 

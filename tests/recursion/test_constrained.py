@@ -8,9 +8,10 @@ from random_mechanisms import random_mechanism
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.fitting import constraint_rates, mass_matrix
+from anctmm.discretise.joined import Joined
 from anctmm.errors import DiscretisationError, UnsupportedError
 from anctmm.integrators.zhai import advance
 from anctmm.recursion.riccati import block_factors, mass_factors, solve

@@ -6,8 +6,9 @@ from direct import direct, elastic, mass_of, stiffness_of
 from graphs import SCENES, ladder, polygon
 
 import anctmm as at
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.joined import Joined
 from anctmm.errors import SolverError
 from anctmm.forces.actuation import Actuation
 from anctmm.recursion.accelerations import by_scalars

@@ -20,8 +20,9 @@ from odd_graphs import ODD
 from random_graphs import Kinds, random_graph
 
 import anctmm as at
-from anctmm.discretise.chain import Chain, Joined
+from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.joined import Joined
 from anctmm.forces.actuation import Actuation, turn_hubs
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve

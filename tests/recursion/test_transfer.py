@@ -21,7 +21,7 @@ from numpy.testing import assert_array_equal
 from samples import INTEGRATORS, KINDS, SOFT, SQUARE, SUPPORTS, chain_of, deformed, row_scene
 from scipy.linalg import eigvals
 
-from anctmm.discretise.chain import Joined
+from anctmm.discretise.joined import Joined
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import DiscretisationError, SolverError

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, eigs
 
-from anctmm.discretise.chain import Joined
+from anctmm.discretise.joined import Joined
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.statics.static_system import StaticSystem
 
