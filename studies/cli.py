@@ -60,11 +60,13 @@ def list_(
 
     from studies.cases import built_in, cases_in
     from studies.command_line.listing import scenes, solvers, studies
+    from studies.engine.console import show_table
 
     shown = [scenes(cases_in(file))] if file is not None else [scenes(built_in()), solvers(), studies()]
     console = Console()
     for table in shown:
-        console.print(table, "")
+        show_table(console, table)
+        console.print()
 
 
 @app.command(cls=Command)

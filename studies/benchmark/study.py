@@ -14,6 +14,7 @@ from studies.benchmark.peak import rates
 from studies.benchmark.peers import DENSE, OURS, SPARSE, exudyn_at_like_settings, methods
 from studies.benchmark.precision import equal_error
 from studies.engine.clock import Effort, Samples, records
+from studies.engine.console import say, show_table
 from studies.engine.study import Result
 from studies.engine.tables import Table, text
 
@@ -194,6 +195,6 @@ def glance(result: Result, console: Console) -> None:
             r["what"], text(float(r["found"])), r["sense"], text(float(r["required"])), text(float(r["goal"])),
             verdict or ("met" if r["met"] else "missed"),
         )  # fmt: skip
-    console.print(shown)
+    show_table(console, shown)
     for finding in result.findings:
-        console.print(f"• {finding}", highlight=False, markup=False)
+        say(console, f"• {finding}")

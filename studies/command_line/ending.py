@@ -1,7 +1,9 @@
 """How a command ends: every way has one exit code, and none is a bare exception."""
 
 import os
+import shutil
 import sys
+import textwrap
 import traceback
 from contextlib import suppress
 from enum import IntEnum
@@ -10,7 +12,7 @@ from typing import Any, NoReturn
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from studies.command_line.streams import discard, prepare
+from studies.command_line.streams import NARROWEST, discard, prepare
 
 #: Set, and a fault of the program is shown with the place where it happened.
 TRACEBACK = "ANCTMM_TRACEBACK"
@@ -94,10 +96,18 @@ def end_with(error: BaseException, done: bool = False) -> NoReturn:
         case _:
             pass
     with suppress(OSError):
-        typer.echo(f"anctmm: {told}", err=True)
+        typer.echo(on_terminal(f"anctmm: {told}"), err=True)
     if done:
         _end(code)
     raise typer.Exit(code)
+
+
+def on_terminal(text: str) -> str:
+    """A line as a terminal shows it: broken between words; elsewhere as it is, for programs that read it."""
+    if sys.stderr is None or sys.stderr.closed or not sys.stderr.isatty():
+        return text
+    width = shutil.get_terminal_size().columns
+    return textwrap.fill(text, max(width, NARROWEST), break_long_words=False, break_on_hyphens=False)
 
 
 def code_of(error: BaseException) -> Code:

@@ -51,7 +51,7 @@ def _run(case: Case) -> str:
 def _table(title: str, *columns: str) -> Table:
     shown = Table(title=title, title_justify="left", header_style="bold", box=None, padding=(0, 2, 0, 0))
     for column in columns:
-        shown.add_column(column, overflow="fold", no_wrap=column == "name")
+        shown.add_column(column, no_wrap=column == "name")
     return shown
 
 

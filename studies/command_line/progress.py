@@ -46,11 +46,9 @@ class Log:
     @classmethod
     def on(cls, console: "Console") -> "Log":
         """One that writes to a console, or, where that is a terminal and has a bar, nowhere."""
+        from studies.engine.console import say
 
-        def say(text: str) -> None:
-            console.print(f"anctmm: {text}", markup=False, highlight=False, soft_wrap=True)
-
-        return cls((lambda text: None) if console.is_terminal else say)
+        return cls(lambda text: None if console.is_terminal else say(console, f"anctmm: {text}"))
 
     def started(self, label: str, done: int, total: int) -> None:
         """Something begins: of a part its first is what its time is measured from."""
@@ -95,6 +93,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
     from rich.console import Console
 
     from anctmm.jit.cache_dir import kept_in
+    from studies.engine.console import say
     from studies.engine.runner import Runner, Trial, label_of
 
     cache = kept_in("runs")
@@ -116,7 +115,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             on_job(label_of(case), done, total)
 
         def note(text: str) -> None:
-            console.print(f"anctmm: {text}", style="yellow", markup=False, highlight=False, soft_wrap=True)
+            say(console, f"anctmm: {text}", "yellow")
 
         runner = Runner(
             cache,
@@ -137,7 +136,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             )
             if cache is None:
                 kept = "Nothing is kept, for no directory could be written."
-            console.print(f"Interrupted. {kept}", soft_wrap=True, markup=False, highlight=False)
+            say(console, f"Interrupted. {kept}")
             raise typer.Exit(Code.INTERRUPTED) from None
 
 

@@ -11,6 +11,7 @@ from anctmm.errors import PluginError
 from anctmm.solvers import registry
 from studies.conformance.rules import INSTALLED, LOADS, RULES, SIGNATURE, missing
 from studies.conformance.subject import BrokenRule, Rule, Subject
+from studies.engine.console import show_table
 
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
@@ -89,10 +90,10 @@ def show(name: str, findings: Sequence[Finding], console: Console) -> None:
     """Print the table and the verdict."""
     shown = Table(title=f"Solver {name}", title_justify="left", box=None, padding=(0, 2, 0, 0))
     for head in ("rule", "asks", "measured", "allowed", "verdict"):
-        shown.add_column(head, header_style="dim", overflow="fold", no_wrap=head in ("rule", "verdict"))
+        shown.add_column(head, header_style="dim", no_wrap=head in ("rule", "verdict"))
     for f in findings:
         texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
         shown.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
-    console.print(shown)
+    show_table(console, shown)
     counts = {v: sum(f.verdict == v for f in findings) for v in STYLES}
     console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from studies.engine.console import say
 from studies.engine.tables import Table, atomic_write, write_table
 from studies.regression.check import DIFFERS, FAILED, NOT_RUN, RENEWED, SAME, UNCHANGED, Finding
 from studies.regression.history import UNITS
@@ -55,8 +56,7 @@ def show(findings: Sequence[Finding], console: Console) -> None:
         console.print(f"[bold]{escape(' · '.join(run))}[/bold]", shown, highlight=False)
     for finding in findings:
         if finding.reason:
-            told = f"{finding.name}: {finding.reason}"
-            console.print(told, style=_style(finding), highlight=False, markup=False)
+            say(console, f"{finding.name}: {finding.reason}", _style(finding))
     counts = {v: sum(f.verdict == v for f in findings) for v in dict.fromkeys(f.verdict for f in findings)}
     console.print(", ".join(f"{n} {verdict}" for verdict, n in counts.items()), highlight=False)
 

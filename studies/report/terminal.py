@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table as RichTable
 
+from studies.engine.console import say, show_table
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, text
 
@@ -26,7 +27,7 @@ def glance(result: Result, console: Console) -> None:
     for name in result.shown:
         _shown(result.table(name), console)
     for finding in result.findings:
-        console.print(f"• {finding}", highlight=False, markup=False)
+        say(console, f"• {finding}")
 
 
 def _shown(table: Table, console: Console) -> None:
@@ -39,21 +40,19 @@ def _shown(table: Table, console: Console) -> None:
         columns = [c for c in table.frame.columns if c not in hidden]
         constant = [c for c in columns if len(rows) > 1 and _is_one_text(rows[c])]
         columns = [c for c in columns if c not in constant and rows[c].notna().any()]
-        console.print(
-            f"{table.title}: {', '.join(map(str, values))}", style="bold", highlight=False, markup=False
-        )
+        say(console, f"{table.title}: {', '.join(map(str, values))}", "bold")
         shown = RichTable(box=None, padding=(0, 2, 0, 0))
         for column in columns:
             numeric = is_numeric_dtype(rows[column])
             shown.add_column(str(column), justify="right" if numeric else "left", header_style="dim")
         for cells in rows[columns].itertuples(index=False, name=None):
             shown.add_row(*map(_cell, cells))
-        console.print(shown)
+        show_table(console, shown)
         for column in constant:
-            console.print(f"{column}: {rows[column].iloc[0]}", style="dim", highlight=False, markup=False)
+            say(console, f"{column}: {rows[column].iloc[0]}", "dim")
         console.print()
     for status in dict.fromkeys(failed(table.frame)["status"]) if "status" in table.frame else ():
-        console.print(status, style="yellow", highlight=False, markup=False)
+        say(console, status, "yellow")
 
 
 def _cell(value: object) -> str:
@@ -70,16 +69,16 @@ def _is_one_text(cells: pd.Series) -> bool:
 
 def _accuracy(frame: pd.DataFrame, console: Console) -> None:
     for scene, runs in frame.groupby("scene", sort=False):
-        console.print(_runs(str(scene), runs))
+        show_table(console, _runs(str(scene), runs))
         for reference, known in runs.drop_duplicates("reference")[
             ["reference", "reference_error"]
         ].itertuples(index=False):
             about = f"reference: {reference}, known to {known:.1g}"
-            console.print(about, style="dim", highlight=False, markup=False)
+            say(console, about, "dim")
         console.print()
     for status, runs in failed(frame).groupby("status", sort=False):
         solvers = ", ".join(dict.fromkeys(runs["solver"]))
-        console.print(f"{len(runs)} of {solvers}: {status}", style="yellow", highlight=False, markup=False)
+        say(console, f"{len(runs)} of {solvers}: {status}", "yellow")
 
 
 def _runs(scene: str, runs: pd.DataFrame) -> RichTable:

@@ -1,18 +1,19 @@
 """What `anctmm run` prints."""
 
+from functools import partial
 from math import isfinite
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
+from studies.engine.console import say, show_table
 from studies.single_run.study import SingleRun
 
 
 def show(run: SingleRun, console: Console) -> None:
     """Print the setting, what is known of its error, and the values at the probes."""
-
-    def line(text: str, style: str = "") -> None:
-        console.print(text, style=style, highlight=False, markup=False, soft_wrap=True)
+    line = partial(say, console)
 
     line(f"{run.case.name}: {run.setting}", "bold")
     if run.case.note:
@@ -21,7 +22,7 @@ def show(run: SingleRun, console: Console) -> None:
     line(run.error, "" if run.good else "yellow")
     line(run.effort)
     if run.values:
-        console.print(_values(run))
+        show_table(console, _values(run))
     for other in run.others:
         told = (
             f"differs by {other.difference:.1e}" if isfinite(other.difference) else str(other.solution.status)
@@ -36,5 +37,5 @@ def _values(run: SingleRun) -> Table:
     for head in ("probe", "quantity", "value"):
         shown.add_column(head)
     for value in run.values:
-        shown.add_row(value.probe, value.quantity, value.text)
+        shown.add_row(*map(escape, (value.probe, value.quantity, value.text)))
     return shown

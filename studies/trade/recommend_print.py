@@ -5,6 +5,7 @@ from rich.markup import escape
 from rich.syntax import Syntax
 from rich.table import Table
 
+from studies.engine.console import say, show_table
 from studies.trade.choice import milliseconds, setting_of
 from studies.trade.recommend import Choice, Rerun
 
@@ -13,23 +14,16 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
     """Print the setting, its cost and error, a warning if there is one, and the runners-up."""
     line = choice.line
     for remark in choice.remarks:
-        console.print(
-            f"{'Note' if choice.reached else 'Not reached'}: {remark}.",
-            style="yellow",
-            highlight=False,
-            soft_wrap=True,
-        )
+        say(console, f"{'Note' if choice.reached else 'Not reached'}: {remark}.", "yellow")
     head = "Recommended" if choice.reached else "Nearest"
-    console.print(f"[bold]{head}: {escape(setting_of(line))}[/bold]", highlight=False, soft_wrap=True)
-    console.print(
+    say(console, f"{head}: {setting_of(line)}", "bold")
+    say(
+        console,
         f"expected {milliseconds(line['cpu_s'])} of CPU time; error {line['error']:.2g} ± "
         f"{line['reference_error']:.1g} (mesh {line['mesh_error']:.1g}, step {line['step_error']:.1g}); from {origin}",
-        highlight=False,
-        soft_wrap=True,
-        markup=False,
     )
     if warning:
-        console.print(f"Note: {warning}.", style="dim", highlight=False, soft_wrap=True)
+        say(console, f"Note: {warning}.", "dim")
     if len(choice.runners_up):
         shown = Table(
             title="Runners-up, the cheapest of each kind",
@@ -42,7 +36,7 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
         for other in choice.runners_up.to_dict("records"):
             cost = milliseconds(other["cpu_s"])
             shown.add_row(escape(setting_of(other)), cost, f"{other['ratio']:.3g}", f"{other['error']:.2g}")
-        console.print(shown)
+        show_table(console, shown)
     console.print()
 
 
@@ -62,10 +56,9 @@ def show_rerun(again: Rerun, choice: Choice, wish: float | None, console: Consol
         else f"the table's {choice.line['error']:.2g}"
     )
     verdict = "meets" if again.met else "MISSES"
-    console.print(
+    say(
+        console,
         f"Rerun of this script: {again.status}, error {again.error:.3g} {verdict} {goal}; "
         f"{milliseconds(again.cpu_s)} of CPU time.",
-        style="green" if again.met else "red",
-        highlight=False,
-        soft_wrap=True,
+        "green" if again.met else "red",
     )
