@@ -61,7 +61,8 @@ def show_table(console: Console, table: Table) -> None:
         say(console, first or "-", "bold")
         for head, cell in zip(heads[1:], others, strict=True):
             if cell:
-                say(console, f"  {head}: {cell}" if head else f"  {cell}")
+                line = f"  {head}: {cell}" if head else f"  {cell}"
+                console.print(Text(broken(line, console.width)), highlight=False, soft_wrap=True)
 
 
 def fitted(table: Table, width: int) -> list[int]:
