@@ -21,7 +21,7 @@ SLOW = {
                    "extremes_of_cases",
                    "failures", "fidelity", "fidelity_of_cases", "interruption",
                    "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
-                   "trade_of_cases"],
+                   "trade_of_cases", "recommend_anywhere", "width"],
     "recursion": ["graphs", "random_graphs", "rigid"],
     "results": ["energy_check"],
 }  # fmt: skip
