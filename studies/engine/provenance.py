@@ -6,7 +6,7 @@ from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica")
+LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica", "opensees")
 #: Of this package only what takes part in a run: editing a picture must not repeat an hour of runs.
 #: (A scene is part of a run's key by its value.)
 RUN_MODULES = ("engine/runner.py", "engine/timing.py")

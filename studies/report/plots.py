@@ -44,6 +44,7 @@ SOLVER_COLOURS = {
     "global-dae-dense": PALETTE[3],
     "exudyn-reissner": PALETTE[5],
     "pyelastica": PALETTE[6],
+    "opensees": PALETTE[4],
 }
 #: Begins the id of a group whose markers have texts.
 TIPS = "tips:"

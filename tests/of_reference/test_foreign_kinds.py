@@ -17,7 +17,7 @@ from anctmm.model.bodies import BODIES
 from anctmm.model.joints import JOINTS
 from anctmm.model.loads import LOADS
 from anctmm.solvers.registry import names
-from reference import exact, exudyn_cable, exudyn_reissner, global_dae, pyelastica
+from reference import exact, exudyn_cable, exudyn_reissner, global_dae, opensees, pyelastica
 from studies.regression.tolerance import turned
 from studies.report.animation import supports
 
@@ -28,6 +28,7 @@ MOTION = {
     "global-dae-dense": global_dae.solve_dense,
     "exudyn-cable": exudyn_cable.solve,
     "exudyn-reissner": exudyn_reissner.solve,
+    "opensees": opensees.solve,
     "pyelastica": pyelastica.solve,
 }
 STATIC = {
@@ -35,13 +36,15 @@ STATIC = {
     "global-dae": global_dae.solve_static,
     "exudyn-cable": exudyn_cable.solve_static,
     "exudyn-reissner": exudyn_reissner.solve_static,
+    "opensees": opensees.solve_static,
     "pyelastica": pyelastica.solve_static,
 }
 ROADS = {
     **{f"{name}, {integrator}": (solve, integrator) for name, solve in MOTION.items() for integrator in INTEGRATORS},
     **{f"{name}, statics": (solve, None) for name, solve in STATIC.items()},
 }  # fmt: skip
-del ROADS["pyelastica, generalized-alpha"]  # it has no such steps, whatever the scene
+for other in ("pyelastica, generalized-alpha", "opensees, zhai"):
+    del ROADS[other]  # it has no such steps, whatever the scene
 every_road = pytest.mark.parametrize("road", ROADS)
 
 

@@ -68,6 +68,14 @@ def test_only_what_says_so_is_not_installed(plugged):
     assert exit_code(findings) == 1
 
 
+def test_opensees_conforms_in_what_it_offers():
+    findings = list(conform("opensees"))
+    if absent := [f.measured for f in findings if f.verdict == NOT_INSTALLED]:
+        pytest.skip(absent[0])
+    assert passed(findings)
+    assert {f.rule for f in findings if f.verdict == NOT_OFFERED} == {"integrators", "stability"}
+
+
 def test_what_a_peer_lacks_is_shown_and_not_skipped():
     pytest.importorskip("elastica", reason="PyElastica (extra `peers`) is not installed")
     found = {f.rule: f for f in conform("pyelastica")}
@@ -377,7 +385,7 @@ def test_offers_lack_combinations():
             Offer(lacks={wrong})
 
 
-@pytest.mark.parametrize("name", [*OURS, "pyelastica"])
+@pytest.mark.parametrize("name", [*OURS, "opensees", "pyelastica"])
 def test_solvers_refuse_what_they_lack(name):
     subject = Subject(name, registry.load(name))
     refused = refuses_what_it_lacks(subject)
