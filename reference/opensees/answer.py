@@ -172,9 +172,9 @@ def _energy(frame: Frame, t: Array, analysis: Analysis) -> Energy:
             case _:
                 raise unknown_kind("load", load, LOADS)
         if isinstance(load, Force) and not callable(load.value):
-            potential -= moved @ np.asarray(load.value)
+            potential -= moved @ np.atleast_1d(load.value)
         elif not callable(load.value):
-            work += float(load.value) * moved[:, 0]
+            work += moved @ np.atleast_1d(load.value)
         elif not frame.static:
             work += _work(load, t, moved)
     nan = np.full(n, np.nan)
