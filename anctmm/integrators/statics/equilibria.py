@@ -18,7 +18,7 @@ from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.statics.arc_length import ArcPath, Point
 from anctmm.integrators.statics.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.statics.load_path import MANY, LoadPath
-from anctmm.integrators.statics.stable_branch import downhill, stable_path
+from anctmm.integrators.statics.stable_branch import downhill, settled, stable_path
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
@@ -175,12 +175,10 @@ def _stabilised(search: LoadPath) -> Advance:
 
     def advance(target: float) -> Status | None:
         status = search.reach(target)
-        if status is None or status.code != "diverged" or not search.system.conservative:
+        if status is None or status.code != "diverged":
             return status
-        begin, factor, q = search.factor, search.factor, search.q
-        for factor, q in stable_path(search.system, search.q, begin, target):  # noqa: B007
-            pass
-        if factor < target or not _possible(search.chain, q) or search.adopt(target, q) is not None:
+        begin, q = search.factor, _led(search, target)
+        if q is None or not _possible(search.chain, q) or search.adopt(target, q) is not None:
             return status
         search.notes.append(
             f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path led from there "
@@ -189,6 +187,16 @@ def _stabilised(search: LoadPath) -> Advance:
         return None
 
     return advance
+
+
+def _led(search: LoadPath, target: float) -> Array | None:
+    """Coordinates to which a stabilised path leads from the equilibrium reached last, None if it does not."""
+    if not search.system.conservative:
+        return settled(search.system, search.q, target)
+    factor, q = search.factor, search.q
+    for factor, q in stable_path(search.system, search.q, factor, target):  # noqa: B007, B020
+        pass
+    return None if factor < target else q
 
 
 def _possible(chain: Chain, q: Array) -> bool:

@@ -23,6 +23,8 @@ STEP, SMALLEST = 1.0 / 8.0, 1.0 / 512.0
 MOTION, FAR = 0.25, 1e3
 #: Longest correction; corrections tried in a minimisation.
 REACH, TRIED = 0.3, 5_000
+#: Largest correction of an overdamped motion; its steps at most.
+SLOW, SETTLING = 0.1, 2_000
 #: Parts of the fall of energy that the tangent predicts: asked for, and such that μ may become smaller.
 ENOUGH, GOOD = 0.1, 0.75
 #: Corrections below which Newton's iteration needs no look at the energy, and below which forces count as none.
@@ -105,6 +107,53 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
             system.accept_again(turns)
             return None
         if gain > GOOD:
+            shift = 0.25 * shift if shift > 4.0 * least else 0.0
+    system.accept_again(turns)
+    return None
+
+
+def settled(system: StaticSystem, start: Array, factor: float) -> Array | None:
+    """The equilibrium in which an overdamped motion from a start ends: for forces without a potential.
+
+    Implicit Euler steps of M q' = residual, 1/shift long, which grow where the motion is slow (pseudo-transient
+    continuation, Kelley & Keyes 1998, DOI 10.1137/S0036142996304796).
+
+    Parameters
+    ----------
+    system : StaticSystem
+    start : ndarray, shape (rows, nodes)
+    factor : float
+        Part of the load.
+
+    Returns
+    -------
+    ndarray, shape (rows, nodes), or None
+        None where the motion does not end.
+    """
+    q, least, turns, pushes = start.copy(), least_shift(system), system.turns(), iter(PUSHES)
+    shift = least
+    for _ in range(SETTLING):
+        while system.factorize(q, factor, shift) > 0:
+            shift = max(2.0 * shift, least)
+        x = system.correction(q, factor)
+        size = system.size(x)
+        if not size <= SLOW:
+            shift = max(4.0 * shift, least)
+            continue
+        if size <= BALANCED and shift == 0.0:
+            system.accept_again(turns)
+            return q + x
+        q = system.projected(q + x, factor, shift)
+        system.accept(q, factor)
+        if not system.size(q - start) <= FAR:
+            break
+        if size <= BALANCED and (found := stability_of(system, q, factor)).kind != "stable":
+            push = next(pushes, None) if found.kind == "unstable" else None
+            if push is None:
+                system.accept_again(turns)
+                return q
+            q = system.projected(q + push / system.size(found.motion) * found.motion, factor, shift)
+        if size <= 0.5 * SLOW:
             shift = 0.25 * shift if shift > 4.0 * least else 0.0
     system.accept_again(turns)
     return None
