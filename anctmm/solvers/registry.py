@@ -119,15 +119,19 @@ def checked(name: str, solve: Solver) -> Solver:
     @wraps(solve)
     def solver(scene: Scene, *arguments: Any, **options: Any) -> Solution:
         answer = counted(scene, *arguments, **options)
-        if reason := flaw(scene, answer):
+        # along the arc length of a path of equilibria load factors fall, too
+        if reason := flaw(scene, answer, growing=options.get("path") != "arclength"):
             raise PluginError(f"solver {name!r} answers scene {scene.name!r} with {reason}")
         return answer
 
     return solver
 
 
-def flaw(scene: Scene, answer: object) -> str:
-    """What makes an answer no solution of a scene; nothing if it is one. Whether it is right is another matter."""
+def flaw(scene: Scene, answer: object, *, growing: bool = True) -> str:
+    """What makes an answer no solution of a scene; nothing if it is one. Whether it is right is another matter.
+
+    `growing`: whether its times must grow.
+    """
     if not isinstance(answer, Solution):
         return f"a {type(answer).__name__}; an anctmm.Solution is needed"
     if not isinstance(answer.status, Status):
@@ -137,7 +141,7 @@ def flaw(scene: Scene, answer: object) -> str:
         return f"times of shape {t.shape} and type {t.dtype}; finite numbers (n,) are needed"
     if not len(t):
         return "no times and the status ok; a reason is needed" if answer.status.ok else ""
-    if (np.diff(t) <= 0.0).any():
+    if growing and (np.diff(t) <= 0.0).any():
         return "times that do not grow"
     for body in scene.bodies:
         if body.name not in answer.fields:

@@ -24,7 +24,9 @@ UNITS = {
     "strain energy": "J",
     "potential energy": "J",
     "work": "J",
+    "load factor": "1",
 }
+LOAD_FACTOR = "load factor"
 #: What is counted of a run's work, and its name in `Cost`.
 COUNTED = {
     "Newton corrections": "newton_iterations",
@@ -55,9 +57,9 @@ class History:
     Parameters
     ----------
     t : ndarray, shape (n,)
-        s, or the load factor.
+        s, or the load factor, or the number of the point of a path.
     axis : str
-        Which of the two, with its unit.
+        Which of them, with its unit.
     columns : tuple of Column
     values : ndarray, shape (n, columns)
     corrections : int
@@ -83,25 +85,34 @@ class History:
         A solver may take more samples (smaller load steps), or have fewer (a run cut short). An energy that is zero
         throughout (kinetic in statics) or that the solver does not give is left out.
         """
-        axis = "load factor" if isinstance(task.run, Static) else "t (s)"
+        axis = LOAD_FACTOR if isinstance(task.run, Static) else "t (s)"
         ending, cost = _ending(solution.status), solution.cost
         if len(solution.t) < 2:  # of a run that never came to its first output, only the ending tells
             return cls(np.empty(0), axis, (), np.empty((0, 0)), ending=ending)
-        mine, _ = common_times(solution.t, task.times)
-        columns, values = [], []
+        columns: list[Column] = []
+        values: list[Array] = []
+        if task.times is None:
+            t, axis = np.arange(len(solution.t), dtype=float), "point of the path"
+            mine = np.arange(len(t))
+        else:
+            t, (mine, _) = solution.t, common_times(solution.t, task.times)
         for probe in task.probes:
-            body, fraction = solution.scene.probe(probe)
+            body, key = solution.scene.probe(probe)
+            where = key if isinstance(key, str) else f"{key:g}"
             u = solution.displacement(probe)
             for direction, series in zip("xy", u.T, strict=True):
-                columns.append(Column("displacement", f"{body} at {fraction:g} {direction}"))
+                columns.append(Column("displacement", f"{body} at {where} {direction}"))
                 values.append(series)
+        if task.times is None:
+            columns.append(Column(LOAD_FACTOR))
+            values.append(solution.t)
         for name, series in vars(solution.energy).items():
             if np.any(series != 0.0) and np.isfinite(series).all():
                 columns.append(Column("work" if name == "work" else f"{name} energy"))
                 values.append(series)
         table = np.column_stack(values)[mine]
         counts = {name: getattr(cost, attribute) for name, attribute in COUNTED.items()}
-        return cls(solution.t[mine], axis, tuple(columns), table, cost.newton_iterations, counts, ending)
+        return cls(t[mine], axis, tuple(columns), table, cost.newton_iterations, counts, ending)
 
     def of_quantity(self, quantity: str) -> Array:
         """The columns of a quantity, (n, m)."""

@@ -14,6 +14,7 @@ from anctmm.discretise.discretisation import Discretisation, parts_of_load
 from anctmm.errors import AnctmmError, reason, shown
 from anctmm.model.scene import Probe, Scene
 from anctmm.solvers.foreign_code import told
+from anctmm.validation import one_of
 from studies import scenes
 from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
 from studies.user_files import defined_in
@@ -24,6 +25,9 @@ DECLARED = "WATCHED"
 PLAIN = re.compile(r"\w[\w.+-]{0,99}")
 #: Probes or solvers of a watch, at most: an iterable without an end is told.
 MOST = 10_000
+#: How equilibria are followed.
+ARC_LENGTH = "arclength"
+PATHS = ("load", ARC_LENGTH)
 #: Always told of a run; of what else it sets, only what is not a default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
 
@@ -42,6 +46,8 @@ class Static:
         As in Discretisation.
     load_steps : int
         Equal parts of the load; a sample after each.
+    path : str
+        "load", or "arclength": all equilibria of the path, with their load factors.
     """
 
     mesh: Any
@@ -49,8 +55,10 @@ class Static:
     quadrature: str = "full"
     newton_tolerance: float = 1e-12
     load_steps: int = 4
+    path: str = "load"
 
     def __post_init__(self) -> None:
+        one_of("path of a Static", self.path, PATHS)
         checked = self.discretisation
         for name in ("mesh", "element", "quadrature", "newton_tolerance"):
             object.__setattr__(self, name, getattr(checked, name))
@@ -67,7 +75,25 @@ class Static:
         )
 
 
+@dataclass(frozen=True)
+class FromRest(Discretisation):
+    """A motion that starts from the static equilibrium of its scene, under the loads of t = 0."""
+
+    @property
+    def motion(self) -> Discretisation:
+        """How it moves from there."""
+        return Discretisation(**{f.name: getattr(self, f.name) for f in fields(self) if f.init})
+
+    @property
+    def equilibrium(self) -> Discretisation:
+        """What a static solver needs to know."""
+        return Discretisation(
+            self.mesh, self.element, self.quadrature, newton_tolerance=self.newton_tolerance
+        )
+
+
 Run = Discretisation | Static
+RUNS = (Discretisation, FromRest, Static)
 
 
 @dataclass(frozen=True)
@@ -79,7 +105,7 @@ class Watch:
     scene : Scene
         Its name becomes a directory's.
     probes : iterable
-        "body.end" or ("body", fraction).
+        "body.end" or ("body", fraction), or a point of a rigid body.
     runs : mapping of str to Discretisation or Static
         By a short name, which becomes a directory's. Few output times, so that the stored history can be read.
     solvers : iterable of str
@@ -121,7 +147,7 @@ class Watch:
             )
         for name, run in self.runs.items():
             _plain("run name", name)
-            if type(run) not in (Discretisation, Static):
+            if type(run) not in RUNS:
                 raise CheckError(
                     f"run {name!r} of {self.scene.name!r} is {shown(run)}; "
                     f"a Discretisation or a Static is needed"
@@ -162,9 +188,11 @@ class Task:
         return baselines / f"{self.name}.csv"
 
     @property
-    def times(self) -> NDArray[np.float64]:
-        """When samples are taken: s, or load factors."""
+    def times(self) -> NDArray[np.float64] | None:
+        """When samples are taken: s, or load factors; None where all are."""
         run = self.run
+        if isinstance(run, Static) and run.path == ARC_LENGTH:
+            return None
         if isinstance(run, Static):
             return np.arange(run.load_steps + 1) / run.load_steps
         return run.times(run.output_steps)
@@ -177,7 +205,8 @@ class Task:
             for f in fields(self.run)
             if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(self.run, f.name) != f.default)
         }
-        return ", ".join(f"{name}={_words(value)}" for name, value in told.items())
+        words = [f"{name}={_words(value)}" for name, value in told.items()]
+        return ", ".join(["start=rest", *words] if isinstance(self.run, FromRest) else words)
 
 
 def tasks_of(watches: tuple[Watch, ...]) -> tuple[Task, ...]:

@@ -4,10 +4,11 @@ from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import flexible
-from anctmm.model.scene import Scene
+from anctmm.model.scene import Beam, Probe, Scene
+from studies.regression import small_mechanisms as mechanisms
 from studies.regression import small_scenes as small
 from studies.regression.readable import READABLE
-from studies.regression.scenes import Run, Static, Watch, base_watches
+from studies.regression.scenes import ARC_LENGTH, FromRest, Run, Static, Watch, base_watches
 
 TIGHT = 1e-12
 ELEMENTS = flexible()
@@ -40,6 +41,7 @@ def small_watches() -> tuple[Watch, ...]:
         *_readable(),
         *_limits(),
         *_failing(),
+        *_mechanisms(),
     )
 
 
@@ -66,7 +68,10 @@ def _both(scene: Scene, mesh: Any = 2, explicitly: tuple[str, ...] = ELEMENTS) -
 def _watch(
     scene: Scene, runs: dict[str, Run], ends: str = "ok", solvers: tuple[str, ...] = ("anctmm",)
 ) -> Watch:
-    probes = [(b.name, fraction) for b in scene.beams for fraction in (0.0, 0.3, 1.0)]
+    probes: list[Probe] = [(b.name, fraction) for b in scene.beams for fraction in (0.0, 0.3, 1.0)]
+    for b in scene.bodies:
+        if not isinstance(b, Beam):
+            probes += [f"{b.name}.{key}" for key in b.keys]
     return Watch(scene, tuple(probes), runs, solvers, ends)
 
 
@@ -203,4 +208,19 @@ def _failing() -> tuple[Watch, ...]:
         *(_watch(small.spun(), {name: run}, ends) for name, (run, ends) in long_steps.items()),
         _watch(small.column(), {"unstable": Static(4, "cable")}, "unstable"),
         _watch(small.locked(), {"locked": explicit(1, "rigid", dt=1e-3)}, "failed"),
+    )
+
+
+def _mechanisms() -> tuple[Watch, ...]:
+    """Bodies, guides, connectors and loads of mechanisms, all of cables, so that less is compiled."""
+    linkage, guided = mechanisms.linkage(), mechanisms.guided()
+    moving = {"zhai": explicit(2, "cable"), "implicit": implicit(2, "cable")}
+    careful = Discretisation(2, tolerance=1e-2, t_end=0.02, output_dt=0.005, newton_tolerance=TIGHT)
+    released = FromRest(2, dt=1e-3, t_end=0.02, output_dt=0.005, newton_tolerance=TIGHT)
+    return (
+        _watch(linkage, {**moving, "adaptive": careful}),
+        _watch(guided, moving),
+        _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
+        _watch(mechanisms.slack(), {"static": Static(1, load_steps=1)}),
+        _watch(mechanisms.truss(), {"path": Static(1, load_steps=8, path=ARC_LENGTH)}),
     )

@@ -29,9 +29,9 @@ from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
 from studies.engine.runner import guarded, static_of
 from studies.engine.timing import undisturbed
-from studies.regression.history import Baseline, History, Tolerance
+from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE
-from studies.regression.scenes import CheckError, Run, Static, Task
+from studies.regression.scenes import CheckError, FromRest, Run, Static, Task
 from studies.regression.turned import turned
 
 Array = NDArray[np.float64]
@@ -64,7 +64,12 @@ def simulate(task: Task, **options: Any) -> Solution:
         solver = READABLE[task.solver] if task.solver in READABLE else registry.solver(task.solver)
         if isinstance(run, Static):
             static = static_of(task.solver, solver)
+            if run.path != "load":
+                options["path"] = run.path
             return static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
+        if isinstance(run, FromRest):
+            options["start"] = static_of(task.solver, solver)(task.scene, run.equilibrium)
+            run = run.motion
         return solver(task.scene, run, **options)
 
     def solve() -> Solution:
@@ -131,6 +136,8 @@ def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
     run = task.run
     if task.ends != "ok":
         return  # another tolerance may well end it elsewhere
+    if task.times is None:
+        return  # other iterations or steps give other points of the path
     if isinstance(run, Static):
         yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps)), {}
     if task.solver in OPTIONS:
@@ -174,9 +181,10 @@ def _scales(task: Task, history: History) -> dict[str, float]:
         return {}
     bodies = task.scene.bodies
     farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
-    energy = max((float(np.abs(history.of_quantity(q)).max()) for q in history.quantities[1:]), default=0.0)
-    moved = float(np.abs(history.of_quantity("displacement")).max())
-    return {q: farthest + moved if q == "displacement" else energy for q in history.quantities}
+    largest = {q: float(np.abs(history.of_quantity(q)).max()) for q in history.quantities}
+    energy = max((x for q, x in largest.items() if UNITS[q] == "J"), default=0.0)
+    moved = {"displacement": farthest + largest["displacement"], LOAD_FACTOR: largest.get(LOAD_FACTOR, 0.0)}
+    return {q: moved.get(q, energy) for q in history.quantities}
 
 
 def _tolerance(causes: dict[str, float]) -> Tolerance:

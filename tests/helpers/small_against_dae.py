@@ -11,7 +11,7 @@ import numpy as np
 
 from studies.regression.check import BASELINES
 from studies.regression.history import read_baseline
-from studies.regression.scenes import Static, Task, tasks_of
+from studies.regression.scenes import FromRest, Static, Task, tasks_of
 from studies.regression.small_watches import LIMITS, small_watches
 from studies.regression.tolerance import simulate
 
@@ -29,14 +29,16 @@ def main() -> None:
 
 
 def _taken(task: Task) -> bool:
-    """Whether the global DAE takes a task: no tolerance, no rigid bodies, no implicit damping; tight iteration."""
+    """Whether the global DAE takes a task: no tolerance, path, start, rigid bars or implicit damping."""
     run = task.run
     if isinstance(run, Static):
-        return True
+        return task.times is not None
+    if isinstance(run, FromRest):
+        return False
     rigid = "rigid" in {kind for _, kind in run.of(task.scene).values()}
     if run.tolerance is not None or rigid or "loose" in task.run_name:
         return False
-    return run.integrator == "zhai" or not any(b.material.damping for b in task.scene.bodies)
+    return run.integrator == "zhai" or not any(b.material.damping for b in task.scene.beams)
 
 
 def _apart(task: Task) -> float:

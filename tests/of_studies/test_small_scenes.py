@@ -9,7 +9,9 @@ import planted
 import pytest
 
 from anctmm.discretise.discretisation import Discretisation
-from studies.regression.scenes import tasks_of
+from anctmm.discretise.lacking import LACKING
+from anctmm.model.needs import MECHANISMS, needs
+from studies.regression.scenes import FromRest, Static, tasks_of
 from studies.regression.small_watches import LIMITS, small_watches
 
 TASKS = tasks_of(small_watches())
@@ -20,7 +22,7 @@ KINDS = sorted({fault.kind for fault in FAULTS})
 def test_the_table_of_faults_has_every_kind_and_each_can_be_planted(tmp_path):
     assert set(KINDS) == {
         "elements", "transfer", "recursion", "integrators", "statics", "rigid", "damping", "drives", "loads",
-        "error control", "divergence checks",
+        "error control", "divergence checks", "connectors", "laws", "mechanisms",
     }  # fmt: skip
     assert len(FAULTS) >= 60
     for fault in FAULTS:
@@ -67,7 +69,7 @@ def test_stable_steps_end_where_the_global_dae_says(beside_dae):
 def test_what_the_small_scenes_are_for_is_there():
     """Options that the base scenes leave at their defaults; each is asked for by name."""
     runs = [t.run for t in TASKS if isinstance(t.run, Discretisation)]
-    bodies = [b for t in TASKS for b in t.scene.bodies]
+    bodies = [b for t in TASKS for b in t.scene.beams]
     assert {r.quadrature for r in runs} == {"full", "reduced", "lobatto"}
     assert {r.spectral_radius for r in runs} >= {0.0, 0.4, 0.9, 1.0}
     assert any(r.psi != r.phi for r in runs)
@@ -76,3 +78,6 @@ def test_what_the_small_scenes_are_for_is_there():
     assert any(b.material.damping > 0.0 for b in bodies)
     assert any(t.scene.gravity[0] != 0.0 for t in TASKS)
     assert {t.ends for t in TASKS} >= {"ok", "refused", "diverged"}
+    assert {name for t in TASKS for name, _ in needs(t.scene)} >= MECHANISMS.keys() - LACKING
+    assert any(isinstance(t.run, FromRest) for t in TASKS)
+    assert any(isinstance(t.run, Static) and t.run.path == "arclength" for t in TASKS)

@@ -1,0 +1,142 @@
+"""Small scenes of mechanisms: rigid bodies, masses, guides, driven hinges, connectors and the loads that need them.
+
+As in `small_scenes`, each place has another value, and all that a feature may have is set.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import anctmm as at
+from anctmm.model.bodies import Body
+from anctmm.model.scene import Connector, Joint, Load, Point
+from studies.regression.small_scenes import FIRM, GRAVITY, PLAIN, ROD, A, B, C, Ramp, body
+
+D, E, F = (0.62, 0.05), (0.55, 0.3), (0.95, 0.2)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A free length or angle that changes, and its rate."""
+
+    first: float
+    rate: float
+    growth: float
+
+    def __call__(self, t: float) -> tuple[float, float]:
+        """Value and rate at a time (s)."""
+        return self.first + self.rate * t + self.growth * t * t, self.rate + 2.0 * self.growth * t
+
+
+def stiffening(elongation: float, rate: float, t: float) -> float:
+    """Tension of a spring that stiffens, with a damper and a force that is there from the start and grows, N."""
+    return 12.0 * elongation + 90.0 * elongation**3 + 0.4 * rate + 2.0 * t + 0.2
+
+
+def motor(error: float, rate: float, t: float) -> float:
+    """Moment of a feedback that is switched on slowly, N m."""
+    return (0.3 + 4.0 * t) * error + 0.004 * rate
+
+
+def _mechanism(
+    name: str,
+    bodies: Sequence[Body],
+    joints: Sequence[Joint],
+    loads: Sequence[Load],
+    gravity: Point,
+    connectors: Sequence[Connector],
+) -> at.Scene:
+    return at.Scene(name, tuple(bodies), tuple(joints), tuple(loads), gravity, tuple(connectors))
+
+
+def linkage() -> at.Scene:
+    """Two beams, a plate between them and a ball on springs: connectors and loads of every kind."""
+    plate = at.RigidBody("plate", 0.06, 3e-4, (0.5, 0.18), {"a": B, "b": D, "c": E})
+    ball = at.PointMass("ball", 0.03, F, (0.3, -0.2))
+    beside = at.RigidBody("beside", 0.05, 2e-4, (0.2, 0.8), {"a": (0.3, 0.9)}, (0.4, 0.7), 6.0)
+    bodies: list[Body] = [body("one", A, B), plate, body("two", (0.9, -0.1), D, FIRM, ROD), ball, beside]
+    joints: list[Joint] = [at.Clamp("one.start"), at.Pin("one.end", "plate.a"), at.Pin("plate.b", "two.end")]
+    connectors: list[Connector] = [
+        at.Spring("plate.c", "ball.center", stiffness=30.0, damping=0.2, preload=0.15),
+        at.Spring("ball.center", (1.2, 0.8), stiffness=25.0, damping=0.1, length=Drawn(0.6, 0.8, -3.0)),
+        at.Spring(("one", 0.3), "two.start", law=stiffening),
+        at.RotationalSpring("one.end", "plate.a", stiffness=0.3, damping=2e-3, angle=Drawn(0.1, 2.0, 9.0)),
+        at.RotationalSpring("two.start", law=motor),
+        at.RotationalSpring(("two", 0.4), "plate.b", stiffness=0.1, preload=0.02),
+    ]
+    loads: list[Load] = [
+        at.Force("plate.c", (0.4, -0.3), follower=True),
+        at.Force(("one", 0.7), Ramp((0.2, 0.3), (15.0, 90.0)), follower=True),
+        at.Torque(("one", 0.35), 0.012),
+        at.Force(("two", 0.6), (0.1, 0.25)),
+        at.Force("ball.center", Ramp((0.1, 0.0), (3.0, -60.0))),
+        at.LineLoad("one", (0.5, -0.4)),
+        at.LineLoad("two", Ramp((0.0, 0.3), (9.0, 70.0))),
+        at.Torque("plate.center", -0.02),
+    ]
+    return _mechanism("small-linkage", bodies, joints, loads, GRAVITY, connectors)
+
+
+def guided() -> at.Scene:
+    """A plate on a driven guide, with slots for a beam that does not turn and for a ball; driven hinges; a branch."""
+    base = at.RigidBody("base", 0.08, 5e-4, (-0.05, 0.06), {"p": (-0.15, 0.0), "q": (0.05, 0.2)})
+    tool = at.RigidBody("tool", 0.02, 4e-5, (0.75, 0.45), {"a": C, "b": (0.8, 0.4)})
+    side = body("side", (1.0, 0.8), (1.3, 0.6), PLAIN)
+    twig = body("twig", (1.15, 0.7), (1.3, 0.9), FIRM, ROD)
+    bodies: list[Body] = [
+        base,
+        side,
+        twig,
+        body("one", A, B),
+        body("two", B, C, FIRM, ROD),
+        tool,
+        at.PointMass("ball", 0.04, (0.1, 0.1)),
+    ]
+    joints: list[Joint] = [
+        at.Slider("base.p", (2.0, 1.0), position=at.Quintic(0.04, 0.05)),
+        at.Prismatic("one.start", (1.0, 2.0), "base"),
+        at.Prismatic("side.start", (1.0, -3.0), position=at.Quintic(0.05, 0.05)),
+        at.Weld(("side", 0.5), "twig.start"),
+        at.Weld("one.end", "two.start", angle=at.Quintic(0.5, 0.06)),
+        at.Weld("two.end", "tool.a", angle=at.Quintic(-0.8, 0.04)),
+        at.Slider("ball.center", (-1.0, 3.0), "base", position=at.Quintic(0.03, 0.045)),
+    ]
+    connectors: list[Connector] = [
+        at.Spring("one.start", "base.q", stiffness=60.0),
+        at.RotationalSpring("base.center", stiffness=0.4, damping=1e-3),
+    ]
+    return _mechanism("small-guided", bodies, joints, [at.Force("tool.b", (0.2, -0.1))], GRAVITY, connectors)
+
+
+def held() -> at.Scene:
+    """The linkage with weaker loads: what it rests under, before those of time move it."""
+    scene = linkage()
+    bodies: list[Body] = [b for b in scene.bodies if b.name not in ("ball", "beside")]
+    loads = [x for x in scene.loads if not getattr(x, "follower", False)]
+    hold = at.RotationalSpring("two.end", stiffness=0.8)
+    still = [
+        replace(c, length=0.6) if isinstance(c, at.Spring) and callable(c.length) else c
+        for c in scene.connectors
+    ]
+    return _mechanism(
+        "small-held",
+        [*bodies, at.PointMass("ball", 0.03, F)],
+        scene.joints,
+        loads,
+        (0.7, -1.1),
+        [*still, hold],
+    )
+
+
+def slack() -> at.Scene:
+    """A weight that hangs from a clamped beam by a spring which lies level at first."""
+    bodies: list[Body] = [body("one", A, B), at.PointMass("ball", 0.02, (0.8, 0.1))]
+    hang = at.Spring("one.end", "ball.center", stiffness=15.0)
+    return _mechanism("small-slack", bodies, [at.Clamp("one.start")], [], (0.6, -1.4), [hang])
+
+
+def truss() -> at.Scene:
+    """Two bars that snap through, and a spring that holds their hinge to one side."""
+    bodies: list[Body] = [body("left", (-1.0, 0.0), (0.0, 0.3)), body("right", (0.0, 0.3), (1.0, 0.0), PLAIN)]
+    joints: list[Joint] = [at.Pin("left.start"), at.Pin("left.end", "right.start"), at.Pin("right.end")]
+    stay = at.Spring("left.end", (0.6, 1.4), stiffness=0.8)
+    return _mechanism("small-truss", bodies, joints, [at.Force("left.end", (0.4, -6.0))], (0.0, 0.0), [stay])
