@@ -1,22 +1,29 @@
 """The command line. Whatever is slow to import is imported by the command that needs it."""
 
 import sys
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from studies.command_line.ending import CODES, BadOption, Code, Command, Commands
-from studies.command_line.options import duration, path, positive, read_options, texts
+from studies.command_line.options import duration, path, positive, read_options, texts, whole
 from studies.command_line.progress import Log, bar, shortened, sweeping
 
 if TYPE_CHECKING:
     from anctmm.model.case import Case
+    from studies.engine.runner import Runner
     from studies.engine.study import Options
     from studies.regression.check import Finding
     from studies.regression.scenes import Watch
     from studies.trade.recommend import Measured
+
+    #: From whether it is quick to a runner.
+    Sweeping = Callable[[bool], AbstractContextManager[Runner]]
 
 __all__ = ["app", "main", "read_options", "sweeping"]
 
@@ -44,6 +51,19 @@ Target = Annotated[
 Element = Annotated[str | None, typer.Option(help="Element: cable, shear, rigid.")]
 Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
+Workers = Annotated[
+    str | None,
+    typer.Option(
+        help="Processes that compute errors side by side; times are measured in turn.", metavar="NUMBER"
+    ),
+]
+Cluster = Annotated[
+    str | None,
+    typer.Option(
+        help="Scheduler of a dask.distributed cluster that computes errors: tcp://host:8786.",
+        metavar="ADDRESS",
+    ),
+]
 
 
 def main() -> None:
@@ -126,6 +146,8 @@ def study(
     integrator: Integrator = None,
     error: Target = None,
     quick: Quick = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
     out: Annotated[
         Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
     ] = Path("results"),
@@ -148,7 +170,7 @@ def study(
     )  # fmt: skip
     check_taken(options, name)
     check_writable(out)
-    with sweeping(quick) as runner:
+    with sweeping(quick, whole("--workers", workers), cluster) as runner:
         result = run(options, runner)
     folder = write(result, out)
     glance(result, Console())
@@ -163,6 +185,8 @@ def report(
     ] = None,
     case: Chosen = None,
     quick: Quick = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -186,7 +210,7 @@ def report(
     folder = out or Path("reports") / (file_name(Path(file).stem) if file else "")
     check_writable(folder)
     results = []
-    with sweeping(quick) as runner:
+    with sweeping(quick, whole("--workers", workers), cluster) as runner:
         for done, (name, options) in enumerate(every, 1):
             runner.heading = f"{name} ({done} of {len(every)}), "
             results.append(replace(find(name)(options, runner), name=name))
@@ -224,6 +248,8 @@ def recommend(
         ),
     ] = None,
     quick: Quick = False,
+    workers: Workers = None,
+    cluster: Cluster = None,
     rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
 ) -> None:
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
@@ -249,7 +275,8 @@ def recommend(
     if measured is None or (table is None and name not in set(measured.points["scene"])):
         own = own or find_case(name)
         options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=wish)
-        measured = _measured_case(own, options)
+        helped = partial(sweeping, workers=whole("--workers", workers), cluster=cluster)
+        measured = _measured_case(own, options, helped)
     origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
     measured = replace(measured, points=advice.narrowed(measured.points, name, narrow, integrator))
     choice = advice.choose(measured.points, name, wish, limit, element)
@@ -265,14 +292,14 @@ def recommend(
         raise typer.Exit(Code.DIFFERS)
 
 
-def _measured_case(case: "Case", options: "Options") -> "Measured":
+def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Measured":
     """The trade of one case, measured now; runs that were done before are kept."""
     from studies.engine.study import find
     from studies.trade import recommend as advice
 
     takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
     print(f"anctmm: no trade of {case.name} is kept; measuring it takes {takes} …", file=sys.stderr)
-    with sweeping(options.quick) as runner:
+    with helped(options.quick) as runner:
         return advice.of_result(find("trade")(options, runner))
 
 

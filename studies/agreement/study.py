@@ -56,7 +56,7 @@ class Runs:
 def run(options: Options, runner: Runner) -> Result:
     """Run the study."""
     solvers = list(options.solvers or registry.names())
-    runs = [Runs(b, tuple(runner.sweep(_cases(b, solvers, options)))) for b in moving_scenes()]
+    runs = [Runs(b, tuple(runner.sweep(_cases(b, solvers, options), timed=False))) for b in moving_scenes()]
     pairs = pd.DataFrame([line for r in runs for line in _pairs(r, solvers)])
     square = matrix(pairs, solvers)
     said = findings(pairs)

@@ -118,6 +118,15 @@ def positive(option: str, text: str | None) -> float | None:
         raise BadOption(f"{option} has {text!r}; allowed are positive numbers such as 1e-3") from None
 
 
+def whole(option: str, text: str | None) -> int | None:
+    """A whole number from 1 on."""
+    if text is None:
+        return None
+    if not (text.isascii() and text.isdigit() and len(text) <= 4 and int(text)):
+        raise BadOption(f"{option} has {text!r}; allowed are whole numbers from 1 to 9999")
+    return int(text)
+
+
 def duration(option: str, text: str | None) -> float | None:
     """Seconds of 0.5s, 20ms, 3us or 0.5."""
     if text is None:

@@ -88,18 +88,33 @@ def spoken(seconds: float) -> str:
 
 
 @contextmanager
-def sweeping(quick: bool) -> "Iterator[Runner]":
-    """A runner that shows its progress; on an interrupt it says what is kept and exits with 130."""
+def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None) -> "Iterator[Runner]":
+    """A runner that shows its progress; on an interrupt it says what is kept and exits with 130.
+
+    Parameters
+    ----------
+    quick : bool
+    workers : int, optional
+        Processes that compute solutions side by side.
+    cluster : str, optional
+        Address of a cluster that does.
+
+    Raises
+    ------
+    SweepError
+        If both are given, or the cluster cannot be used.
+    """
     from rich.console import Console
 
     from anctmm.jit.cache_dir import kept_in
     from studies.engine.console import say
     from studies.engine.runner import Runner, Trial, label_of
+    from studies.engine.running.team import team
 
     cache = kept_in("runs")
     console = Console(stderr=True)
     log = Log.on(console)
-    with bar(console) as progress:
+    with team(workers, cluster) as helpers, bar(console) as progress:
         task = progress.add_task("starting", total=None)
 
         def on_start(label: str, done: int, total: int) -> None:
@@ -125,6 +140,7 @@ def sweeping(quick: bool) -> "Iterator[Runner]":
             note=note,
             on_job=on_job,
             on_start=on_start,
+            team=helpers,
         )
         try:
             yield runner

@@ -1,7 +1,7 @@
 """One dynamic scene over solvers, elements, integrators, meshes and steps, a reference for each element."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import pandas as pd
@@ -138,6 +138,7 @@ def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
     elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
+    runner.compute([*cases, *(run for e in elements for run in _reference_runs(base, e, plan.references[e]))])
     references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
     return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
 
@@ -204,6 +205,18 @@ def _measured_by(case: Trial, references: Mapping[str, Any]) -> str:
 def _reference(base: Case, element: str, fine: Fine | Reference, runner: Runner) -> Reference:
     if isinstance(fine, Reference):
         return fine
+    best, *coarser = _fine_and_coarser(base, element, fine)
+    return refined_reference(runner, best, coarser, base.probes, fine.solvers)
+
+
+def _reference_runs(base: Case, element: str, fine: Fine | Reference) -> list[Trial]:
+    """Runs that a reference begins with: those of the first solver asked."""
+    if isinstance(fine, Reference):
+        return []
+    return [replace(case, solver=fine.solvers[0]) for case in _fine_and_coarser(base, element, fine)]
+
+
+def _fine_and_coarser(base: Case, element: str, fine: Fine) -> list[Trial]:
     asked = element if element in KINDS else "shear"  # a solver with an element of its own does not mind
 
     def case(mesh: Mesh, dt: float) -> Trial:
@@ -212,7 +225,7 @@ def _reference(base: Case, element: str, fine: Fine | Reference, runner: Runner)
             dt=dt, t_end=base.duration, output_dt=base.interval,
         )  # fmt: skip
 
-    coarser = [case(fine.mesh, fine.coarser_dt)]
+    cases = [case(fine.mesh, fine.dt), case(fine.mesh, fine.coarser_dt)]
     if fine.coarser_mesh is not None:
-        coarser.append(case(fine.coarser_mesh, fine.dt))
-    return refined_reference(runner, case(fine.mesh, fine.dt), coarser, base.probes, fine.solvers)
+        cases.append(case(fine.coarser_mesh, fine.dt))
+    return cases

@@ -7,9 +7,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 LIBRARIES = ("anctmm", "numpy", "scipy", "numba", "exudyn", "pyelastica", "opensees")
-#: Of this package only what takes part in a run: editing a picture must not repeat an hour of runs.
-#: (A scene is part of a run's key by its value.)
-RUN_MODULES = ("engine/runner.py", "engine/timing.py")
+#: Names this machine in the place of its own name, which may change where machines are rented or made anew.
+NAMED = "ANCTMM_MACHINE"
 
 
 @cache
@@ -27,19 +26,35 @@ def machine() -> dict[str, str]:
 def versions() -> dict[str, str]:
     """Versions of the libraries that compute; "missing" where one is not installed."""
     found = {}
-    for name in LIBRARIES:
+    for library in LIBRARIES:
         try:
-            found[name] = version(name)
+            found[library] = version(library)
         except PackageNotFoundError:
-            found[name] = "missing"
+            found[library] = "missing"
     return found
+
+
+def name() -> str:
+    """Name of this machine: what the environment variable ANCTMM_MACHINE says, or that in its network."""
+    return os.environ.get(NAMED) or platform.node() or "unnamed"
+
+
+def software() -> str:
+    """Interpreter and versions in one line: what, beside its own code, the result of a run depends on."""
+    found = [f"Python {machine()['python']}", *(f"{library} {v}" for library, v in versions().items())]
+    return ", ".join(found)
+
+
+def timed_on() -> str:
+    """What a time depends on beside its own code: the machine, by name, and its software."""
+    return f"{name()}, {stamp()}"
 
 
 def stamp() -> str:
     """Machine and versions in one line."""
     m = machine()
     parts = [m["processor"], f"{m['cores']} cores", m["system"], f"Python {m['python']}"]
-    return ", ".join(parts + [f"{name} {v}" for name, v in versions().items()])
+    return ", ".join(parts + [f"{library} {v}" for library, v in versions().items()])
 
 
 def _processor() -> str:

@@ -173,8 +173,16 @@ class Refinement:
     def outcome(self, i: int, j: int) -> Outcome:
         """The run of a level, done once."""
         if (i, j) not in self._outcomes:
-            self._outcomes[i, j] = self.runner.sweep([self.trial(i, j)], budget_s=0.0)[0]
+            self._outcomes[i, j] = self.runner.solve(self.trial(i, j))
         return self._outcomes[i, j]
+
+    def timed(self, i: int, j: int) -> Solution:
+        """The run of a level with the times that it took."""
+        outcome = self.outcome(i, j)
+        if not outcome.samples:
+            outcome = self._outcomes[i, j] = self.runner.sweep([self.trial(i, j)], budget_s=0.0)[0]
+        samples = outcome.samples[:1]
+        return replace(outcome.solution, cost=samples[0].cost) if samples else outcome.solution
 
     def solution(self, i: int, j: int) -> Solution:
         """What it gave."""
@@ -228,10 +236,17 @@ class Refinement:
         return replace(best, reason="" if best.reached else reason)
 
     def _at(self, i: int, j: int, target: float) -> "Refined":
+        self.runner.compute([self.trial(*level) for level in self._around(i, j)])
         whole = self.solution(i, j).status.ok
         bad = Part(inf)
         mesh, step = (self.mesh_part(i, j), self.step_part(i, j)) if whole else (bad, bad)
         return Refined(self, i, j, mesh, step, whole and mesh.error + step.error <= target, target)
+
+    def _around(self, i: int, j: int) -> list[tuple[int, int]]:
+        """Levels whose runs tell the error of one."""
+        coarser_meshes = [(k, j) for k in (i - 1, i - 2) if k >= 0 and self.refines_mesh]
+        coarser_steps = [(i, k) for k in (j - 1, j - 2) if k >= 0 and self.refines_step]
+        return [(i, j), *coarser_meshes, *coarser_steps]
 
     def _finer(self, found: "Refined") -> tuple[int, int]:
         """The next level: what adds more to the error is refined, both where each alone is too much."""
@@ -316,6 +331,11 @@ class Refined:
     def solution(self) -> Solution:
         """What the run gave."""
         return self.levels.solution(self.i, self.j)
+
+    @property
+    def timed(self) -> Solution:
+        """The same with the times that it took."""
+        return self.levels.timed(self.i, self.j)
 
     @property
     def trial(self) -> Trial:

@@ -1,9 +1,9 @@
 """From a product of lists to solutions and rows, cached run by run: a sweep goes on where it stopped."""
 
-import hashlib
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -11,117 +11,61 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
-from anctmm.errors import AnctmmError, SolverError
+from anctmm.errors import AnctmmError, reason
 from anctmm.jit import cache_dir as storage
 from anctmm.model.scene import Probe, Scene
+from anctmm.results.export.plain_data import decode
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Cost, Solution, Status, nothing
 from anctmm.solvers import registry
-from anctmm.solvers.foreign_code import contained, told
-from anctmm.solvers.registry import Solver, static_of
+from anctmm.solvers.foreign_code import contained
+from anctmm.solvers.registry import Solver
 from studies.engine import provenance
+from studies.engine.running.case_text import case_key, classes, reproducible
+from studies.engine.running.spread import Came, Died, Spread, Wanted
+from studies.engine.running.team import Team
+from studies.engine.running.trial import STATIC, Mesh, Trial, guarded, label_of, mesh_label, performed
+from studies.engine.running.turns import Interval, Turns, at_work
+from studies.engine.running.worker import Answer, Errand, packed, without_times
 from studies.engine.sources import Sources, module_of
 from studies.engine.store import Store
-from studies.engine.timing import summarise, undisturbed
+from studies.engine.timing import summarise
 
-STATIC = "static"
+__all__ = [
+    "COLUMNS", "STATIC", "Mesh", "Outcome", "Reference", "Runner", "Sample", "Trial", "case_key", "classes",
+    "element_of", "guarded", "label_of", "mesh_label", "product", "refined_reference", "reproducible", "row",
+    "rows_frame", "sample_rows", "uncertainty_of",
+]  # fmt: skip
+
 #: Of a run's row.
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
     "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "build_s", "wall_s",
     "repeats", "status",
 )  # fmt: skip
-Mesh = tuple[int, ...]
 
 
 @dataclass(frozen=True)
-class Trial:
-    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
+class Sample:
+    """What a run cost when it was timed, and when and where that was; nothing else of ours was at work then."""
 
-    Parameters
-    ----------
-    scene : Scene
-    solver : str
-        Registered name.
-    mesh : tuple of int
-        Elements of each beam in the scene's order, or one number for all.
-    element, quadrature, integrator : str
-        As in Discretisation; `integrator` "static" asks for the static equilibrium.
-    dt, t_end, output_dt : float
-        s; of no meaning for statics.
-    options : tuple of (str, value)
-        Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
-        of `dt`, which is then NaN.
-    own : tuple of (str, value)
-        Keyword arguments of the solver that no other has; not for statics.
-    """
-
-    scene: Scene
-    solver: str
-    mesh: Mesh
-    element: str = "cable"
-    quadrature: str = "full"
-    integrator: str = "generalized-alpha"
-    dt: float = float("nan")
-    t_end: float = 0.0
-    output_dt: float = 0.0
-    options: tuple[tuple[str, Any], ...] = ()
-    own: tuple[tuple[str, Any], ...] = ()
-
-    @property
-    def by_body(self) -> int | dict[str, int]:
-        """The mesh as the discretisation takes it."""
-        if len(self.mesh) == 1:
-            return self.mesh[0]
-        names = [body.name for body in self.scene.beams]
-        if len(names) != len(self.mesh):
-            raise SolverError(
-                f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "
-                f"1 or {len(names)}, for {'/'.join(names)}"
-            )
-        return dict(zip(names, self.mesh, strict=True))
-
-    @property
-    def error_controlled(self) -> bool:
-        """Whether a tolerance drives the step."""
-        return "tolerance" in dict(self.options)
-
-    def run(self) -> Discretisation:
-        """The discretisation of a dynamic case; raises what Discretisation raises."""
-        step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
-        return Discretisation(
-            mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
-            t_end=self.t_end, output_dt=self.output_dt, **step, **dict(self.options),
-        )  # fmt: skip
-
-    def solve(self, solver: Solver) -> Solution:
-        """Run it with a solver already found by name."""
-        if self.integrator != STATIC:
-            return solver(self.scene, self.run(), **dict(self.own))
-        return static_of(self.solver, solver)(
-            self.scene,
-            mesh=self.by_body,
-            element=self.element,
-            quadrature=self.quadrature,
-            **dict(self.options),
-        )
-
-    def warm_up(self, solver: Solver) -> None:
-        """Two steps (or the statics) unmeasured: whatever compiles or loads does it here."""
-        step = self.output_dt if self.error_controlled else self.dt
-        short = replace(self, t_end=2 * step, output_dt=step) if self.integrator != STATIC else self
-        short.solve(solver)
+    cost: Cost
+    interval: Interval
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A case, its solution (of the first sample) and the cost of every sample."""
+    """A case, its solution with what it cost the first time, and every time it was timed."""
 
     case: Trial
     solution: Solution
-    costs: tuple[Cost, ...] = ()
+    samples: tuple[Sample, ...] = ()
+
+    @property
+    def costs(self) -> tuple[Cost, ...]:
+        """The cost of every sample."""
+        return tuple(sample.cost for sample in self.samples)
 
 
 @dataclass(frozen=True)
@@ -177,6 +121,10 @@ class Runner:
         Told after each job: (label, number done, number of all).
     on_start : callable
         Told before each run or job: (label, number done, number of all).
+    team : Team, optional
+        Workers that compute solutions side by side; times are measured here afterwards, in turn.
+    spread : list of Interval
+        When workers of this session were at a run.
     """
 
     cache: Path | None
@@ -188,41 +136,92 @@ class Runner:
     heading: str = ""
     on_job: Callable[[str, int, int], None] = lambda label, done, total: None
     on_start: Callable[[str, int, int], None] = lambda label, done, total: None
+    team: Team | None = None
     computed: int = 0
+    spread: list[Interval] = field(default_factory=list)
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
     _sources: Sources = field(default_factory=Sources)
+    _unkept: dict[str, tuple[Trial, Solution]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._store = Store(self.cache, self.note)
+        self._turns = Turns.of(self.cache, self.note)
 
-    def sweep(self, cases: Iterable[Trial], budget_s: float | None = None) -> list[Outcome]:
+    def sweep(
+        self, cases: Iterable[Trial], budget_s: float | None = None, timed: bool = True
+    ) -> list[Outcome]:
         """Run cases; those that differ in the solver only take their samples in turn.
+
+        Workers, if there are any, compute the solutions first. Times are measured when none of them is at work.
 
         Parameters
         ----------
         cases : iterable of Trial
         budget_s : float, optional
             In place of the runner's own.
+        timed : bool
+            Whether times are wanted, too; without them each solution's cost has NaN in their place, and the only
+            samples are of runs that were done here and now.
 
         Returns
         -------
         list of Outcome
             In the order of the cases, sorted so that contestants stand together.
+
+        Raises
+        ------
+        SweepError
+            If the workers cannot do such runs at all.
         """
         ordered = list({_identity(case): case for case in cases}.values())
+        self.compute(ordered)
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
             self.on_start(label_of(group[0]), len(outcomes), len(ordered))
-            for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s):
+            for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s, timed):
                 outcomes.append(outcome)
                 self.on_done(outcome.case, len(outcomes), len(ordered))
         place = {_identity(case): i for i, case in enumerate(ordered)}
         return sorted(outcomes, key=lambda o: place[_identity(o.case)])
 
     def solve(self, case: Trial) -> Outcome:
-        """One case."""
-        return self.sweep([case])[0]
+        """One case, not timed."""
+        return self.sweep([case], timed=False)[0]
+
+    def compute(self, cases: Iterable[Trial]) -> None:
+        """Have the workers compute solutions that are not known yet, for a sweep that will ask for them.
+
+        Without workers nothing is done. The longest are sent first.
+
+        Raises
+        ------
+        SweepError
+            If the workers cannot do such runs at all.
+        """
+        if self.team is None:
+            return
+        unknown = {
+            text: case
+            for case in cases
+            if (text := case_key(case)) not in self._unkept and not self._known(case)
+        }
+        waiting = sorted(unknown.values(), key=lambda case: -case.work)
+        wanted = [Wanted(self._answer_key(case), lambda case=case: self._errand(case)) for case in waiting]  # type: ignore[misc]
+        if wanted:
+            self.on_start(f"{self.team}: {label_of(waiting[0])}", 0, len(wanted))
+        for done, (number, came) in enumerate(Spread(self.team, self._store, wanted), 1):
+            case = waiting[number]
+            self._take(case, came)
+            told = f"{self.team}: {label_of(case)}", done, len(wanted)
+            self.on_start(*told)  # it is the next that begins; which one, its worker knows
+            self.on_job(*told)
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """For times: on one core of this machine, with no other run of whoever uses the same store."""
+        with self._turns.alone():
+            yield
 
     def remember(self, key: str, compute: Callable[[], Any], given: Sequence[Any] = ()) -> Any:
         """Result of any computation, kept under a key, the source it is made of, the machine and the versions.
@@ -240,7 +239,7 @@ class Runner:
         source = self._sources.of(compute)
         if not key or source is None:
             return compute()
-        return self._store.remember(f"{key}|{source}|{provenance.stamp()}", compute, given)
+        return self._store.remember(f"{key}|{source}|{provenance.timed_on()}", compute, given)
 
     def jobs(
         self, jobs: Sequence[tuple[str, Callable[[], Any], Callable[[Exception], Any]]], code: str
@@ -291,57 +290,110 @@ class Runner:
         digest = self._sources.digest(module_of(plain), *modules)
         return f"{module_of(plain)}.{getattr(plain, '__qualname__', '?')} {digest}" if digest else ""
 
-    def _contest(self, group: Sequence[Trial], budget_s: float) -> Iterator[Outcome]:
+    def _contest(self, group: Sequence[Trial], budget_s: float, timed: bool) -> Iterator[Outcome]:
         # by place, not by case: what a scene's functions are need not have a hash
-        first = [self._sample(case, 0) for case in group]
-        costs = [[s.cost] if s.status.ok else [] for s in first]
-        for k in range(1, self.repeats):
-            for case, known in zip(group, costs, strict=True):
-                if known and sum(c.wall_s for c in known) < budget_s:
-                    known.append(self._sample(case, k).cost)
-        for case, solution, known in zip(group, first, costs, strict=True):
+        answers = [self._answer(case) for case in group]
+        samples = [[fresh] if fresh and found.status.ok else [] for found, fresh in answers]
+        for k in range(self.repeats if timed else 0):
+            for case, (solution, _), known in zip(group, answers, samples, strict=True):
+                if solution.status.ok and len(known) == k and not (known and _spent(known) >= budget_s):
+                    known += self._timed(case, k)
+        for case, (solution, _), known in zip(group, answers, samples, strict=True):
+            if timed and known:
+                solution = replace(solution, cost=known[0].cost)
             yield Outcome(case, solution, tuple(known))
 
-    def _sample(self, case: Trial, k: int) -> Solution:
-        """The k-th run of a case; a failure of the environment is a solution, too, but is not remembered."""
+    def _answer(self, case: Trial) -> tuple[Solution, Sample | None]:
+        """The solution of a case, without times; and what it cost, if it was computed here and now.
+
+        A failure of the environment is a solution, too, but is not remembered.
+        """
+        known = self._unkept.get(case_key(case))
+        if known is not None:
+            return known[1], None
+        fresh: list[Sample] = []
+
+        def compute(solver: Solver) -> Solution:
+            solution, samples = self._run(case, solver)
+            fresh.extend(samples)
+            if samples and solution.status.ok:
+                self._timed(case, 0, samples)  # before others find the solution, and look for its time
+            return without_times(solution)
 
         def solution() -> Solution:
             solver = self.resolve(case.solver)
-            key = self.key(case)
-            if not key:
-                return self._run(case, solver, k)
-            key = f"{key}|sample {k}"
-            return self.remember(key, lambda: self._run(case, solver, k), [case.scene])  # type: ignore[no-any-return]
+            return self._store.remember(self._answer_key(case), lambda: compute(solver), [case.scene])  # type: ignore[no-any-return]
 
-        return guarded(case.solver, case.scene, solution)
+        found = guarded(case.solver, case.scene, solution)
+        return found, next(iter(fresh), None)
 
-    def _run(self, case: Trial, solver: Solver, k: int) -> Solution:
+    def _timed(self, case: Trial, k: int, fresh: Sequence[Sample] = ()) -> list[Sample]:
+        """The k-th time of a case on this machine: of a run that was done just now, or else of one that is done now."""
+
+        def measured() -> list[Sample]:
+            return list(fresh) or self._run(case, self.resolve(case.solver))[1]
+
+        key = self._key_with(case, f"time {k}", provenance.timed_on())
         try:
-            kind = (case.solver, case.scene.name, case.element, case.quadrature, case.integrator, case.own)
-            with undisturbed():
-                if kind not in self._warm:
+            with contained():
+                return self._store.remember(key, measured)  # type: ignore[no-any-return]
+        except Exception as error:  # its solution is known: a time that is not must not end a sweep
+            self.note(f"{label_of(case)} could not be timed: {reason(error)}")
+            return []
+
+    def _run(self, case: Trial, solver: Solver) -> tuple[Solution, list[Sample]]:
+        """Run a case here, alone on this machine: the solution, and the sample, none if it did not begin."""
+        intervals: list[Interval] = []
+
+        def warm() -> None:
+            if case.kernels not in self._warm:
+                with self._turns.together():
                     case.warm_up(solver)
-                    self._warm.add(kind)
-                solution = case.solve(solver)
-            if not isinstance(solution, Solution):
-                raise SolverError(f"solver {case.solver!r} answered {told(solution)}; a Solution is needed")
-        except AnctmmError as error:
-            return nothing(case.solver, case.scene, None, Status("refused", _one_line(error)))
-        self.computed += 1
-        # Only the first sample's history is needed; of the others the cost.
-        return solution if k == 0 else replace(solution, t=solution.t[:0], fields={})
+                self._warm.add(case.kernels)
 
+        @contextmanager
+        def timed() -> Iterator[None]:
+            with self._turns.alone(), at_work() as interval:
+                intervals.append(interval)
+                yield
 
-def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
-    """What `solve` returns; whatever it raises becomes a solution with that status."""
-    try:
-        with contained():
-            return solve()
-    except AnctmmError as error:
-        return nothing(solver, scene, None, Status("refused", _one_line(error)))
-    except Exception as error:  # one broken solver must not end a sweep
-        reason = f"{type(error).__name__}: {_one_line(error)}"
-        return nothing(solver, scene, None, Status("failed", reason))
+        solution = performed(case, solver, warm, timed())
+        self.computed += solution.status != "refused"
+        return solution, [Sample(solution.cost, interval) for interval in intervals]
+
+    def _answer_key(self, case: Trial) -> str:
+        """Key of a solution: the same on every machine; empty where it is not kept."""
+        return self._key_with(case, "solution", provenance.software())
+
+    def _key_with(self, case: Trial, what: str, where: str) -> str:
+        key, source = self.key(case), self._sources.of(performed)
+        return f"{key}|{what}|{source}|{where}" if key and source else ""
+
+    def _known(self, case: Trial) -> bool:
+        return self._store.has(self._answer_key(case))
+
+    def _errand(self, case: Trial) -> Errand:
+        """A case as it is sent to a worker, with the code that the worker must have."""
+        resolve = None if self.resolve is registry.solver else self.resolve
+        modules = [module_of(performed)]
+        if resolve is None:
+            modules += [module_of(inspect.unwrap(self.resolve(case.solver)))]
+        code = {module: digest for module in modules if (digest := self._sources.digest(module))}
+        return Errand(packed(case, resolve), provenance.software(), code, self._turns.name)
+
+    def _take(self, case: Trial, came: Came) -> None:
+        """Remember what no store keeps: what has no key, or failed for a reason that may pass."""
+        match came:
+            case Answer():
+                self.computed += 1
+                self.spread.append(came.interval)
+                if not (came.kept and self._known(case)):
+                    self._unkept[case_key(case)] = case, decode(came.content, [case.scene])
+            case Died():
+                status = Status("failed", f"a worker died of it, and another that tried again: {came.reason}")
+                self._unkept[case_key(case)] = case, nothing(case.solver, case.scene, None, status)
+            case _:
+                pass  # the store has it, or it is done here when it is asked for
 
 
 def product(
@@ -382,7 +434,9 @@ def refined_reference(
     """
     reason = "no solver given"
     for name in solvers:
-        best, *others = (runner.solve(replace(c, solver=name)).solution for c in (fine, *coarser))
+        runs = [replace(c, solver=name) for c in (fine, *coarser)]
+        runner.compute(runs)
+        best, *others = (runner.solve(run).solution for run in runs)
         bad = [s.status for s in (best, *others) if not s.status.ok]
         if bad:
             reason = f"{name} {bad[0]}"
@@ -444,64 +498,13 @@ def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
     about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
     about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
     times = ("cpu_s", "build_s", "wall_s")
-    return [{**about, "sample": k, **{t: getattr(c, t) for t in times}} for k, c in enumerate(outcome.costs)]
-
-
-def label_of(case: Trial) -> str:
-    """A run in a few words, for whoever waits for it."""
-    mesh = f"{mesh_label(case.mesh)} {case.element}"
-    return f"{case.scene.name} · {case.solver} {mesh} {case.integrator}"
-
-
-def mesh_label(mesh: Mesh) -> str:
-    """2/8/2 of (2, 8, 2)."""
-    return "/".join(map(str, mesh))
-
-
-def case_key(case: Trial) -> str:
-    """Text that tells a case from every other, with every digit of every number."""
-    return _text(case)
-
-
-def _text(value: Any) -> str:
-    """A value with all that makes it, whatever its own representation leaves out."""
-    if is_dataclass(value) and not isinstance(value, type):
-        parts = (f"{f.name}={_text(getattr(value, f.name))}" for f in fields(value) if f.init)
-        return f"{_class(value)}({', '.join(parts)})"
-    if isinstance(value, Mapping):
-        return f"{{{', '.join(f'{_text(k)}: {_text(v)}' for k, v in value.items())}}}"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(map(_text, value))}]"
-    if isinstance(value, set | frozenset):
-        return f"{{{', '.join(sorted(map(_text, value)))}}}"
-    if isinstance(value, np.ndarray):
-        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
-    try:
-        return repr(value)
-    except Exception:  # a function of the user's own; such cases are not kept
-        return f"{_class(value)} {id(value)}"
-
-
-def _class(value: Any) -> str:
-    return f"{type(value).__module__}.{type(value).__qualname__}"
-
-
-def _parts(value: Any) -> Iterator[Any]:
-    """A value and all that it is made of."""
-    yield value
-    if is_dataclass(value) and not isinstance(value, type):
-        inside: Iterable[Any] = (getattr(value, f.name) for f in fields(value) if f.init)
-    elif isinstance(value, Mapping):
-        inside = (*value.keys(), *value.values())
-    else:
-        inside = value if isinstance(value, tuple | list | set | frozenset) else ()
-    for part in inside:
-        yield from _parts(part)
-
-
-def classes(value: Any) -> set[str]:
-    """Modules of the classes of a value and of its parts: a drive's law is code of its class."""
-    return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
+    return [
+        {
+            **about, "sample": k, **{t: getattr(s.cost, t) for t in times},
+            "machine": s.interval.machine, "began": s.interval.begin, "ended": s.interval.end,
+        }
+        for k, s in enumerate(outcome.samples)
+    ]  # fmt: skip
 
 
 def _identity(case: Trial) -> Trial | int:
@@ -513,22 +516,11 @@ def _identity(case: Trial) -> Trial | int:
     return case
 
 
-def reproducible(value: Any) -> bool:
-    """Whether a value is told by its text: data only, no plain function, whose text is an address."""
-    plain = str | bytes | int | float | complex | np.generic | Mapping | tuple | list | set | frozenset
-    return all(
-        v is None
-        or isinstance(v, plain)
-        or (isinstance(v, np.ndarray) and not v.dtype.hasobject)
-        or (is_dataclass(v) and not isinstance(v, type))
-        for v in _parts(value)
-    )
-
-
 def _contest(case: Trial) -> str:
     """What the cases of one contest share: everything but the solver."""
     return case_key(replace(case, solver=""))
 
 
-def _one_line(error: BaseException) -> str:
-    return " ".join(str(error).split())
+def _spent(samples: Sequence[Sample]) -> float:
+    """s, that all samples took."""
+    return sum(sample.cost.wall_s for sample in samples)

@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,25 @@ MAGIC = b"anctmm run 3\n"
 
 class Unreadable(Exception):
     """A file is no whole entry."""
+
+
+@dataclass
+class Claim:
+    """The right to compute an entry, which no other process has meanwhile; `close` gives it back.
+
+    Parameters
+    ----------
+    path : Path or None
+        Of the entry; None where nothing is kept.
+    lock : ExitStack
+    """
+
+    path: Path | None
+    lock: ExitStack
+
+    def close(self) -> None:
+        """Let others compute it, or find it."""
+        self.lock.close()
 
 
 @dataclass
@@ -52,9 +71,9 @@ class Store:
         given : sequence
             Parts of the result that the caller has anyway and that need not be kept, such as its scene.
         """
-        if self.directory is None:
+        path = self._path(key)
+        if path is None:
             return compute()
-        path = self.directory / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
         try:
             return self._read(path, given)
         except (OSError, Unreadable):
@@ -70,14 +89,42 @@ class Store:
             self._write(path, result, given)
             return result
 
+    def has(self, key: str) -> bool:
+        """Whether a result is kept, and whole."""
+        path = self._path(key)
+        try:
+            return path is not None and bool(_content(path))
+        except (OSError, Unreadable):
+            return False
+
+    def claim(self, key: str) -> Claim | None:
+        """The right to compute a result that `has` has not found; None while another process has it.
+
+        Whoever has it looks again whether there is a result by now: `has`.
+        """
+        path, lock = self._path(key), ExitStack()
+        if path is not None:
+            try:
+                lock.enter_context(self._locked(path, wait=False))
+            except Timeout:
+                return None
+        return Claim(path, lock)
+
+    def keep(self, key: str, content: bytes) -> bool:
+        """Keep a result that is encoded already, under a claim; whether it could be kept."""
+        path = self._path(key)
+        return path is not None and self._write_bytes(path, content)
+
+    def _path(self, key: str) -> Path | None:
+        """Where the result of a key lies; None where nothing is kept, and for an empty key."""
+        if self.directory is None or not key:
+            return None
+        return self.directory / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
+
     @staticmethod
     def _read(path: Path, given: Sequence[Any]) -> Any:
-        content = path.read_bytes()
-        digest, data = content[len(MAGIC) : len(MAGIC) + 32], content[len(MAGIC) + 32 :]
-        if not content.startswith(MAGIC) or hashlib.sha256(data).digest() != digest:
-            raise Unreadable("truncated or of another make")
         try:
-            return decode(data, given)
+            return decode(_content(path), given)
         except NotPlain as error:  # whole, but of a class that is no more
             raise Unreadable(str(error)) from error
 
@@ -87,24 +134,36 @@ class Store:
         except NotPlain as error:
             self._once("result", f"a result cannot be kept ({error}); it is computed each time")
             return
+        self._write_bytes(path, data)
+
+    def _write_bytes(self, path: Path, data: bytes) -> bool:
         try:
             atomic_write(path, MAGIC + hashlib.sha256(data).digest() + data)
         except OutputError as error:
             self._once("room", f"finished runs cannot be kept: {error}; the sweep goes on without")
+            return False
+        return True
 
     @contextmanager
-    def _locked(self, path: Path) -> Iterator[None]:
-        """Hold a result's lock; where none can be had, two processes may compute it, each for itself."""
+    def _locked(self, path: Path, wait: bool = True) -> Iterator[None]:
+        """Hold a result's lock; where none can be had, two processes may compute it, each for itself.
+
+        Without `wait` a lock that another process has is a Timeout.
+        """
         lock = FileLock(path.with_suffix(".lock"))
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             try:
                 lock.acquire(timeout=0)
             except Timeout:
+                if not wait:
+                    raise
                 self._once(
                     "wait", "another session is at a run wanted here, too; this one waits for its result"
                 )
                 lock.acquire()
+        except Timeout:
+            raise
         except (OSError, NotImplementedError) as error:
             self._once(
                 "lock",
@@ -116,9 +175,11 @@ class Store:
             for orphan in path.parent.glob(f".{path.name}.*"):  # of a process killed while it wrote
                 orphan.unlink(missing_ok=True)
             yield
-            # whoever waits for this very file looks for the result first: no lock is needed any more
-            with suppress(OSError):
-                path.with_suffix(".lock").unlink()
+            if (
+                path.exists()
+            ):  # whoever waits for this very file looks for the result first: it needs no lock now
+                with suppress(OSError):
+                    path.with_suffix(".lock").unlink()
         finally:
             lock.release()
 
@@ -127,3 +188,12 @@ class Store:
         if about not in self._said:
             self._said.add(about)
             self.note(text)
+
+
+def _content(path: Path) -> bytes:
+    """What a whole entry holds."""
+    content = path.read_bytes()
+    digest, data = content[len(MAGIC) : len(MAGIC) + 32], content[len(MAGIC) + 32 :]
+    if not content.startswith(MAGIC) or hashlib.sha256(data).digest() != digest:
+        raise Unreadable("truncated or of another make")
+    return data

@@ -1,6 +1,7 @@
 """Measuring fairly: one thread, no garbage collection, after a warm-up, alternating, raw samples kept."""
 
 import gc
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -49,6 +50,20 @@ def undisturbed() -> Iterator[None]:
             gc.enable()
 
 
+@contextmanager
+def pinned() -> Iterator[None]:
+    """Keep this thread, and what it starts, on one of the cores it may use, where the system can do that."""
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {max(allowed)})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
 def summarise(costs: Sequence[Cost]) -> Timing:
     """Median and spread of the samples of one run."""
     cpu = np.array([c.cpu_s for c in costs])
@@ -61,7 +76,7 @@ def summarise(costs: Sequence[Cost]) -> Timing:
 
 
 def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str, list[Sample]]:
-    """Call several contestants in turn, after one unmeasured round, so that disturbances meet all alike.
+    """Call several contestants in turn, on one core, after one unmeasured round: disturbances meet all alike.
 
     Parameters
     ----------
@@ -77,9 +92,10 @@ def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str,
     """
     found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
-        for k in range(rounds + 1):
-            for name, call in calls.items():
-                sample = call()
-                if k > 0:
-                    found[name].append(sample)
+        for call in calls.values():  # what compiles may use every core
+            call()
+        with pinned():
+            for _ in range(rounds):
+                for name, call in calls.items():
+                    found[name].append(call())
     return found

@@ -78,7 +78,8 @@ def _rounds(cases: Mapping[Contestant, Trial], repeats: int, runner: Runner) -> 
 
     def measure() -> dict[str, list[Solution]]:
         calls = {c.method: (lambda case=case: runner.attempt(case)) for c, case in cases.items()}
-        rounds = in_turn(calls, repeats)
+        with runner.alone():
+            rounds = in_turn(calls, repeats)
         return {m: [replace(s, t=s.t[:0], fields={}) for s in found] for m, found in rounds.items()}
 
     key = runner.key(*cases.values())

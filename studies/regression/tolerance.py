@@ -27,7 +27,8 @@ from anctmm.model.scene import Beam
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
-from studies.engine.runner import guarded, static_of
+from anctmm.solvers.registry import static_of
+from studies.engine.runner import guarded
 from studies.engine.timing import undisturbed
 from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE

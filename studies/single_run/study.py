@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import isfinite
 from pathlib import Path
 
 from anctmm.errors import CaseError
@@ -57,7 +58,7 @@ class SingleRun:
     @property
     def solution(self) -> Solution:
         """The run's history."""
-        return self.found.solution
+        return self.found.timed
 
     @property
     def good(self) -> bool:
@@ -95,7 +96,8 @@ class SingleRun:
         """What it took, in words."""
         runs, cost = self.found.levels.runs, self.solution.cost
         steps = f"{cost.steps} steps, {cost.newton_iterations} Newton corrections"
-        return f"{steps}, {cost.cpu_s:.2g} s of CPU time; {runs} {'run' if runs == 1 else 'runs'} in all"
+        time = f", {cost.cpu_s:.2g} s of CPU time" if isfinite(cost.cpu_s) else ""
+        return f"{steps}{time}; {runs} {'run' if runs == 1 else 'runs'} in all"
 
 
 def run_case(

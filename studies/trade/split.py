@@ -27,7 +27,7 @@ def same_mesh(swept: Sweep, dt: float, runner: Runner) -> Mapping[Place, SameMes
     """Runs of ANC-TMM with a fine step, s, on every mesh of a sweep; meshes that it cannot run are left out."""
     fine = [_fine(o.case, dt) for o in swept.outcomes if not other_model(o.case)]
     coarser = [replace(case, dt=2 * dt) for case in fine]
-    found = {o.case: o.solution for o in runner.sweep([*fine, *coarser])}
+    found = {o.case: o.solution for o in runner.sweep([*fine, *coarser], timed=False)}
     return {
         _place(case): SameMesh(found[case], compare(found[twice], found[case], swept.base.probes).error)
         for case, twice in zip(fine, coarser, strict=True)

@@ -8,13 +8,13 @@ from typing import Any
 import pandas as pd
 
 from anctmm.model.case import Case
-from anctmm.results.solution import Cost
 from studies.cases import assumptions_of
 from studies.engine.choices import written
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.files import file_name
 from studies.engine.pareto_front import NEAR, excess
-from studies.engine.runner import Outcome, Runner, Trial, row, sample_rows
+from studies.engine.runner import Outcome, Runner, Sample, Trial, row, sample_rows
+from studies.engine.running.turns import at_work
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise
@@ -101,33 +101,39 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     frame["family"] = [o.case.element for o in swept.outcomes]
     again = time_again(swept, frame, ROUNDS[options.quick], runner)
     frame["in_turn"] = [k in again for k in frame.index]
-    for k, costs in again.items():
-        found = vars(summarise(costs))
+    for k, found in again.items():
+        times = vars(summarise([sample.cost for sample in found]))
         for name in ("cpu_s", "cpu_spread", "build_s", "repeats"):
-            frame.loc[k, name] = found[name]
+            frame.loc[k, name] = times[name]
     frame["excess"] = excess(frame)
     samples = [
         *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
-        *(r for k, costs in again.items() for r in _samples(swept.outcomes[k], costs)),
+        *(r for k, found in again.items() for r in _samples(swept.outcomes[k], found)),
     ]
     return Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
 
 
 def time_again(
     swept: Sweep, frame: pd.DataFrame, rounds: int, runner: Runner
-) -> Mapping[int, Sequence[Cost]]:
-    """Costs of the settings near the front of their solver, which take their samples in turn; by their row."""
+) -> Mapping[int, Sequence[Sample]]:
+    """Times of the settings near the front of their solver, which take their samples in turn; by their row."""
     near = pd.concat([excess(own) for _, own in frame.groupby("solver", sort=False)]) <= NEAR
     chosen = near.index[near].sort_values()
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
-    def sampler(case: Trial) -> Callable[[], Cost]:
+    def sampler(case: Trial) -> Callable[[], Sample]:
         solver = runner.resolve(case.solver)
-        return lambda: case.solve(solver).cost
 
-    def sample() -> dict[int, list[Cost]]:
-        found = in_turn({str(k): sampler(case) for k, case in cases.items()}, rounds)
-        return {int(k): costs for k, costs in found.items()}
+        def sample() -> Sample:
+            with at_work() as interval:
+                return Sample(case.solve(solver).cost, interval)
+
+        return sample
+
+    def sample() -> dict[int, list[Sample]]:
+        with runner.alone():
+            found = in_turn({str(k): sampler(case) for k, case in cases.items()}, rounds)
+        return {int(k): samples for k, samples in found.items()}
 
     key = runner.key(*cases.values())
     return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
@@ -139,8 +145,8 @@ def _asked(case: Trial) -> dict[str, Any]:
     return bounds | {"own": written(case.own)}
 
 
-def _samples(outcome: Outcome, costs: Sequence[Cost]) -> list[dict[str, Any]]:
-    return [row | {"round": "in turn"} for row in sample_rows(replace(outcome, costs=tuple(costs)))]
+def _samples(outcome: Outcome, found: Sequence[Sample]) -> list[dict[str, Any]]:
+    return [row | {"round": "in turn"} for row in sample_rows(replace(outcome, samples=tuple(found)))]
 
 
 def _fitting(base: Case, options: Options) -> Options:

@@ -1,0 +1,66 @@
+"""Text that tells a run from every other, with every digit, and the modules that it is made of."""
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+import numpy as np
+
+
+def case_key(case: Any) -> str:
+    """Text that tells a case from every other, with every digit of every number."""
+    return _text(case)
+
+
+def _text(value: Any) -> str:
+    """A value with all that makes it, whatever its own representation leaves out."""
+    if is_dataclass(value) and not isinstance(value, type):
+        parts = (f"{f.name}={_text(getattr(value, f.name))}" for f in fields(value) if f.init)
+        return f"{_class(value)}({', '.join(parts)})"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{_text(k)}: {_text(v)}' for k, v in value.items())}}}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(map(_text, value)))}}}"
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}{value.shape}{hashlib.sha256(value.tobytes()).hexdigest()}"
+    try:
+        return repr(value)
+    except Exception:  # a function of the user's own; such cases are not kept
+        return f"{_class(value)} {id(value)}"
+
+
+def _class(value: Any) -> str:
+    return f"{type(value).__module__}.{type(value).__qualname__}"
+
+
+def _parts(value: Any) -> Iterator[Any]:
+    """A value and all that it is made of."""
+    yield value
+    if is_dataclass(value) and not isinstance(value, type):
+        inside: Iterable[Any] = (getattr(value, f.name) for f in fields(value) if f.init)
+    elif isinstance(value, Mapping):
+        inside = (*value.keys(), *value.values())
+    else:
+        inside = value if isinstance(value, tuple | list | set | frozenset) else ()
+    for part in inside:
+        yield from _parts(part)
+
+
+def classes(value: Any) -> set[str]:
+    """Modules of the classes of a value and of its parts: a drive's law is code of its class."""
+    return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
+
+
+def reproducible(value: Any) -> bool:
+    """Whether a value is told by its text: data only, no plain function, whose text is an address."""
+    plain = str | bytes | int | float | complex | np.generic | Mapping | tuple | list | set | frozenset
+    return all(
+        v is None
+        or isinstance(v, plain)
+        or (isinstance(v, np.ndarray) and not v.dtype.hasobject)
+        or (is_dataclass(v) and not isinstance(v, type))
+        for v in _parts(value)
+    )

@@ -1,0 +1,207 @@
+"""What a worker does with a run that it is sent, in a process or on a machine of its own: the answer, as bytes.
+
+A run arrives as bytes, and its answer goes back as those that the store keeps, without its scene. Before a worker opens
+them it makes sure that its code is that of who asks: an answer is kept under the code that made it.
+"""
+
+import hashlib
+import sys
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import cache
+from importlib.machinery import PathFinder
+from importlib.metadata import packages_distributions
+from typing import Any
+
+import cloudpickle
+from filelock import FileLock
+
+from anctmm.jit.cache_dir import kept_in
+from anctmm.results.export.plain_data import NotPlain, encode
+from anctmm.results.solution import Cost, Solution
+from anctmm.solvers import registry
+from studies.engine import provenance
+from studies.engine.running.case_text import classes
+from studies.engine.running.trial import Trial, guarded, performed
+from studies.engine.running.turns import Interval, Turns, at_work
+from studies.engine.sources import OURS, Sources
+
+#: A name to a solver; None is the registry of installed solvers.
+Resolve = Callable[[str], Any] | None
+
+
+class OtherCode(Exception):
+    """A worker's code is not that of who asks."""
+
+
+class NotSendable(Exception):
+    """A run cannot be made bytes, or its answer cannot: it is done where it is asked for."""
+
+
+@dataclass(frozen=True)
+class Errand:
+    """A run as it is sent.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the run and of who finds its solver.
+    software : str
+        Versions that the worker must have.
+    code : mapping of str to str
+        Modules, and the hash of their source that the worker must have.
+    turns : str
+        Name of the turns that runs of the same store take on each machine.
+    """
+
+    content: bytes
+    software: str
+    code: Mapping[str, str]
+    turns: str
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What comes back.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the solution, without its scene and the times it took.
+    kept : bool
+        Whether it may be kept: what the environment made fail may go well later.
+    interval : Interval
+        When the worker was at it.
+    """
+
+    content: bytes
+    kept: bool
+    interval: Interval
+
+
+def packed(case: Trial, resolve: Resolve) -> bytes:
+    """A run as bytes. Code of the user's own, which a worker may not find, goes along.
+
+    Raises
+    ------
+    NotSendable
+        If it holds what cannot be made bytes.
+    """
+    own = [sys.modules[m] for m in sorted(_modules(case, resolve)) if m in sys.modules and not _findable(m)]
+    for module in own:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        return bytes(cloudpickle.dumps((case, resolve)))
+    except Exception as error:  # whatever objects of others raise
+        raise NotSendable(f"{type(error).__name__}: {error}") from error
+    finally:
+        for module in own:
+            cloudpickle.unregister_pickle_by_value(module)
+
+
+def work(errand: Errand) -> Answer:
+    """Do a run: one at a time in a process, with no other of the store's timed on this machine.
+
+    Raises
+    ------
+    OtherCode
+        If this worker's code would give the answer of another.
+    NotSendable
+        If the answer is more than data.
+    """
+    _check(errand)
+    with _one_at_a_time, at_work() as interval:
+        case, resolve = cloudpickle.loads(errand.content)
+        with _turns(errand.turns).together():
+            solution, kept = _answer(case, resolve or registry.solver)
+    try:
+        return Answer(encode(without_times(solution), [case.scene]), kept, interval)
+    except NotPlain as error:
+        raise NotSendable(str(error)) from error
+
+
+def without_times(solution: Solution) -> Solution:
+    """A solution with the work that it took, counted, but no times: they are another's, or were disturbed."""
+    blank, cost = Cost(), solution.cost
+    times = {name: getattr(blank, name) for name in ("cpu_s", "wall_s", "build_s", "compile_s")}
+    return replace(solution, cost=replace(cost, **times))
+
+
+def _answer(case: Trial, resolve: Callable[[str], Any]) -> tuple[Solution, bool]:
+    """The solution, and whether it may be kept."""
+    done = []
+
+    def solve() -> Solution:
+        solver = resolve(case.solver)
+        done.append(performed(case, solver, lambda: _warm(case, solver), nullcontext()))
+        return done[0]
+
+    return guarded(case.solver, case.scene, solve), bool(done)
+
+
+def _warm(case: Trial, solver: Any) -> None:
+    """Compile or load what runs of this kind need: of the processes of one machine one compiles, the others wait."""
+    if case.kernels in _ready:
+        return
+    with _compiling(case):
+        case.warm_up(solver)
+    _ready.add(case.kernels)
+
+
+@contextmanager
+def _compiling(case: Trial) -> Iterator[None]:
+    place = kept_in("kernels")
+    if place is None:
+        yield
+        return
+    kind = hashlib.sha256(
+        repr((case.element, case.quadrature, case.integrator, case.solver)).encode()
+    ).hexdigest()
+    with FileLock(place / f"{kind[:16]}.lock"):
+        yield
+
+
+def _check(errand: Errand) -> None:
+    here = provenance.software()
+    if here != errand.software:
+        raise OtherCode(f"it has {here}; {errand.software} is needed")
+    for module, digest in errand.code.items():
+        if _digest(module) != digest:
+            raise OtherCode(f"its source of {module} is another")
+
+
+@cache
+def _digest(module: str) -> str | None:
+    return Sources().digest(module)
+
+
+@cache
+def _turns(name: str) -> Turns:
+    return Turns(name)
+
+
+def _modules(case: Trial, resolve: Resolve) -> set[str]:
+    """Modules whose code a run needs, of its scene and of who finds its solver."""
+    found = classes(case)
+    if resolve is not None and (module := getattr(resolve, "__module__", None)):
+        found.add(module)
+    return found
+
+
+def _findable(module: str) -> bool:
+    """Whether another process finds a module: it is ours, or belongs to a package that is installed."""
+    top = module.partition(".")[0]
+    if top in OURS or top in sys.stdlib_module_names or top in sys.builtin_module_names:
+        return True
+    return top in _installed() and PathFinder.find_spec(top) is not None
+
+
+@cache
+def _installed() -> frozenset[str]:
+    return frozenset(packages_distributions())
+
+
+_ready: set[tuple[Any, ...]] = set()
+_one_at_a_time = threading.Lock()
