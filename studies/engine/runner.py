@@ -4,12 +4,14 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import AnctmmError, reason
@@ -27,8 +29,8 @@ from studies.engine.running.spread import Came, Died, Spread, Wanted
 from studies.engine.running.team import Team
 from studies.engine.running.trial import STATIC, Mesh, Trial, guarded, label_of, mesh_label, performed
 from studies.engine.running.turns import Interval, Turns, at_work
-from studies.engine.running.worker import Answer, Errand, packed, without_times
-from studies.engine.sources import Sources, module_of
+from studies.engine.running.worker import Answer, Errand, packed_job, packed_run, without_times
+from studies.engine.sources import OURS, Sources, module_of
 from studies.engine.store import Store
 from studies.engine.timing import summarise
 
@@ -207,7 +209,7 @@ class Runner:
             if (text := case_key(case)) not in self._unkept and not self._known(case)
         }
         waiting = sorted(unknown.values(), key=lambda case: -case.work)
-        wanted = [Wanted(self._answer_key(case), lambda case=case: self._errand(case)) for case in waiting]  # type: ignore[misc]
+        wanted = [Wanted(self._answer_key(case), partial(self._errand, case)) for case in waiting]
         if wanted:
             self.on_start(f"{self.team}: {label_of(waiting[0])}", 0, len(wanted))
         for done, (number, came) in enumerate(Spread(self.team, self._store, wanted), 1):
@@ -246,6 +248,8 @@ class Runner:
     ) -> list[Any]:
         """Results of computations that are no runs of one case each, every one kept when it is done.
 
+        They measure no time: workers, if there are any, do them side by side.
+
         Parameters
         ----------
         jobs : sequence of (str, callable, callable)
@@ -253,16 +257,71 @@ class Runner:
             unremembered, if that raises an error of the solvers or of linear algebra.
         code : str
             The `source` of all solvers that the jobs find by name; nothing is kept if it is empty.
+
+        Raises
+        ------
+        SweepError
+            If the workers cannot do such jobs at all.
         """
+        keys = [self._job_key(code and f"{label}|{code}", compute) for label, compute, _ in jobs]
+        came = self._jobs_by_workers(jobs, keys)
         results = []
-        for done, (label, compute, otherwise) in enumerate(jobs, 1):
-            self.on_start(label, done - 1, len(jobs))
+        for k, (label, compute, otherwise) in enumerate(jobs):
+            self.on_start(label, k, len(jobs))
             try:
-                results.append(self.remember(code and f"{label}|{code}", compute))
+                results.append(
+                    came[k]() if k in came else self._store.remember(keys[k], self._together(compute))
+                )
             except (AnctmmError, np.linalg.LinAlgError) as error:
                 results.append(otherwise(error))
-            self.on_job(label, done, len(jobs))
+            self.on_job(label, k + 1, len(jobs))
         return results
+
+    def _jobs_by_workers(
+        self, jobs: Sequence[tuple[str, Callable[[], Any], Any]], keys: Sequence[str]
+    ) -> dict[int, Callable[[], Any]]:
+        """What came of jobs that no store keeps, by their place: a function that returns the result or raises."""
+        if self.team is None:
+            return {}
+        places = [k for k, key in enumerate(keys) if not self._store.has(key)]
+        wanted = [Wanted(keys[k], partial(self._job_errand, jobs[k][1])) for k in places]
+        found: dict[int, Callable[[], Any]] = {}
+        for done, (number, came) in enumerate(Spread(self.team, self._store, wanted), 1):
+            k = places[number]
+            told = f"{self.team}: {jobs[k][0]}", done, len(wanted)
+            self.on_start(*told)
+            match came:
+                case Answer():
+                    self.computed += 1
+                    self.spread.append(came.interval)
+                    if not (came.kept and self._store.has(keys[k])):
+                        found[k] = came.result
+                case Died():
+                    found[k] = came.result
+                case _:
+                    pass  # the store has it, or it is done here
+            self.on_job(*told)
+        return found
+
+    def _job_errand(self, compute: Callable[[], Any]) -> Errand:
+        module = module_of(compute)
+        digest = self._sources.digest(module) if module.partition(".")[0] in OURS else None
+        code = {module: digest} if digest else {}
+        return Errand(packed_job(compute), provenance.software(), code, self._turns.name)
+
+    def _job_key(self, key: str, compute: Callable[[], Any]) -> str:
+        """Key of a result: the same on every machine; empty where it is not kept."""
+        source = self._sources.of(compute)
+        return f"{key}|result|{source}|{provenance.software()}" if key and source else ""
+
+    def _together(self, compute: Callable[[], Any]) -> Callable[[], Any]:
+        """The same on one thread, as in workers, and while no run is timed on this machine."""
+
+        def computed() -> Any:
+            with self._turns.together(), threadpool_limits(limits=1):
+                return compute()
+
+        return computed
 
     def attempt(self, case: Trial) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""
@@ -379,7 +438,7 @@ class Runner:
         if resolve is None:
             modules += [module_of(inspect.unwrap(self.resolve(case.solver)))]
         code = {module: digest for module in modules if (digest := self._sources.digest(module))}
-        return Errand(packed(case, resolve), provenance.software(), code, self._turns.name)
+        return Errand(packed_run(case, resolve), provenance.software(), code, self._turns.name)
 
     def _take(self, case: Trial, came: Came) -> None:
         """Remember what no store keeps: what has no key, or failed for a reason that may pass."""
@@ -390,7 +449,7 @@ class Runner:
                 if not (came.kept and self._known(case)):
                     self._unkept[case_key(case)] = case, decode(came.content, [case.scene])
             case Died():
-                status = Status("failed", f"a worker died of it, and another that tried again: {came.reason}")
+                status = Status("failed", str(came))
                 self._unkept[case_key(case)] = case, nothing(case.solver, case.scene, None, status)
             case _:
                 pass  # the store has it, or it is done here when it is asked for

@@ -8,6 +8,7 @@ import threading
 import time
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ import shared_sweep
 from shared_sweep import cases, done, numbers, runner
 from typer.testing import CliRunner
 
+from anctmm.errors import SolverError
 from anctmm.model.scene import Force
 from studies.cli import app
 from studies.engine import provenance
@@ -22,7 +24,7 @@ from studies.engine.runner import Runner, product
 from studies.engine.running.pool import WorkerDied, WorkerPool
 from studies.engine.running.team import SweepError, team
 from studies.engine.running.turns import Turns
-from studies.engine.running.worker import NotSendable, OtherCode, packed, work
+from studies.engine.running.worker import NotSendable, OtherCode, packed_run, work
 from studies.scenes import cantilever_fall
 
 LIMIT = 120.0
@@ -120,7 +122,7 @@ def test_what_cannot_be_sent_is_done_here(tmp_path):
     lock = threading.Lock()
     held = replace(shared_sweep.SCENE, loads=(Force("beam.end", lambda t: (0.0, float(lock.locked()))),))
     with pytest.raises(NotSendable, match="lock"):
-        packed(cases(1, held)[0], None)
+        packed_run(cases(1, held)[0], None)
     with team(2) as helpers:
         mine = runner(tmp_path, helpers)
         mine.key = lambda *cases: ""
@@ -151,6 +153,43 @@ def test_two_hundred_real_runs_are_shared_and_the_same_bits(tmp_path):
     share = Counter(interval.process for interval in mine.spread)
     assert len(share) == 2
     assert min(share.values()) > 20
+
+
+def square(log, n):
+    """A job: its number, its process, a number that is none; or an error."""
+    shared_sweep.write(log, f"begun {n} {os.getpid()}")
+    if n == 3:
+        raise SolverError(f"no such luck with {n}")
+    return [{"n": n, "square": n * n, "none": float("nan")}]
+
+
+def test_jobs_are_shared_kept_and_fail_as_in_one_process(tmp_path):
+    def swept(folder, helpers, code="code"):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        call = partial(square, tmp_path / folder / "log")
+        jobs = [
+            (f"job {n}", partial(call, n), lambda error: f"{type(error).__name__}: {error}") for n in range(6)
+        ]
+        return repr(Runner(tmp_path / folder / "runs", team=helpers).jobs(jobs, code))
+
+    alone = swept("alone", None)
+    with team(2) as helpers:
+        assert swept("shared", helpers) == alone
+        assert swept("unkept", helpers, code="") == alone
+    assert "SolverError: no such luck with 3" in alone
+    assert os.getpid() not in {process for _, process in done(tmp_path / "shared" / "log")}
+    assert swept("shared", None) == alone
+    assert begun_twice(tmp_path / "shared" / "log") == {3: 2}  # what failed was not kept
+    assert not list((tmp_path / "unkept").glob("runs/*.run"))
+
+
+def test_a_fault_in_a_job_of_a_worker_is_raised_and_a_job_that_kills_is_a_row(tmp_path):
+    with team(2) as helpers:
+        mine = Runner(tmp_path / "runs", team=helpers)
+        with pytest.raises(ZeroDivisionError):
+            mine.jobs([("fault", lambda: 1 // 0, str)], "code")
+        (row,) = mine.jobs([("kills", lambda: os.kill(os.getpid(), signal.SIGKILL), str)], "code")
+    assert "signal 9" in row
 
 
 # --- what dies -----------------------------------------------------------------------------------------------

@@ -7,8 +7,9 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from contextlib import ExitStack
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, NoReturn
 
+from anctmm.errors import SolverError
 from studies.engine.running.team import SweepError, Team
 from studies.engine.running.worker import Answer, Errand, NotSendable, OtherCode, work
 from studies.engine.store import Claim, Store
@@ -24,6 +25,18 @@ class Died:
     """In place of an answer: every worker that was sent the run died of it."""
 
     reason: str
+
+    def __str__(self) -> str:
+        return f"a worker died of it, and another that tried again: {self.reason}"
+
+    def result(self) -> NoReturn:
+        """Say so.
+
+        Raises
+        ------
+        SolverError
+        """
+        raise SolverError(str(self))
 
 
 class Elsewhere(Enum):

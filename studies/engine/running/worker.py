@@ -1,7 +1,8 @@
-"""What a worker does with a run that it is sent, in a process or on a machine of its own: the answer, as bytes.
+"""What a worker does with a call that it is sent, in a process or on a machine of its own: the answer, as bytes.
 
-A run arrives as bytes, and its answer goes back as those that the store keeps, without its scene. Before a worker opens
-them it makes sure that its code is that of who asks: an answer is kept under the code that made it.
+A call, mostly a run, arrives as bytes, and its answer goes back as those that the store keeps, without the scene.
+Before a worker opens them it makes sure that its code is that of who asks: an answer is kept under the code that made
+it.
 """
 
 import hashlib
@@ -10,23 +11,25 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from importlib.machinery import PathFinder
 from importlib.metadata import packages_distributions
 from typing import Any
 
 import cloudpickle
 from filelock import FileLock
+from threadpoolctl import threadpool_limits
 
 from anctmm.jit.cache_dir import kept_in
-from anctmm.results.export.plain_data import NotPlain, encode
+from anctmm.results.export.plain_data import NotPlain, decode, encode
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
+from anctmm.solvers.foreign_code import contained
 from studies.engine import provenance
 from studies.engine.running.case_text import classes
 from studies.engine.running.trial import Trial, guarded, performed
 from studies.engine.running.turns import Interval, Turns, at_work
-from studies.engine.sources import OURS, Sources
+from studies.engine.sources import OURS, Sources, module_of
 
 #: A name to a solver; None is the registry of installed solvers.
 Resolve = Callable[[str], Any] | None
@@ -37,17 +40,18 @@ class OtherCode(Exception):
 
 
 class NotSendable(Exception):
-    """A run cannot be made bytes, or its answer cannot: it is done where it is asked for."""
+    """A call cannot be made bytes, or its answer cannot: it is done where it is asked for."""
 
 
 @dataclass(frozen=True)
 class Errand:
-    """A run as it is sent.
+    """A call as it is sent.
 
     Parameters
     ----------
     content : bytes
-        Of the run and of who finds its solver.
+        Of a function without arguments and of what its answer need not hold, as who asks has it. The function returns
+        the answer and whether it may be kept: what the environment made fail may go well later.
     software : str
         Versions that the worker must have.
     code : mapping of str to str
@@ -69,9 +73,9 @@ class Answer:
     Parameters
     ----------
     content : bytes
-        Of the solution, without its scene and the times it took.
+        As the store keeps it.
     kept : bool
-        Whether it may be kept: what the environment made fail may go well later.
+        Whether it may be kept.
     interval : Interval
         When the worker was at it.
     """
@@ -80,20 +84,43 @@ class Answer:
     kept: bool
     interval: Interval
 
+    def result(self) -> Any:
+        """Of a job: what it returned; raises what it raised."""
+        value = decode(self.content)
+        if not self.kept:
+            raise cloudpickle.loads(value)
+        return value
 
-def packed(case: Trial, resolve: Resolve) -> bytes:
-    """A run as bytes. Code of the user's own, which a worker may not find, goes along.
+
+def packed_run(case: Trial, resolve: Resolve) -> bytes:
+    """A run as bytes.
 
     Raises
     ------
     NotSendable
         If it holds what cannot be made bytes.
     """
-    own = [sys.modules[m] for m in sorted(_modules(case, resolve)) if m in sys.modules and not _findable(m)]
+    return _packed(partial(_solution, case, resolve), [case.scene], _modules(case, resolve))
+
+
+def packed_job(compute: Callable[[], Any]) -> bytes:
+    """A computation as bytes; its answer is its result, or the error that it raised as bytes, which is not kept.
+
+    Raises
+    ------
+    NotSendable
+        If it holds what cannot be made bytes.
+    """
+    return _packed(partial(_result, compute), [], {module_of(compute)})
+
+
+def _packed(call: Callable[[], tuple[Any, bool]], given: list[Any], modules: set[str]) -> bytes:
+    """A call as bytes. Code of the user's own, which a worker may not find, goes along."""
+    own = [sys.modules[m] for m in sorted(modules) if m in sys.modules and not _findable(m)]
     for module in own:
         cloudpickle.register_pickle_by_value(module)
     try:
-        return bytes(cloudpickle.dumps((case, resolve)))
+        return bytes(cloudpickle.dumps((call, given)))
     except Exception as error:  # whatever objects of others raise
         raise NotSendable(f"{type(error).__name__}: {error}") from error
     finally:
@@ -102,7 +129,7 @@ def packed(case: Trial, resolve: Resolve) -> bytes:
 
 
 def work(errand: Errand) -> Answer:
-    """Do a run: one at a time in a process, with no other of the store's timed on this machine.
+    """Do a call: one at a time in a process, with no run of the store timed on this machine.
 
     Raises
     ------
@@ -113,11 +140,11 @@ def work(errand: Errand) -> Answer:
     """
     _check(errand)
     with _one_at_a_time, at_work() as interval:
-        case, resolve = cloudpickle.loads(errand.content)
+        call, given = cloudpickle.loads(errand.content)
         with _turns(errand.turns).together():
-            solution, kept = _answer(case, resolve or registry.solver)
+            value, kept = call()
     try:
-        return Answer(encode(without_times(solution), [case.scene]), kept, interval)
+        return Answer(encode(value, given), kept, interval)
     except NotPlain as error:
         raise NotSendable(str(error)) from error
 
@@ -129,16 +156,35 @@ def without_times(solution: Solution) -> Solution:
     return replace(solution, cost=replace(cost, **times))
 
 
-def _answer(case: Trial, resolve: Callable[[str], Any]) -> tuple[Solution, bool]:
-    """The solution, and whether it may be kept."""
+def _solution(case: Trial, resolve: Resolve) -> tuple[Solution, bool]:
+    """The solution of a run, without times, and whether it may be kept."""
     done = []
 
     def solve() -> Solution:
-        solver = resolve(case.solver)
+        solver = (resolve or registry.solver)(case.solver)
         done.append(performed(case, solver, lambda: _warm(case, solver), nullcontext()))
         return done[0]
 
-    return guarded(case.solver, case.scene, solve), bool(done)
+    return without_times(guarded(case.solver, case.scene, solve)), bool(done)
+
+
+def _result(compute: Callable[[], Any]) -> tuple[Any, bool]:
+    """The result of a computation, or the error that it raised."""
+    try:
+        with contained(), threadpool_limits(limits=1):
+            return compute(), True
+    except Exception as error:
+        return _error_bytes(error), False
+
+
+def _error_bytes(error: Exception) -> bytes:
+    """An error as who asks shall raise it; one that cannot be sent by its message."""
+    try:
+        content = bytes(cloudpickle.dumps(error))
+        cloudpickle.loads(content)
+    except Exception:
+        return bytes(cloudpickle.dumps(RuntimeError(f"{type(error).__name__}: {error}")))
+    return content
 
 
 def _warm(case: Trial, solver: Any) -> None:
