@@ -15,6 +15,7 @@ settings.load_profile("steady")
 SLOW = {
     "integrators": ["damping", "divergence", "equilibrium_stability", "events", "graph_histories", "graph_motion",
                     "graph_properties", "interrupted", "modes", "motion", "promise", "properties", "rates"],
+    "model": ["typing"],
     "of_reference": ["exudyn", "foreign_kinds", "global_dae", "junctions", "peer_opensees",
                      "peer_pyelastica", "times"],
     "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",

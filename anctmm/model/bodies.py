@@ -4,8 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 from math import atan2, hypot
+from typing import TYPE_CHECKING
 
 from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, reason, shown, unknown_kind
+from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.initial_motion.velocities import Point, size_of, slope_of
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
@@ -76,7 +78,7 @@ class Material:
 
 
 @dataclass(frozen=True)
-class Beam:
+class Beam(BodyKind):
     """A flexible body, straight and free of stress between `start` and `end`.
 
     Parameters
@@ -104,6 +106,18 @@ class Beam:
     section: Section
     material: Material
     velocity: Callable[[float], Point] | None = None
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            name: str,
+            start: PairLike,
+            end: PairLike,
+            section: Section,
+            material: Material,
+            velocity: Callable[[float], PairLike] | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

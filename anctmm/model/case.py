@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
 from itertools import islice
+from typing import TYPE_CHECKING
 
 from anctmm.errors import CaseError, reason, shown
 from anctmm.model.places import written
@@ -58,6 +59,17 @@ class Case:
     t_end: float | None
     output_dt: float | None = None
     note: str = ""
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            scene: Scene,
+            probes: Iterable[Probe],
+            t_end: float | None,
+            output_dt: float | None = None,
+            note: str = "",
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

@@ -7,9 +7,10 @@ together; the moment of a rotational spring is M = k (φ − φ₀) + c (φ' −
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
-from typing import Any, Protocol, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, shown, unknown_kind
+from anctmm.model.accepted import ConnectorKind, PairLike
 from anctmm.model.drives import breaks_of, value_at
 from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Place, Written, place_text, written
@@ -26,7 +27,7 @@ NEAR = 1e-14
 
 @final
 @dataclass(frozen=True)
-class Spring:
+class Spring(ConnectorKind):
     """A spring and damper between two places, or between a place and a point of the ground.
 
     Parameters
@@ -60,6 +61,19 @@ class Spring:
     law: Law | None = None
     preload: float = 0.0
 
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            first: Written,
+            second: Written | PairLike,
+            stiffness: float = ...,
+            damping: float = ...,
+            length: float | Pair | None = None,
+            law: Law | None = None,
+            preload: float = ...,
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         set_ = object.__setattr__
         set_(self, "first", written(self.first))
@@ -82,7 +96,7 @@ class Spring:
 
 @final
 @dataclass(frozen=True)
-class RotationalSpring:
+class RotationalSpring(ConnectorKind):
     """A spring and damper that works against the turn of one place against another, or against the ground.
 
     Parameters

@@ -6,7 +6,7 @@ tolerance end there, and runs of a fixed step say what falls between their steps
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,6 +99,14 @@ class History:
 
     function: Callable[[Any], Any]
     breaks: tuple[float, ...] = ()
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            function: Callable[[Any], Any],
+            breaks: Iterable[float] | NDArray[np.floating] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         if not callable(self.function):

@@ -3,9 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import hypot
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from anctmm.errors import PropertyError, shown
+from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Written, written
@@ -17,7 +18,7 @@ Motion = Callable[[Any], tuple[Any, Any, Any]]
 
 @final
 @dataclass(frozen=True, init=False)
-class Pin:
+class Pin(JointKind):
     """Hinge of any number of places, or of one place with the ground.
 
     Parameters
@@ -38,7 +39,7 @@ class Pin:
 
 @final
 @dataclass(frozen=True, init=False)
-class Weld:
+class Weld(JointKind):
     """Rigid connection of places: positions and all gradients, at the angles they have in the reference.
 
     Parameters
@@ -75,7 +76,7 @@ class Weld:
 
 @final
 @dataclass(frozen=True)
-class Clamp:
+class Clamp(JointKind):
     """A place fixed to the ground, or to a support there that turns: a driven clamp.
 
     Parameters
@@ -104,13 +105,23 @@ class Clamp:
 
 
 @dataclass(frozen=True)
-class _LineGuide:
+class _LineGuide(JointKind):
     """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
 
     place: Written
     direction: Point = (1.0, 0.0)
     body: str | None = None
     position: Motion | None = None
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            place: Written,
+            direction: PairLike = ...,
+            body: str | None = None,
+            position: Motion | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         _check_guide(self)  # type: ignore[arg-type]  # only the two kinds below are made
@@ -127,7 +138,7 @@ class _LineGuide:
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)  # that of both kinds
 class Slider(_LineGuide):
     """A place that moves on a straight line through its reference place, and is free to turn.
 
@@ -149,7 +160,7 @@ class Slider(_LineGuide):
 
 
 @final
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)  # that of both kinds
 class Prismatic(_LineGuide):
     """A place that moves on a straight line through its reference place, and does not turn against it.
 

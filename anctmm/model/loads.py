@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import UnknownKindError, shown, unknown_kind
+from anctmm.model.accepted import LoadKind, PairLike
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import breaks_of, tabulate
 from anctmm.model.initial_motion.velocities import Point
@@ -17,7 +18,7 @@ from anctmm.validation import flag, number, text, vector
 
 @final
 @dataclass(frozen=True)
-class Force:
+class Force(LoadKind):
     """Force on a place: constant (Fx, Fy) or t → (Fx, Fy), N.
 
     Parameters
@@ -31,6 +32,15 @@ class Force:
     end: Written
     value: Point | Callable[[Any], Point]
     follower: bool = False
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            end: Written,
+            value: PairLike | Callable[[Any], PairLike],
+            follower: bool = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
@@ -47,7 +57,7 @@ class Force:
 
 @final
 @dataclass(frozen=True)
-class Torque:
+class Torque(LoadKind):
     """Moment on a place, positive counter-clockwise: constant or t → moment, N m.
 
     It acts on the direction of the section: on r_x of a cable (whose section stays normal to its axis), on
@@ -66,11 +76,19 @@ class Torque:
 
 @final
 @dataclass(frozen=True)
-class LineLoad:
+class LineLoad(LoadKind):
     """Dead force along a whole beam, per undeformed length: constant (qx, qy) or t → (qx, qy), N/m."""
 
     body: str
     value: Point | Callable[[Any], Point]
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            body: str,
+            value: PairLike | Callable[[Any], PairLike],
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "body", text("line load body", self.body))

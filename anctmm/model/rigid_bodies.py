@@ -3,9 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import hypot
-from typing import Any, final
+from typing import TYPE_CHECKING, Any, final
 
 from anctmm.errors import PropertyError, reason, shown
+from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.initial_motion.velocities import Point
 from anctmm.validation import LONGEST, FrozenMapping, number, positive, text, vector
 
@@ -15,7 +16,7 @@ CENTER = "center"
 
 @final
 @dataclass(frozen=True)
-class RigidBody:
+class RigidBody(BodyKind):
     """A rigid body in the plane.
 
     Parameters
@@ -48,6 +49,19 @@ class RigidBody:
     points: Mapping[str, Point] = field(default_factory=dict)
     velocity: Point = (0.0, 0.0)
     spin: float = 0.0
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            name: str,
+            mass: float,
+            inertia: float,
+            center: PairLike,
+            points: Mapping[str, PairLike] = ...,
+            velocity: PairLike = ...,
+            spin: float = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -97,7 +111,7 @@ class RigidBody:
 
 @final
 @dataclass(frozen=True)
-class PointMass:
+class PointMass(BodyKind):
     """A mass at a point, which does not turn.
 
     Parameters
@@ -121,6 +135,16 @@ class PointMass:
     mass: float
     position: Point
     velocity: Point = (0.0, 0.0)
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            name: str,
+            mass: float,
+            position: PairLike,
+            velocity: PairLike = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

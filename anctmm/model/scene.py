@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from anctmm.errors import (
     DuplicateNameError,
@@ -16,6 +16,7 @@ from anctmm.errors import (
     reason,
     shown,
 )
+from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
 from anctmm.model.checks.joints import check_joints
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
@@ -84,6 +85,18 @@ class Scene:
     gravity: Point = (0.0, 0.0)
     connectors: tuple[Connector, ...] = ()
     _by_name: dict[str, Body] = field(init=False, repr=False, compare=False, hash=False)
+
+    if TYPE_CHECKING:  # what is accepted; attributes hold what became of it
+
+        def __init__(
+            self,
+            name: str,
+            bodies: Iterable[BodyKind],
+            joints: Iterable[JointKind] = ...,
+            loads: Iterable[LoadKind] = ...,
+            gravity: PairLike = ...,
+            connectors: Iterable[ConnectorKind] = ...,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import PropertyError, ResultError, listed
+from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.connectors import Connector
 from anctmm.model.joints import Joint
 from anctmm.model.scene import Beam, Probe, Scene
@@ -245,15 +246,15 @@ class Solution:
         name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
         return section_force(self, name, float(at))
 
-    def reaction(self, joint: Joint) -> Array:
+    def reaction(self, joint: JointKind) -> Array:
         """What a joint exerts on its first place, in fixed axes, (n, 3), N, N, N m: of a driven clamp the last one is
         the torque of its drive. See `anctmm.results.internal_forces.reactions.reaction`.
         """
-        return reaction(self, joint)
+        return reaction(self, cast(Joint, joint))
 
-    def tension(self, connector: Connector) -> Array:
+    def tension(self, connector: ConnectorKind) -> Array:
         """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,)."""
-        return tension_of(self, connector)
+        return tension_of(self, cast(Connector, connector))
 
     def displacement(self, probe: Probe) -> Array:
         """Displacements of a probe from its place at the first output, (n, 2), m."""

@@ -1,0 +1,29 @@
+"""What constructors accept, for type checkers: any ordered iterable of things, any pair of numbers.
+
+Attributes hold what validation made of it, tuples. Classes of one kind have a base in common, without any content, so
+that a list of several of them is a list of that kind, whatever its order.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+PairLike = Sequence[float] | NDArray[np.floating] | NDArray[np.integer]
+"""Two numbers: a tuple, a list, an array."""
+
+
+class BodyKind:
+    """Base of all bodies."""
+
+
+class JointKind:
+    """Base of all joints."""
+
+
+class LoadKind:
+    """Base of all loads."""
+
+
+class ConnectorKind:
+    """Base of all connectors."""

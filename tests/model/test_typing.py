@@ -1,0 +1,73 @@
+"""What type checkers say of users' scripts: what runs is accepted as it is typed, and what does not is seen."""
+
+import inspect
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import anctmm as at
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "tests" / "helpers" / "typed_script.py"
+
+
+def mypy(file: Path) -> tuple[int, str]:
+    command = [sys.executable, "-m", "mypy", "--strict", "--no-error-summary", str(file)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    return done.returncode, done.stdout + done.stderr
+
+
+def test_what_users_write_is_accepted():
+    assert mypy(SCRIPT) == (0, "")
+
+
+WRONG = {
+    "bodies": ('at.Scene("s", 5)', 'Argument 2 to "Scene"'),
+    "a joint among the bodies": ('at.Scene("s", [at.Clamp("a.start")])', 'expected "BodyKind"'),
+    "a body among the joints": (
+        'at.Scene("s", [], [at.PointMass("m", 1.0, (0, 0))])',
+        'expected "JointKind"',
+    ),
+    "a point of a text": ('at.PointMass("m", 1.0, position="here")', 'Argument "position"'),
+    "breaks": ("at.History(lambda t: t, breaks=0.1)", 'Argument "breaks"'),
+    "no function": ("at.History(1.0)", 'Argument 1 to "History"'),
+    "probes": ('at.Case(at.Scene("s", []), probes=3, t_end=1.0)', 'Argument "probes"'),
+    "a name that is not there": ('at.Scene("s", [], supports=[])', 'Unexpected keyword argument "supports"'),
+}
+
+
+def test_what_cannot_be_is_seen(tmp_path):
+    lines = [line for line, _ in WRONG.values()]
+    (tmp_path / "wrong.py").write_text("import anctmm as at\n\n" + "\n".join(lines) + "\n")
+    code, said = mypy(tmp_path / "wrong.py")
+    assert code == 1
+    for number, (line, told) in enumerate(WRONG.values(), 3):
+        assert any(f"wrong.py:{number}: " in m and told in m for m in said.splitlines()), (line, said)
+
+
+KINDS = (
+    at.Scene, at.Case, at.History, at.Beam, at.RigidBody, at.PointMass, at.Slider, at.Spring, at.Force, at.LineLoad,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_typed_is_what_runs(kind):
+    """The signature that type checkers read has the names, and the order, of the one that runs."""
+    source = inspect.getsource(next(c for c in kind.__mro__ if "TYPE_CHECKING" in inspect.getsource(c)))
+    _, _, typed = source.partition("def __init__(")
+    names = [part.partition(":")[0].strip() for part in _parts(typed.partition(") -> None")[0])]
+    assert [n for n in names if n not in ("self", "")] == list(inspect.signature(kind).parameters)
+
+
+def _parts(text: str) -> list[str]:
+    """Parameters of a signature: parted by commas that stand in no brackets."""
+    parts, depth = [""], 0
+    for c in text:
+        depth += (c in "[(") - (c in "])")
+        if c == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += c
+    return parts
