@@ -2,7 +2,7 @@
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import GeneralizedAlpha, Zhai
-from anctmm.integrators.modes import Modes, modes
+from anctmm.integrators.modes import Campbell, Modes, campbell, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
@@ -33,6 +33,7 @@ from anctmm.solve import solve
 
 __all__ = [
     "Beam",
+    "Campbell",
     "Case",
     "Circle",
     "Clamp",
@@ -66,6 +67,7 @@ __all__ = [
     "Torque",
     "Weld",
     "Zhai",
+    "campbell",
     "compare",
     "consistent_velocities",
     "distance",

@@ -14,7 +14,8 @@ settings.load_profile("steady")
 #: commands, or hundreds of random scenes.
 SLOW = {
     "integrators": ["damping", "divergence", "equilibrium_stability", "events", "graph_histories", "graph_motion",
-                    "graph_properties", "interrupted", "modes", "motion", "promise", "properties", "rates"],
+                    "graph_properties", "interrupted", "modes", "modes_of_mechanisms", "motion", "promise",
+                    "properties", "rates"],
     "model": ["typing"],
     "of_reference": ["exudyn", "foreign_kinds", "global_dae", "junctions", "peer_opensees",
                      "peer_pyelastica", "times"],

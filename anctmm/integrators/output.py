@@ -104,7 +104,7 @@ class Record:
         q, static = self.q[:kept], t is not None
         rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
         fields = {
-            name: _field(chain.scene.body(name), path, rates.get(name), second.get(name))
+            name: field_of(chain.scene.body(name), path, rates.get(name), second.get(name))
             for name, path in chain.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
@@ -133,7 +133,7 @@ def _reference(chain: Chain) -> Array:
     return chain.bodies.reference()
 
 
-def _field(body: Body, q: Array, v: Array | None, a: Array | None) -> HermiteField | RigidField:
+def field_of(body: Body, q: Array, v: Array | None, a: Array | None) -> HermiteField | RigidField:
     """Motion of a body from its coordinates and their rates, (outputs, nodes, vectors, 2)."""
     match body:
         case Beam():

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import elastic_forces, mass_product, strain_energy
+from anctmm.discretise.assembly import Tables, elastic_forces, mass_product, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.maps import vector_at
 from anctmm.forces.actuation import Actuation
@@ -118,14 +118,15 @@ class StaticSystem:
         elastic_forces(t.blend, q, t.first, t.kinds, t.constants, t.buffer, self.elastic)
         return self.elastic
 
-    def factorize(self, q: Array, factor: float, shift: float = 0.0) -> int:
-        """Factor K_T + shift · M (shift in 1/s²); the number of its negative pivots, that of its negative eigenvalues
-        (Sylvester's law of inertia).
+    def factorize(self, q: Array, factor: float, shift: float = 0.0, tables: Tables | None = None) -> int:
+        """Factor K_T + shift · M (shift in 1/s²), with the stiffness of other `tables` of the bodies if given.
+
+        The number of its negative pivots is returned, that of its negative eigenvalues (Sylvester's law of inertia).
         """
         values = self._values(factor)
         with np.errstate(all="ignore"):  # singular where the scene is a mechanism
             negative = int(
-                factorize(q, self.tables, self.links, shift, 1.0, self.loads, values, self.factors)
+                factorize(q, tables or self.tables, self.links, shift, 1.0, self.loads, values, self.factors)
             )
             factor_border(self.loads.border, q, 1.0, self.loads, values, self.factors)
             return negative + negative_of(self.loads.border)

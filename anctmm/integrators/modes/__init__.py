@@ -1,0 +1,7 @@
+"""Natural modes of a scene, and how their frequencies change with a spin."""
+
+from anctmm.integrators.modes.campbell import Campbell, campbell
+from anctmm.integrators.modes.modes import modes
+from anctmm.integrators.modes.shapes import Modes
+
+__all__ = ["Campbell", "Modes", "campbell", "modes"]

@@ -1,0 +1,190 @@
+"""Eigenvalues of small motions, by the sweeps of the recursion: nothing global is assembled.
+
+Where joints and rigid bodies ask for J u = 0, the solve S of a force gives displacements that keep that. So S M has the
+eigenvalues 1/(λ + σ) of the motions that are free, and 0 for all others, which ARPACK does not look for.
+
+Without damping and spin the problem is symmetric, K x = λ M x. Else it is the quadratic one in the form of Tisseur &
+Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu), A z = λ B z, of which A⁻¹B needs a solve with the shifted
+stiffness alone.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, eig, eigh
+from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
+
+from anctmm.discretise.chain import Chain
+from anctmm.errors import DiscretisationError, SolverError
+from anctmm.integrators.modes.small_motions import SmallMotions
+from anctmm.integrators.statics.static_system import StaticSystem
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: Unknowns up to which matrices are built column by column.
+DENSE = 60
+#: Eigenvalues of the quadratic problem that are found beyond two for each mode: those of a body that is free to move
+#: are 0, twice each, and as near as STILL to it, of the largest one found.
+FREE, STILL = 8, 1e-5
+#: Elements of a beam above which a coarse mesh tells the size of frequencies, and its elements; part of a square.
+FINE, COARSE, PART = 400, 4, 0.1
+#: Square of the lowest frequency, in parts of that of the coarse mesh, above which rounding has spoilt it.
+SPOILT = 4.0 / PART
+#: Modes where their number is not asked for.
+USUAL = 10
+
+
+def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
+    """Rates λ of the lowest modes, with Im λ ≥ 0, and their vectors of unknowns.
+
+    Parameters
+    ----------
+    problem : SmallMotions
+    count : int or None
+        How many; None asks for ten, or as many as there are.
+
+    Raises
+    ------
+    DiscretisationError
+        If there are not so many.
+    SolverError
+        If they are not found.
+    """
+    free = problem.freedoms
+    few = problem.size <= DENSE
+    most = free if few else min(free, problem.size - 2)
+    name = problem.system.chain.scene.name
+    if most < 1:
+        raise DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
+    if count is None:
+        count = min(USUAL, most)
+    if count > most:
+        raise DiscretisationError(
+            f"count is {count}; scene {name!r} has {free} free motions: at most {most} are allowed"
+        )
+    problem.enough, still = _enough(problem)
+    find = (_dense_symmetric if few else _symmetric) if problem.symmetric else partial(_general, few=few)
+    values, vectors = find(problem, count)
+    squares = np.sort(np.abs(values) ** 2)[still : still + 1]
+    if squares.size and np.isfinite(problem.enough) and not 1.0 < squares[0] / problem.enough < SPOILT:
+        raise SolverError(
+            f"no digit of the lowest modes of scene {name!r} can be trusted on this mesh: rounding grows with the "
+            f"fourth power of the number of elements; a coarser mesh is needed"
+        )
+    return values, vectors
+
+
+def _enough(problem: SmallMotions) -> tuple[float, int]:
+    """A part of the lowest frequency's square, 1/s², and how many motions need no force.
+
+    Both are found on a coarse mesh, where rounding does not hide them; of meshes that are coarse they are not needed.
+    """
+    nothing = np.inf, problem.freedoms
+    chain = problem.system.chain
+    cut = {name: elements for name, (elements, _) in chain.run.of(chain.scene).items()}
+    if not problem.unstressed or all(elements <= FINE for elements in cut.values()):
+        return nothing
+    few = {name: min(elements, COARSE) for name, elements in cut.items()}
+    system = StaticSystem(Chain(chain.scene, replace(chain.run, mesh=few)))
+    coarse = SmallMotions(system, system.reference.copy(), 0.0, 0.0, True)
+    if not 0 < coarse.freedoms <= coarse.size <= 4 * DENSE:
+        return nothing
+    rates, _ = _dense_symmetric(coarse, coarse.freedoms)
+    squares = np.abs(rates) ** 2
+    moving = squares[squares > 10.0 * coarse.definite()]
+    return (PART * float(moving.min()), squares.size - moving.size) if moving.size else nothing
+
+
+def _dense_symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
+    """iω and vectors, from the matrix itself."""
+    shift = problem.definite()
+    one = np.eye(problem.size)
+    root = cholesky(_columns(problem.mass, one), lower=True)
+    soft = root.T @ _columns(problem.solve, one) @ root
+    values, vectors = eigh(0.5 * (soft + soft.T))
+    values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
+    squares = 1.0 / values - shift
+    return _rates(squares, shift), np.linalg.solve(root.T, vectors).astype(complex)
+
+
+def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
+    """iω and vectors of the lowest frequencies."""
+    n = problem.size
+    shift = problem.definite()
+    # the matrix itself is not asked for in this mode of ARPACK
+    A = LinearOperator((n, n), matvec=lambda x: x, dtype=float)
+    M = LinearOperator((n, n), matvec=problem.mass, dtype=float)
+    inverse = LinearOperator((n, n), matvec=problem.solve, dtype=float)
+    try:
+        squares, vectors = eigsh(A, count, M, sigma=-shift, OPinv=inverse, v0=_start(problem))
+    except ArpackNoConvergence as error:
+        raise _lost(problem, count, error) from error
+    order = np.argsort(squares)
+    return _rates(squares[order], shift), vectors[:, order].astype(complex)
+
+
+def _rates(squares: Array, shift: float) -> Complex:
+    """λ of λ² = −ω²: where ω² is negative, by more than rounding, a motion grows."""
+    sizes = np.sqrt(np.abs(squares))
+    grows = squares < -0.1 * shift
+    return np.where(grows, sizes, np.where(squares < 0.0, 0.0, 1j * sizes))
+
+
+def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Complex]:
+    """λ with Im λ ≥ 0, and vectors, of the smallest |λ|.
+
+    With λ = ν + s the matrix to solve with is K + s C + s² M, definite for a small s > 0 where K of a scene that is
+    free to move is not.
+    """
+    n = problem.size
+    s = problem.factor_shifted()
+
+    def product(z: Array) -> Array:
+        u, v = z[:n], z[n:]
+        return np.concatenate([-problem.solve(problem.resist(u) + problem.mass(2.0 * s * u + v)), u])
+
+    try:
+        if few:
+            values, vectors = eig(_columns(product, np.eye(2 * n)))
+            kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
+        else:
+            operator = LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
+            wanted = min(2 * count + FREE, 2 * n - 2)
+            values, vectors = eigs(operator, wanted, v0=np.tile(_start(problem), 2))
+            kept = np.arange(len(values))
+    except ArpackNoConvergence as error:
+        raise _lost(problem, count, error) from error
+    values, vectors = 1.0 / values[kept] + s, vectors[:n, kept]
+    still = np.abs(values) < STILL * max(s, float(np.sort(np.abs(values))[: 2 * count + FREE][-1]))
+    values[still] = 0.0
+    kept = np.concatenate([np.flatnonzero(still)[::2], _swinging(values, ~still)])
+    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")][:count]
+    if len(kept) < count:
+        raise _lost(problem, count, None)
+    return values[kept], vectors[:, kept]
+
+
+def _swinging(values: Complex, there: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """One of each pair of conjugate rates; rates that are real all."""
+    real = np.abs(values.imag) <= 1e-9 * np.abs(values)
+    return np.flatnonzero(there & (real | (values.imag > 0.0)))
+
+
+def _columns(product: Callable[[Array], Array], one: Array) -> Array:
+    """The matrix of a product."""
+    return np.stack([product(e) for e in one], axis=1)
+
+
+def _start(problem: SmallMotions) -> Array:
+    return problem.solve(problem.mass(np.random.default_rng(0).standard_normal(problem.size)))
+
+
+def _lost(problem: SmallMotions, count: int, error: ArpackNoConvergence | None) -> SolverError:
+    found = "" if error is None else f" ({len(error.eigenvalues)} were found)"
+    return SolverError(
+        f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge{found}; fewer may do"
+    )

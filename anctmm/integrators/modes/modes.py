@@ -1,0 +1,103 @@
+"""Natural modes of a scene about its start, an equilibrium or a steady spin.
+
+The lowest modes come from ARPACK by shift and invert. The inverse is the Riccati recursion with its sweeps, so nothing
+global is assembled.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation, discretise
+from anctmm.discretise.lacking import LACKING
+from anctmm.errors import DiscretisationError
+from anctmm.integrators.modes.configurations import last_of, steady_state
+from anctmm.integrators.modes.eigenvalues import Array, Complex, lowest
+from anctmm.integrators.modes.shapes import Modes
+from anctmm.integrators.modes.small_motions import SmallMotions
+from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.model.needs import refuse
+from anctmm.model.scene import Scene, checked_scene
+from anctmm.results.solution import Solution
+from anctmm.validation import number, whole
+
+#: Modes at most.
+MOST = 10_000
+
+
+def modes(
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    count: int | None = None,
+    about: Solution | None = None,
+    spin: float = 0.0,
+    **options: Any,
+) -> Modes:
+    """Lowest natural modes of a scene, of mechanisms with rigid bodies, guides, springs and dampers, too.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation, optional
+        Or its fields as keywords; only mesh, element and quadrature matter.
+    count : int, optional
+        How many; ten, or as many as there are, without it.
+    about : Solution, optional
+        Whose last output is linearised, such as an equilibrium of `solve_static` of the same scene and mesh, with the
+        loads there. The start without it, without loads and preloads. Drives are held where they are.
+    spin : float
+        Rate, rad/s, of a steady turn of the whole scene with its one clamp, as of a blade on a hub; the steady state
+        is found first. Only without `about`, gravity and loads.
+
+    Returns
+    -------
+    Modes
+
+    Raises
+    ------
+    DiscretisationError
+        If the options are wrong, or do not fit the scene or each other.
+    SolverError
+        If no steady state, or not all modes, are found.
+    """
+    refuse(checked_scene(scene), LACKING, "a search for modes")
+    run = discretise(run, options)
+    chain = Chain(scene, run)
+    count = None if count is None else whole("count", count, MOST, DiscretisationError)
+    spin = number("spin (rad/s)", spin, DiscretisationError)
+    system, factor = StaticSystem(chain), 0.0
+    if spin and about is not None:
+        raise DiscretisationError(
+            "spin is given beside about; one of them is allowed: the steady state is found"
+        )
+    if spin:
+        q, factor = steady_state(system, spin), 1.0
+    elif about is not None:
+        q, factor = last_of(system, about)
+    else:
+        q = system.reference.copy()
+    problem = SmallMotions(system, q, factor, spin, about is None)
+    values, vectors = lowest(problem, count)
+    rates = np.abs(values)
+    fields = np.stack([_normalised(problem.spread(x)) for x in vectors.T])
+    real, imaginary = chain.by_body(fields.real), chain.by_body(fields.imag)
+    return Modes(
+        scene,
+        run,
+        np.abs(values.imag) / (2.0 * np.pi),
+        np.divide(0.0 - values.real, rates, out=np.zeros(len(values)), where=rates > 0.0),
+        {name: real[name] + 1j * imaginary[name] for name in real},
+        chain.by_body(q),
+    )
+
+
+def _normalised(u: Complex | Array) -> Complex:
+    """A mode, (rows, nodes), whose largest displacement is 1 and real."""
+    places = u[:2].astype(complex)
+    k = np.unravel_index(int(np.abs(places).argmax()), places.shape)
+    if abs(places[k]) < 1e-9 * float(np.abs(u).max()):  # a body that turns about its centre
+        k = np.unravel_index(int(np.abs(u).argmax()), u.shape)
+        return np.asarray(u / u[k])
+    return np.asarray(u / places[k])

@@ -1,0 +1,153 @@
+"""Natural modes that were found: frequencies, damping, shapes, pictures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import DiscretisationError, shown
+from anctmm.integrators.output import field_of
+from anctmm.model.scene import Probe, Scene
+from anctmm.results.export.pictures import plot_shapes
+from anctmm.results.solution import Energy, Solution
+from anctmm.validation import positive, whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+#: Frames of a period; largest displacement of a picture, of the scene's extent.
+FRAMES, DRAWN = 48, 0.15
+#: Modes in a picture at most.
+MOST_DRAWN = 12
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Natural modes, by ascending frequency.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation
+    frequencies : ndarray, shape (count,)
+        Of the damped motion, Hz. Motions that need no force, as of a free body, have about 0; so have motions that
+        creep back without a swing.
+    damping : ndarray, shape (count,)
+        Ratio to the critical damping: decay rate over undamped angular frequency; 1 of motions that do not swing, and
+        negative where they grow.
+    shapes : mapping of body name to ndarray, shape (count, nodes, vectors, 2)
+        Complex: the motion is the real part of shape × exp(iωt). The largest displacement is 1 m and real. A rigid body
+        has one node: its centre of mass and, but for a point mass, a unit vector that turns with it.
+    equilibrium : mapping of body name to ndarray, shape (nodes, vectors, 2)
+        The configuration about which they move.
+    """
+
+    scene: Scene
+    run: Discretisation
+    frequencies: Array
+    damping: Array
+    shapes: Mapping[str, Complex]
+    equilibrium: Mapping[str, Array]
+
+    def displacement(self, place: Probe, fractions: Sequence[float] | Array | None = None) -> Complex:
+        """Displacements of a place in each mode, (count, 2); of k fractions (count, k, 2).
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such place.
+        """
+        if fractions is not None:
+            return np.stack([self.displacement((str(place), float(x))) for x in fractions], axis=1)
+        name, at = self.scene.probe(place)
+        shape = self.shapes[name]
+        body = self.scene.body(name)
+        # a place is linear in the coordinates
+        parts: list[Any] = [field_of(body, part, None, None) for part in (shape.real, shape.imag)]
+        return np.asarray(parts[0].position(at) + 1j * parts[1].position(at))
+
+    def motion(self, mode: int = 1, amplitude: float | None = None) -> Solution:
+        """One period of a mode, as a solution: to be animated, drawn or written.
+
+        Parameters
+        ----------
+        mode : int
+            Number, from 1 on.
+        amplitude : float, optional
+            Largest displacement, m; 15 % of the scene's extent without it.
+
+        Returns
+        -------
+        Solution
+            Its times are those of a period of the mode, or of 1 s where it does not swing; energies are unknown.
+
+        Raises
+        ------
+        DiscretisationError
+            If there is no such mode, or the amplitude is no positive number.
+        """
+        k = whole("mode", mode, len(self.frequencies), DiscretisationError) - 1
+        size = (
+            self._size() if amplitude is None else positive("amplitude (m)", amplitude, DiscretisationError)
+        )
+        phase = np.exp(2j * np.pi * np.linspace(0.0, 1.0, FRAMES + 1))[:, None, None, None]
+        fields = {
+            name: field_of(
+                self.scene.body(name), self.equilibrium[name] + size * (shape[k] * phase).real, None, None
+            )
+            for name, shape in self.shapes.items()
+        }
+        f = float(self.frequencies[k])
+        t = np.linspace(0.0, 1.0 / f if f > 0.0 else 1.0, FRAMES + 1)
+        return Solution(f"mode {k + 1}", self.scene, self.run, t, fields, Energy.unknown(len(t)))
+
+    def plot(self, modes: Sequence[int] | None = None) -> "Figure":
+        """Shapes of modes, each at both ends of its swing, with the equilibrium in grey.
+
+        Parameters
+        ----------
+        modes : sequence of int, optional
+            Numbers, from 1 on; the first twelve without it.
+
+        Raises
+        ------
+        DiscretisationError
+            If there is no such mode.
+        ResultError
+            If matplotlib is not installed.
+        """
+        count = len(self.frequencies)
+        chosen = range(1, min(count, MOST_DRAWN) + 1) if modes is None else modes
+        if isinstance(chosen, str) or not len(chosen):
+            raise DiscretisationError(f"modes is {shown(modes)}; numbers from 1 to {count} are needed")
+        titles = [f"{k}: {self.frequencies[k - 1]:.4g} Hz" for k in chosen if self.motion(k)]
+        return plot_shapes([self.motion(k) for k in chosen], titles, self.scene.name)
+
+    def animate(self, path: str | PathLike[str], mode: int = 1, fps: float = 25.0) -> Path:
+        """Write an animation of a mode: a page with a player (".html") or a picture that moves (".gif").
+
+        Errors are those of `Solution.animate` and `motion`.
+        """
+        return self.motion(mode).animate(path, fps)
+
+    def _size(self) -> float:
+        every = np.concatenate([q[:, 0].reshape(-1, 2) for q in self.equilibrium.values()])
+        return DRAWN * (float(np.ptp(every, axis=0).max()) or self.scene.length or 1.0)
+
+    def __repr__(self) -> str:
+        """Frequencies and damping, a line a mode."""
+        rows = [
+            f"  {k + 1:3d}  {f:14.6g} Hz  {z:10.3g}"
+            for k, (f, z) in enumerate(zip(self.frequencies, self.damping, strict=True))
+        ]
+        return "\n".join(
+            [f"Modes of scene {self.scene.name!r}:", "  mode       frequency     damping", *rows]
+        )

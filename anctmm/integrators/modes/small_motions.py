@@ -1,0 +1,123 @@
+"""Small motions of a scene about a configuration: products with its mass and damping, and a solve.
+
+About a configuration q small motions u obey M ü + C u̇ + (K_T + σ M) u = 0 and J u = 0: C of the Kelvin-Voigt damping
+and of dampers, σ = 0, J of the constraints of rigid bodies and joints, whose forces stiffen K_T. In a frame that turns
+with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω² q'), S the turn by +90°. So a steady spin adds
+2 Ω M S to C, and σ = −Ω².
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.assembly import resist
+from anctmm.discretise.joined import Joined
+from anctmm.integrators.connected import Connected
+from anctmm.integrators.statics.equilibrium_stability import least_shift
+from anctmm.integrators.statics.static_system import StaticSystem
+
+Array = NDArray[np.float64]
+
+#: Shift that makes the stiffness of a free body definite, in units of its rounding.
+FIRST_SHIFT = 1e4
+#: Velocity by which laws of springs are differentiated, of the scene's length a second.
+VELOCITY = 1e-6
+
+
+class SmallMotions:
+    """Matrices of small motions, as products and one solve.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    q : ndarray, shape (rows, nodes)
+        The configuration.
+    factor : float
+        Part of the loads.
+    spin : float
+        rad/s.
+    unstressed : bool
+        Whether it is the start without loads.
+    """
+
+    def __init__(self, system: StaticSystem, q: Array, factor: float, spin: float, unstressed: bool) -> None:
+        self.system, self.q, self.factor, self.spin = system, q, factor, spin
+        self.unstressed = unstressed and spin == 0.0
+        self.join = Joined(system.chain)
+        self.damping = system.chain.bodies.damping
+        connected = Connected(system.chain)
+        self.dampers = connected if connected.damped else None
+        #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
+        self.enough = np.inf
+        self.symmetric = self.damping is None and self.dampers is None and spin == 0.0
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.join.size
+
+    @property
+    def freedoms(self) -> int:
+        """Number of free motions: unknowns less constraints."""
+        return self.size - (0 if self.system.loops is None else len(self.system.loops.rows.number))
+
+    def mass(self, x: Array) -> Array:
+        """M x."""
+        return self.join.gather(self.system.inertia(self.join.spread(x)))
+
+    def spread(self, x: Array) -> Array:
+        """Displacements of all nodes, (rows, nodes), from the unknowns; of complex ones, too."""
+        if np.iscomplexobj(x):
+            return np.asarray(self.join.spread(x.real) + 1j * self.join.spread(x.imag))
+        return self.join.spread(x)
+
+    def resist(self, x: Array) -> Array:
+        """C x, with what a turning frame adds."""
+        u, system = self.join.spread(x), self.system
+        total = np.zeros_like(u)
+        if self.damping is not None:
+            lost = np.zeros_like(u)  # damping forces, linear in the velocities
+            t = system.tables
+            resist(t.blend, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost)
+            total -= lost
+        if self.dampers is not None:
+            size = float(np.abs(u).max(initial=0.0))
+            v = u * (VELOCITY * system.chain.length / size) if size > 0.0 else u
+            up, down = np.zeros_like(u), np.zeros_like(u)
+            self.dampers.subtract(self.q, self.q + v, True, up)
+            self.dampers.subtract(self.q, self.q - v, True, down)
+            total += (up - down) * (0.5 * size / (VELOCITY * system.chain.length))
+        if self.spin:
+            turned = np.empty_like(u)
+            turned[::2], turned[1::2] = -u[1::2], u[::2]
+            total += 2.0 * self.spin * system.inertia(turned)
+        return self.join.gather(total)
+
+    def definite(self) -> float:
+        """A small shift with which K_T + shift · M is positive definite: a free body has K_T singular."""
+        shift = min(FIRST_SHIFT * least_shift(self.system), self.enough)
+        while self.system.factorize(self.q, self.factor, shift) > 0:
+            shift *= 4.0
+        return shift
+
+    def solve(self, force: Array) -> Array:
+        """Displacements under forces that keep the constraints, with the matrix factored last."""
+        return self.join.unknowns(self.system.solve(self.join.load(force)))
+
+    def factor_shifted(self) -> float:
+        """Factor K + s C + s² M for a small s ≥ 0, which is returned; of a stressed scene with spin or damping s = 0.
+
+        C is τ times the stiffness of unstressed elements, and what dampers add to the tangent of connectors.
+        """
+        if self.spin or (self.damping is not None and not self.unstressed):
+            self.system.factorize(self.q, self.factor, -(self.spin**2))
+            return 0.0
+        s = float(np.sqrt(self.definite()))
+        tables, connectors = None, self.system.loads.connectors
+        if self.damping is not None:
+            tables = self.system.chain.bodies.stiffened(1.0 + s * np.asarray(self.damping)).tables()
+        if connectors is not None:
+            connectors.part[1] = s
+        self.system.factorize(self.q, self.factor, s * s, tables)
+        if connectors is not None:
+            connectors.part[1] = 0.0
+        return s
