@@ -12,7 +12,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, reason, shown
 from anctmm.integrators.modes.modes import modes
 from anctmm.model.scene import Scene, checked_scene
-from anctmm.results.export.pictures import plot_campbell
+from anctmm.results.export.mode_pictures import plot_campbell
 from anctmm.validation import number, whole
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, shown
 from anctmm.integrators.output import field_of
 from anctmm.model.scene import Probe, Scene
-from anctmm.results.export.pictures import plot_shapes
+from anctmm.results.export.mode_pictures import plot_shapes
 from anctmm.results.solution import Energy, Solution
 from anctmm.validation import positive, whole
 

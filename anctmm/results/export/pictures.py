@@ -22,8 +22,6 @@ Array = NDArray[np.float64]
 
 #: Configurations in a picture, and frames of an animation at most.
 SHOWN, FRAMES = 7, 400
-#: Panels of modes in a row.
-COLUMNS = 4
 #: Line styles tell energies apart without colour, too.
 STYLES = {"kinetic": "-", "strain": "--", "potential": "-.", "work": ":"}
 #: Line width, dashes and filling of what is drawn, by kind.
@@ -146,89 +144,6 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     return target
 
 
-def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Figure":
-    """Periods of modes, each at both ends of its swing and in between, in grey.
-
-    Parameters
-    ----------
-    motions : sequence of Solution
-        Each a period that begins at its largest displacement.
-    titles : sequence of str
-    name : str
-        Of the scene.
-
-    Raises
-    ------
-    ResultError
-        If matplotlib is not installed.
-    """
-    figures = needed("matplotlib.figure", "plot")
-    columns = min(len(motions), COLUMNS)
-    rows = -(-len(motions) // columns)
-    figure = figures.Figure(figsize=(2.9 * columns + 0.6, 2.7 * rows + 0.5), layout="constrained")
-    figure.suptitle(f"{name}: modes")
-    panels = figure.subplots(rows, columns, squeeze=False).ravel()
-    for axes in panels[len(motions) :]:
-        axes.set_axis_off()
-    for axes, motion, title in zip(panels, motions, titles, strict=False):
-        drawn = paths(motion)
-        n = len(motion.t) - 1
-        for k, style in (
-            (n // 4, {"color": "0.6"}),
-            (n // 2, {"color": "C1", "ls": "--"}),
-            (0, {"color": "C0"}),
-        ):
-            for path in drawn.values():
-                dot = {"marker": "o", "ms": 4} if np.ptp(path[k], axis=0).max() == 0.0 else {}
-                axes.plot(path[k, :, 0], path[k, :, 1], lw=1.8, **style, **dot)
-        _frame(axes, np.concatenate([path.reshape(-1, 2) for path in drawn.values()]))
-        axes.set_title(title, fontsize="medium")
-        axes.set_xlabel("")
-        axes.set_ylabel("")
-        axes.tick_params(labelsize="small")
-    return figure  # type: ignore[no-any-return]
-
-
-def plot_campbell(speeds: Array, frequencies: Array, orders: Sequence[int], name: str) -> "Figure":
-    """Frequencies over the speed, with rays of multiples of the speed.
-
-    Parameters
-    ----------
-    speeds : ndarray, shape (n,)
-        rad/s.
-    frequencies : ndarray, shape (n, count)
-        Hz.
-    orders : sequence of int
-        Multiples of the speed.
-    name : str
-        Of the scene.
-
-    Raises
-    ------
-    ResultError
-        If matplotlib is not installed.
-    """
-    figure = needed("matplotlib.figure", "plot").Figure(figsize=(7.2, 4.8), layout="constrained")
-    axes = figure.subplots()
-    for k, line in enumerate(frequencies.T):
-        axes.plot(speeds, line, "o-", ms=3.5, lw=1.6, color=f"C{k % 10}", label=f"mode {k + 1}")
-    top = 1.08 * float(np.nanmax(frequencies))
-    for order in orders:
-        ray = order * speeds / (2.0 * np.pi)
-        inside = ray <= top
-        axes.plot(speeds[inside], ray[inside], ":", color="0.5", lw=1.0)
-        if inside.sum() > 1:
-            axes.annotate(
-                f"{order}×", (speeds[inside][-1], ray[inside][-1]), xytext=(3, 1), textcoords="offset points",
-                fontsize="small", color="0.4",
-            )  # fmt: skip
-    axes.set(xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=f"{name}: frequencies over the speed")
-    axes.set_ylim(0.0, top)
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.02, 1.0))
-    return figure  # type: ignore[no-any-return]
-
-
 def _alone(player: str, title: str) -> str:
     """Matplotlib's player as a page that needs no network and fits a phone."""
     player = re.sub(r"<link\b[^>]*>", "", player)
@@ -243,8 +158,8 @@ class _Drawing:
     def __init__(self, axes: "Axes", solution: Any) -> None:
         self.shapes = shapes_of(solution)
         self.t, self.axes, self.static = solution.t, axes, solution.static
-        _frame(axes, _points(self.shapes))
-        _supports(axes, solution)
+        frame(axes, points_of(self.shapes))
+        draw_supports(axes, solution)
         self.lines, self.fills = [], []
         for number, shape in enumerate(self.shapes):
             look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
@@ -282,8 +197,8 @@ def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
             axes.plot(x, y, label=label, **{"color": color, **LOOKS[shape.kind]})
             if shape.kind == "rigid":
                 axes.fill(x, y, color=color[:3], alpha=0.25 * color[3], lw=0)
-    _frame(axes, _points(shapes, chosen))
-    _supports(axes, solution)
+    frame(axes, points_of(shapes, chosen))
+    draw_supports(axes, solution)
     name_bodies(axes, shapes, clearest(shapes, chosen))
     axes.legend(
         title="load factor" if solution.static else "t",
@@ -350,7 +265,7 @@ def _free(x: float, y: float, width: float, line: float, taken: Sequence[tuple[f
     return all(abs(y - v) >= line or abs(x - u) >= 0.55 * (width + w) for u, v, w in taken)
 
 
-def _supports(axes: "Axes", solution: Any) -> None:
+def draw_supports(axes: "Axes", solution: Any) -> None:
     for support in supports_of(solution.scene):
         axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
 
@@ -367,13 +282,13 @@ def _energies(axes: "Axes", solution: Any) -> None:
         axes.legend(fontsize="small")
 
 
-def _points(shapes: Sequence[Shape], chosen: Sequence[int] | None = None) -> Array:
+def points_of(shapes: Sequence[Shape], chosen: Sequence[int] | None = None) -> Array:
     """All points of shapes, at some outputs or at all, (k, 2), m."""
     parts = [shape.points if chosen is None else shape.points[list(chosen)] for shape in shapes]
     return np.concatenate([part.reshape(-1, 2) for part in parts])
 
 
-def _frame(axes: "Axes", points: Array) -> None:
+def frame(axes: "Axes", points: Array) -> None:
     """Equal scales, and room for all points that are finite."""
     low, high = box(points)
     middle, half = 0.5 * (low + high), 0.55 * max(float((high - low).max()), 1e-12)
