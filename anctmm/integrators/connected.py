@@ -64,6 +64,7 @@ class Connected:
                 uncompiled(push)(c.first, n, *one, force)
                 uncompiled(push)(c.second, n, *two, force)
                 softness = float((force * solve(factors, force.copy())).sum()) if along or rate else 0.0
+                softness = max(softness, 0.0)  # of what is held, rounding
                 stiff, rates = stiff + along * softness, rates + rate * softness
         return stiff, rates
 

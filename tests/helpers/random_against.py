@@ -1,9 +1,10 @@
 """Random scenes by ANC-TMM and by another solver: is any answer "ok" and wrong?
 
-    python tests/helpers/random_against.py [--peer global-dae|exudyn-cable] [--graphs] [--first 0] [--count 1000]
-        [--out TABLE.csv]
+    python tests/helpers/random_against.py [--peer global-dae|exudyn-cable] [--kind rows|graphs|mechanisms]
+        [--first 0] [--count 1000] [--out TABLE.csv]
 
-Scenes are rows of bodies; with `--graphs` trees and loops, in several components.
+Scenes are rows of beams; graphs: trees and loops, in several components; mechanisms: with rigid bodies, masses, guides,
+driven hinges, connectors and loads of every kind.
 
 Both solve the same discrete equations, so that with fixed steps their histories agree to rounding, or as near as the
 motion lets anything agree: where they are farther apart, a disturbance of one rounding's size shows how far that leads.
@@ -17,11 +18,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from random_acting import asked_mechanism
 from random_graphs import asked_graph
 from random_scenes import Asked, asked
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
+from anctmm.model.scene import Beam
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 
@@ -33,6 +36,8 @@ DISTURBANCE = 1e-9
 #: Part of the tolerance that an error-controlled run may miss its aim by, as promised.
 PROMISE = 3.0
 OPTIONS = {"exudyn-cable": {"tolerances": (1e-10, 1e-10)}}
+#: What is drawn.
+DRAWN = {"rows": asked, "graphs": asked_graph, "mechanisms": asked_mechanism}
 AGREE, WRONG, FAILED, REFUSED, ALONE, WILD = (
     "agree",
     "ok and wrong",
@@ -55,9 +60,9 @@ class Verdict:
     reason: str = ""
 
 
-def judge(seed: int, peer: str = "global-dae", graphs: bool = False) -> Verdict:
+def judge(seed: int, peer: str = "global-dae", kind: str = "rows") -> Verdict:
     """Draw a scene, run it by both, compare."""
-    case = (asked_graph if graphs else asked)(seed, peer)
+    case = DRAWN[kind](seed, peer)
     run = case.run
     what = f"{run.integrator} {f'tolerance {run.tolerance:g} ' if run.tolerance else ''}{len(case.scene.bodies)} bodies"
     ours = _solve("anctmm", case.scene, run)
@@ -111,8 +116,14 @@ def _reference(peer: str, case: Asked) -> tuple[Solution, float] | str:
 
 def _places(solution: Solution) -> np.ndarray:
     return np.stack(
-        [solution.displacement((b.name, f)) for b in solution.scene.bodies for f in (0.0, 0.3, 0.5, 1.0)]
+        [solution.displacement(place) for body in solution.scene.bodies for place in _looked_at(body)]
     )
+
+
+def _looked_at(body) -> list:
+    if isinstance(body, Beam):
+        return [(body.name, f) for f in (0.0, 0.3, 0.5, 1.0)]
+    return [f"{body.name}.{key}" for key in body.keys]
 
 
 def _apart(one: Solution, two: Solution) -> float:
@@ -138,14 +149,14 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--peer", default="global-dae", choices=sorted(ROUNDING))
-    parser.add_argument("--graphs", action="store_true", help="trees and loops in place of rows")
+    parser.add_argument("--kind", default="rows", choices=sorted(DRAWN))
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--out", type=Path, help="a CSV table")
     options = parser.parse_args()
     rows = []
     for seed in range(options.first, options.first + options.count):
-        found = judge(seed, options.peer, options.graphs)
+        found = judge(seed, options.peer, options.kind)
         rows.append(vars(found))
         if found.verdict not in (AGREE, REFUSED):
             print(*vars(found).values(), sep=" | ", flush=True)

@@ -22,7 +22,12 @@ SCRIPT = planted.TABLE.with_name("random_against.py")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("peer", "count", "drawn"),
-    [("global-dae", 100, ()), ("global-dae", 20, ("--graphs",)), ("exudyn-cable", 20, ())],
+    [
+        ("global-dae", 100, ()),
+        ("global-dae", 20, ("--kind", "graphs")),
+        ("global-dae", 40, ("--kind", "mechanisms")),
+        ("exudyn-cable", 20, ()),
+    ],
 )
 def test_no_answer_is_ok_and_wrong(peer, count, drawn):
     done = subprocess.run(
