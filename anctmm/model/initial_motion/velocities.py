@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.differentiate import derivative
 
 from anctmm.validation import LONGEST, number, vector
 
@@ -82,6 +81,8 @@ def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -
     def component(s: Array, axis: Array) -> Array:
         values = [velocity(float(x))[int(a)] for x, a in np.broadcast(s, axis)]
         return np.reshape(values, np.broadcast(s, axis).shape)
+
+    from scipy.differentiate import derivative  # takes long to load, and only functions of the user's need it
 
     slope: Any = derivative  # its stubs do not know a direction given as a number
     found = slope(
