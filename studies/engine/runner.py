@@ -144,6 +144,7 @@ class Runner:
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
     _sources: Sources = field(default_factory=Sources)
     _unkept: dict[str, tuple[Trial, Solution]] = field(default_factory=dict)
+    _solvers: dict[tuple[Any, str], Solver] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._store = Store(self.cache, self.note)
@@ -203,13 +204,15 @@ class Runner:
         """
         if self.team is None:
             return
-        unknown = {
-            text: case
+        keys = {
+            text: (case, self._answer_key(case))
             for case in cases
-            if (text := case_key(case)) not in self._unkept and not self._known(case)
+            if (text := case_key(case)) not in self._unkept
         }
-        waiting = sorted(unknown.values(), key=lambda case: -case.work)
-        wanted = [Wanted(self._answer_key(case), partial(self._errand, case)) for case in waiting]
+        unknown = [(case, key) for case, key in keys.values() if not self._store.has(key)]
+        unknown.sort(key=lambda found: -found[0].work)
+        waiting = [case for case, _ in unknown]
+        wanted = [Wanted(key, partial(self._errand, case)) for case, key in unknown]
         if wanted:
             self.on_start(f"{self.team}: {label_of(waiting[0])}", 0, len(wanted))
         for done, (number, came) in enumerate(Spread(self.team, self._store, wanted), 1):
@@ -343,7 +346,7 @@ class Runner:
     def source(self, solver: str, *modules: str) -> str:
         """Text that tells the source of a solver, and of further modules, from every other; empty if none is found."""
         try:
-            plain = inspect.unwrap(self.resolve(solver))
+            plain = inspect.unwrap(self._solver(solver))
         except Exception as error:  # a solver that cannot be loaded now may be repaired later
             return f"{solver} {type(error).__name__}: {error}"
         digest = self._sources.digest(module_of(plain), *modules)
@@ -380,7 +383,7 @@ class Runner:
             return without_times(solution)
 
         def solution() -> Solution:
-            solver = self.resolve(case.solver)
+            solver = self._solver(case.solver)
             return self._store.remember(self._answer_key(case), lambda: compute(solver), [case.scene])  # type: ignore[no-any-return]
 
         found = guarded(case.solver, case.scene, solution)
@@ -390,7 +393,7 @@ class Runner:
         """The k-th time of a case on this machine: of a run that was done just now, or else of one that is done now."""
 
         def measured() -> list[Sample]:
-            return list(fresh) or self._run(case, self.resolve(case.solver))[1]
+            return list(fresh) or self._run(case, self._solver(case.solver))[1]
 
         key = self._key_with(case, f"time {k}", provenance.timed_on())
         try:
@@ -420,6 +423,13 @@ class Runner:
         self.computed += solution.status != "refused"
         return solution, [Sample(solution.cost, interval) for interval in intervals]
 
+    def _solver(self, name: str) -> Solver:
+        """The solver of a name, looked for once: the registry reads what all installed packages say of themselves."""
+        key = self.resolve, name
+        if key not in self._solvers:
+            self._solvers[key] = self.resolve(name)
+        return self._solvers[key]
+
     def _answer_key(self, case: Trial) -> str:
         """Key of a solution: the same on every machine; empty where it is not kept."""
         return self._key_with(case, "solution", provenance.software())
@@ -428,15 +438,12 @@ class Runner:
         key, source = self.key(case), self._sources.of(performed)
         return f"{key}|{what}|{source}|{where}" if key and source else ""
 
-    def _known(self, case: Trial) -> bool:
-        return self._store.has(self._answer_key(case))
-
     def _errand(self, case: Trial) -> Errand:
         """A case as it is sent to a worker, with the code that the worker must have."""
         resolve = None if self.resolve is registry.solver else self.resolve
         modules = [module_of(performed)]
         if resolve is None:
-            modules += [module_of(inspect.unwrap(self.resolve(case.solver)))]
+            modules += [module_of(inspect.unwrap(self._solver(case.solver)))]
         code = {module: digest for module in modules if (digest := self._sources.digest(module))}
         return Errand(packed_run(case, resolve), provenance.software(), code, self._turns.name)
 
@@ -446,7 +453,7 @@ class Runner:
             case Answer():
                 self.computed += 1
                 self.spread.append(came.interval)
-                if not (came.kept and self._known(case)):
+                if not (came.kept and self._store.has(self._answer_key(case))):
                     self._unkept[case_key(case)] = case, decode(came.content, [case.scene])
             case Died():
                 status = Status("failed", str(came))

@@ -161,7 +161,7 @@ def _solution(case: Trial, resolve: Resolve) -> tuple[Solution, bool]:
     done = []
 
     def solve() -> Solution:
-        solver = (resolve or registry.solver)(case.solver)
+        solver = (resolve or _registered)(case.solver)
         done.append(performed(case, solver, lambda: _warm(case, solver), nullcontext()))
         return done[0]
 
@@ -216,6 +216,12 @@ def _check(errand: Errand) -> None:
     for module, digest in errand.code.items():
         if _digest(module) != digest:
             raise OtherCode(f"its source of {module} is another")
+
+
+@cache
+def _registered(name: str) -> Any:
+    """The installed solver of a name, looked for once."""
+    return registry.solver(name)
 
 
 @cache
