@@ -38,8 +38,11 @@ def done(log):
     return [(int(n), int(process)) for what, n, process in lines(log) if what == "begun"]
 
 
-def stub(log, pause, deaths, scene, run):
-    """A solver: numbers that are the mesh's own. On a mesh of `deaths` it is killed as often as that says."""
+def stub(log, pause, deaths, meet, scene, run):
+    """A solver: numbers that are the mesh's own. On a mesh of `deaths` it is killed as often as that says.
+
+    It ends when runs were begun by `meet` processes.
+    """
     warms_up = run.t_end < 1.0
     write(log, f"{'warm' if warms_up else 'begun'} {run.mesh} {os.getpid()}")
     if not warms_up:
@@ -47,6 +50,8 @@ def stub(log, pause, deaths, scene, run):
         if tried <= deaths.get(run.mesh, 0):
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(pause)
+        while len({process for _, process in done(log)}) < meet:
+            time.sleep(0.01)
         if run.mesh % 7 == 0:
             raise ValueError(f"a fault at {run.mesh}")
     t = np.arange(0.0, 1.01, 0.1)
@@ -56,14 +61,14 @@ def stub(log, pause, deaths, scene, run):
     return Solution("stub", scene, run, t, fields, Energy.unknown(len(t)), cost, Status(), 4)
 
 
-def resolver(log, pause=0.0, deaths=None):
+def resolver(log, pause=0.0, deaths=None, meet=1):
     """Who finds that solver."""
-    return lambda name: partial(stub, log, pause, deaths or {})
+    return lambda name: partial(stub, log, pause, deaths or {}, meet)
 
 
 def runner(folder, team=None, **options):
     """A runner with that solver, its log and its store in a folder."""
-    given = {key: options.pop(key) for key in ("pause", "deaths") if key in options}
+    given = {key: options.pop(key) for key in ("pause", "deaths", "meet") if key in options}
     made = Runner(
         Path(folder) / "runs", resolve=resolver(Path(folder) / "log", **given), team=team,
         **{"repeats": 1, "note": lambda text: None} | options,

@@ -105,7 +105,7 @@ def test_a_cluster_shares_a_sweep_and_times_are_measured_here(cluster, tmp_path,
     log, told = tmp_path / "log", []
     with team(cluster=cluster.address) as helpers:
         both_there(helpers)
-        mine = runner(tmp_path, helpers, pause=0.05, on_job=lambda label, *_: told.append(label))
+        mine = runner(tmp_path, helpers, meet=2, on_job=lambda label, *_: told.append(label))
         outcomes = mine.sweep(cases(20))
     assert numbers(outcomes) == serial
     theirs, ours = ([n for n, p in done(log) if (p == os.getpid()) == here] for here in (False, True))
