@@ -107,7 +107,8 @@ def light(chain: Chain, find: Callable[[Chain], T]) -> T:
 
 
 def own(chain: Chain, find: Callable[[Chain], T]) -> T:
-    """The same for one run alone, which may write into its arrays."""
-    if chain.bodies.nodes > NODES:
+    """The same for one run alone, which may write into its arrays; what copies them is made for the second run."""
+    if chain.bodies.nodes > NODES or not is_found(chain, (own, find)):
+        once(chain, lambda _: True, what=(own, find))
         return find(chain)
     return once(chain, lambda chain: copier(find(chain)), what=find)()

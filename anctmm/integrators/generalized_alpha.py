@@ -55,7 +55,7 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.compiling import kernel
-from anctmm.jit.second_process import Task, side_by_side
+from anctmm.jit.second_process import Parts, side_by_side
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.recursion.riccati import (
     BlockFactors,
@@ -109,7 +109,7 @@ def integrate(chain: Chain) -> Solution:
 
     def compiles(_: Chain) -> None:
         call = arguments(0, 0, of_step, newton)
-        with side_by_side(*_parts(system, of_step, out, call[-1][0])):
+        with side_by_side(lambda: _parts(system, of_step, out, call[-1][0])):
             advance(*call)
 
     once(chain, compiles, what=advance)
@@ -128,7 +128,7 @@ def integrate(chain: Chain) -> Solution:
     return so_far(1 + (failed - 1) // run.stride, status or stalled(chain, failed, state, newton), failed)
 
 
-def _parts(system: System, c: Coefficients, out: Output, values: Array) -> tuple[list[Task], list[Task]]:
+def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts:
     """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
     state, tables, links, factors, hubs, loads, newton, _ = system
     aside, here = parts(state, c, tables, links, factors, loads, newton)
@@ -137,7 +137,7 @@ def _parts(system: System, c: Coefficients, out: Output, values: Array) -> tuple
         (work_done, (True, state.q, hubs, loads, values)),
         (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
     ]
-    return outside + aside, here
+    return [*outside, *aside], here
 
 
 def _system(chain: Chain) -> System:

@@ -31,7 +31,7 @@ from anctmm.integrators.stability import element_bound
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
-from anctmm.jit.second_process import Task
+from anctmm.jit.second_process import Parts
 from anctmm.recursion.constrained import KEPT, ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
@@ -108,7 +108,7 @@ def parts(
     factors: BlockFactors,
     loads: Loads,
     newton: Newton,
-) -> tuple[list[Task], list[Task]]:
+) -> Parts:
     """The largest kernels of `solve_step`, for `side_by_side`: one half of all that is compiled, and some more."""
     q, w, scale = state.q, state.w, newton.scale
     values = np.zeros((len(loads.kinds), 2))

@@ -134,7 +134,7 @@ def integrate(chain: Chain) -> Solution:
     run = chain.run
     actuation, record = once(chain, actuation_of), Record(chain)
     out = record.arrays()
-    with nullcontext() if is_found(chain, advance) else side_by_side(_parts(chain, out)):
+    with nullcontext() if is_found(chain, advance) else side_by_side(lambda: (_parts(chain, out), ())):
         if run.check_stability:
             once(chain, check_step)
         fixed = own(chain, _system)

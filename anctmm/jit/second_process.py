@@ -9,21 +9,24 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
+from threading import get_ident
 from typing import Any
 
 from numba import typeof
-from numba.core import config
+from numba.core import config, event
 
 from anctmm.jit.kernels import compile_for_callers
 
 settings: Any = config
 #: A kernel and arguments as its caller will have them.
 Task = tuple[Any, tuple[Any, ...]]
+#: What the second process compiles, and what this one begins with.
+Parts = tuple[Sequence[Task], Sequence[Task]]
 
 #: Seconds after which a second process is waited for no longer, and between two looks for what it makes.
 PATIENCE, PAUSE = 120.0, 0.01
@@ -56,28 +59,52 @@ class _Second:
 _running: list[_Second] = []
 
 
+class _Beginning(event.Listener):  # type: ignore[misc]
+    """Starts the second process where this thread begins to compile something."""
+
+    def __init__(self, parts: Callable[[], Parts]) -> None:
+        self.parts, self.thread, self.begun = parts, get_ident(), False
+        self.second: _Second | None = None
+
+    def on_start(self, event: Any) -> None:
+        """A kernel is about to be compiled."""
+        if self.begun or get_ident() != self.thread:
+            return
+        self.begun = True
+        aside, here = self.parts()
+        self.second = _second(aside)
+        if self.second is not None:
+            _running.append(self.second)
+            for one, args in here:
+                compile_for_callers(one, _types(args))
+
+    def on_end(self, event: Any) -> None:
+        """It has been compiled; the second process goes on."""
+
+    def end(self) -> None:
+        """Leave no process behind."""
+        if self.second is not None:
+            _running.remove(self.second)
+            self.second.end()
+
+
 @contextmanager
-def side_by_side(aside: Sequence[Task], here: Sequence[Task] = ()) -> Iterator[None]:
+def side_by_side(parts: Callable[[], Parts]) -> Iterator[None]:
     """Compile kernels in a second process while others are compiled in this one, unless they are compiled already.
 
     Parameters
     ----------
-    aside, here : sequence of (Kernel, tuple)
-        Parts of the kernel that is called in the context for the first time, with arguments of the types that it calls
-        them with: those that the second process compiles, which are kept on disk, and those that this one begins with.
+    parts : callable
+        Called where something is compiled in the context: (aside, here), parts of what is compiled there, with
+        arguments of the types that they are called with: those that the second process compiles, which are kept on
+        disk, and those that this one begins with.
     """
-    second = _second(aside)
-    if second is None:
-        yield
-        return
-    _running.append(second)
+    beginning = _Beginning(parts)
     try:
-        for one, args in here:
-            compile_for_callers(one, _types(args))
-        yield
+        with event.install_listener("numba:compile", beginning):
+            yield
     finally:
-        _running.remove(second)
-        second.end()
+        beginning.end()
 
 
 def _second(aside: Sequence[Task]) -> _Second | None:
