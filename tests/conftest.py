@@ -3,8 +3,12 @@
 `--hypothesis-profile thorough` tries many new ones. `-m "not slow"` leaves out what takes more than some seconds.
 """
 
+from contextlib import nullcontext
+
 import pytest
 from hypothesis import settings
+
+from anctmm.jit.interpreting import interpreted
 
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
@@ -30,8 +34,38 @@ SLOW = {
 }  # fmt: skip
 
 
+#: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
+#: took most of their time. Their tests marked `compiled` are left out; `jit/test_interpreting.py` holds that both give
+#: the same.
+INTERPRETED = {
+    "discretise": ["kept_chains", "rigid_loops"],
+    "forces": ["acting"],
+    "integrators": ["static_start"],
+    "model": ["inputs", "mechanisms"],
+    "of_reference": ["acting_against_dae"],
+    "recursion": ["constrained"],
+    "results": ["constraint_check", "internal_forces"],
+}  # fmt: skip
+
+
+def listed(item, table):
+    """Whether a table of modules by folder names a test's."""
+    return item.path.stem.removeprefix("test_") in table.get(item.path.parent.name, ())
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Run kernels by Python where that takes less time."""
+    with (
+        interpreted()
+        if listed(item, INTERPRETED) and not item.get_closest_marker("compiled")
+        else nullcontext()
+    ):
+        return (yield)
+
+
 def pytest_collection_modifyitems(items):
     """Mark the tests of slow modules."""
     for item in items:
-        if item.path.stem.removeprefix("test_") in SLOW.get(item.path.parent.name, ()):
+        if listed(item, SLOW):
             item.add_marker(pytest.mark.slow)

@@ -7,7 +7,6 @@ Each decorator here turns a function into a kernel, or into a part of kernels. K
 from collections.abc import Callable
 from typing import Any
 
-import numba
 from numba.core import config
 from numba.extending import overload
 
@@ -44,7 +43,7 @@ def allocating_kernel(function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it, before types are known: it is never compiled by itself."""
-    return numba.njit(function, inline="always", **OPTIONS)
+    return _compiled(function, inline="always")
 
 
 def embedded(function: Callable[..., Any]) -> Any:

@@ -18,6 +18,8 @@ from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pa
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering
 
+from anctmm.jit.interpreting import mode
+
 #: Whether this thread compiles for a caller that is compiled.
 _calls = threading.local()
 
@@ -130,6 +132,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
 
     def __init__(self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None) -> None:
         super().__init__(py_func, locals, targetoptions, pipeline_class=KernelCompiler)
+
+    def __call__(self, *args: Any, **kws: Any) -> Any:
+        """Call from Python."""
+        return self.py_func(*args, **kws) if mode.on else super().__call__(*args, **kws)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What a caller that is compiled needs to know."""
