@@ -15,7 +15,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import UnsupportedError, shown, unknown_kind
+from anctmm.errors import unknown_kind
+from anctmm.model.drives import breaks_of
 from anctmm.model.joints import Clamp, Motion, Prismatic, Slider, Weld, drive_of
 from anctmm.model.places import End, place_text
 from anctmm.model.scene import Scene
@@ -47,6 +48,24 @@ class Drive(NamedTuple):
     name: str
     history: Motion
     turns: bool
+
+
+@dataclass(frozen=True)
+class Together:
+    """The sum of two histories, and their breaks if both tell theirs."""
+
+    one: Motion
+    two: Motion
+
+    def __call__(self, t: Any) -> tuple[Any, ...]:
+        """Value, rate and acceleration."""
+        return tuple(np.add(a, b) for a, b in zip(self.one(t), self.two(t), strict=True))
+
+    @property
+    def breaks(self) -> tuple[float, ...] | None:
+        """Times at which one of them breaks, s."""
+        found = [breaks_of("a drive", history) for history in (self.one, self.two)]
+        return None if None in found else tuple(sorted({t for times in found for t in times or ()}))
 
 
 @dataclass
@@ -234,7 +253,7 @@ class _Writer:
         beam = second if second[0] not in self.rigid else first
         for k in range(1, self.chain.bodies.mesh(beam[0]).vectors):
             one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
-            rows += self._parts(_sum(two, self._turned(one, weld) if weld is not None else one, -1.0), 1.0)
+            rows += self._parts(_sum(two, self._further(one, weld, first, junction), -1.0), 1.0)
         name = "the driven weld" if weld is not None else "the direction"
         self.found.add(f"{name} at {place_text(second)}", second[0], *rows)
 
@@ -314,13 +333,8 @@ class _Writer:
         """How a gradient of an end has turned since the reference: r_x, or r_y of k = 2."""
         if end[0] in self.rigid:
             return self._direction(end)
-        clamp = next(c for g, c in zip(junction.groups, junction.clamps, strict=True) if end in g)
-        if clamp is not None:
-            if clamp.angle is not None:
-                raise UnsupportedError(
-                    f"{shown(clamp)} is driven and holds what a driven weld turns; only one of them can be driven"
-                )
-            return {(ALWAYS, ONE): 1.0}
+        if (clamp := _clamp_of(end, junction)) is not None:
+            return self._turned({(ALWAYS, ONE): 1.0}, clamp)
         _, gradients, vertex = self.of_end(_passed(end))
         if gradients is None:  # those that a prismatic joint holds
             return {(ALWAYS, ONE): 1.0}
@@ -328,11 +342,23 @@ class _Writer:
         reference = self.chain.bodies.mesh(frame[0]).reference[0, k]
         return _times(_vector(gradients + 2 * k - 2), 1.0 / complex(*reference))
 
+    def _further(self, vector: Vector, weld: Weld | None, end: End, junction: Junction) -> Vector:
+        """The direction of an end, turned further by a weld; what a driven clamp holds by the sum of both angles."""
+        if weld is None:
+            return vector
+        clamp = None if end[0] in self.rigid else _clamp_of(end, junction)
+        if clamp is None or clamp.angle is None or weld.angle is None:
+            return self._turned(vector, weld)
+        name = f"{_drive(weld).name} beside {_drive(clamp).name}"
+        return self._by(Drive(name, Together(clamp.angle, weld.angle), True), {(ALWAYS, ONE): 1.0})
+
     def _turned(self, vector: Vector, joint: Clamp | Weld) -> Vector:
         """A vector turned by the angle of a joint; itself where nothing drives it."""
-        if joint.angle is None:
-            return vector
-        signal = self.found.driven(_drive(joint))
+        return vector if joint.angle is None else self._by(_drive(joint), vector)
+
+    def _by(self, drive: Drive, vector: Vector) -> Vector:
+        """A vector turned by a drive."""
+        signal = self.found.driven(drive)
         found: Vector = {}
         for (_, unknown), factor in vector.items():
             found[signal, unknown] = factor
@@ -342,6 +368,11 @@ class _Writer:
     def _parts(self, vector: Vector, scale: float) -> list[dict[tuple[int, int, int], float]]:
         """A vector's x and y as rows."""
         return [_scaled(_along({(ALWAYS, ONE): unit}, vector), scale) for unit in (1.0, 1.0j)]
+
+
+def _clamp_of(end: End, junction: Junction) -> Clamp | None:
+    """The clamp that holds the direction of an end."""
+    return next(c for g, c in zip(junction.groups, junction.clamps, strict=True) if end in g)
 
 
 def _passed(end: End) -> End:

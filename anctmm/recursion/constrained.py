@@ -7,7 +7,7 @@ the scene follows in one backward sweep.
 
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.recursion.loops import Loops
-from anctmm.recursion.riccati import BlockFactors, find_unknowns, meet_inboard
+from anctmm.recursion.riccati import BlockFactors, follow_unknowns, meet_inboard
 from anctmm.recursion.rows import (
     Array,
     ask,
@@ -21,7 +21,7 @@ from anctmm.recursion.rows import (
     set_signals,
     take_multipliers,
 )
-from anctmm.recursion.sparse import factorize_kept, solve_kept
+from anctmm.recursion.sparse import factorize_rows, solve_kept
 
 #: Newton's corrections of the positions after a step, at most: from an error of h³ the second reaches rounding; a body
 #: that turns by half a radian in a step needs five.
@@ -69,24 +69,23 @@ def constrain_motion(
         if largest <= OFF:
             break
         fill_rows(rows, matrix)
-        factorize_kept(matrix)
+        factorize_rows(matrix)
+        before = largest
         _solve(loops)
         for k in range(len(loops.moved)):
             loops.moved[k] += loops.x[k]
         for n in range(len(rows.used)):
             rows.x[0, rows.used[n]] += loops.x[rows.used[n]]
-        enough = largest <= ENOUGH
         largest = evaluate(rows, 0)
-        if enough:
+        if before <= ENOUGH:
             break
     if not found <= OFF:
         spread(factors, loops, a, q)
         gather(rows, 0, q)
-        largest = evaluate(rows, 0)
     if not largest <= KEPT:
         return False
     fill_rows(rows, matrix)
-    factorize_kept(matrix)
+    factorize_rows(matrix)
     gather(rows, 1, v)
     if evaluate(rows, 1) > 0.0:
         _solve(loops)
@@ -109,7 +108,7 @@ def _solve(loops):  # type: ignore[no-untyped-def]
 @embedded
 def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
     """Add to u the changes of all nodes, a, that those of the kept unknowns, `moved`, bring: a backward sweep."""
-    unit, L, G, wide, work, _, places, _ = factors
+    unit, L, _, wide, work, _, places, _ = factors
     d = len(unit)
     for k in range(len(loops.x)):
         loops.x[k] = loops.moved[k]
@@ -119,9 +118,7 @@ def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
         meet_inboard(unit, places, loops, place, a.T, work)
         begin = places.at[place - 1] if place > 0 else 0
         for i in range(places.at[place] - 1, begin - 1, -1):
-            for k in range(d):
-                work[4 * d * d + k] = 0.0
-            find_unknowns(unit, L, G, wide, loops, i, work)
+            follow_unknowns(unit, L, wide, loops, i, work)
             for k in range(d):
                 a[k, i] = work[4 * d * d + 2 * d + k]
                 u[k, i] += a[k, i]

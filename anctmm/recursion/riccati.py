@@ -487,6 +487,23 @@ def find_unknowns(unit, L, G, wide, loops, i, work):  # type: ignore[no-untyped-
         add_start(loops, i, work, x)
 
 
+@inlined
+def follow_unknowns(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
+    """Backward at node i without loads: unknowns (vector 2) −L^T a from those of the node outboard."""
+    d = len(unit)
+    x, out = 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    M, r = in_double(L, i, wide, 0)
+    for k in range(d):
+        work[out + k] = work[x + k]
+    for k in range(d):
+        t = 0.0
+        for m in range(d):
+            t += M[r, d * m + k] * work[out + m]
+        work[x + k] = -t
+    if loops is not None:
+        add_start(loops, i, work, x)
+
+
 @embedded
 def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
     """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the

@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+#: Unknowns up to which all multipliers stand behind all coordinates: what that fills costs less than it saves.
+SMALL = 24
 #: Part of −J K⁻¹ Jᵀ that constraints before it must leave of a constraint, or it is passed over.
 VOID = 1e-9
 
@@ -46,12 +48,15 @@ class Sparse(NamedTuple):
     below_row : ndarray of int
     L : ndarray
         Entries of L, column by column.
-    D : ndarray, shape (n,)
+    inverse : ndarray, shape (n,)
+        1/D; 0 of constraints that are passed over.
     filled : ndarray of int, shape (n,)
     row : ndarray, shape (n,)
         Scratch.
     dual : ndarray of bool, shape (n,)
         Which unknowns are multipliers.
+    within : ndarray of int, shape (leading,)
+        Entries of each column of L among the leading unknowns, those before the first multiplier.
     """
 
     above: Ints
@@ -62,10 +67,11 @@ class Sparse(NamedTuple):
     below: Ints
     below_row: Ints
     L: Array
-    D: Array
+    inverse: Array
     filled: Ints
     row: Array
     dual: Mask
+    within: Ints
 
 
 def order_of(pairs: Ints, dual: Mask, blocks: Ints) -> Ints:
@@ -87,7 +93,10 @@ def order_of(pairs: Ints, dual: Mask, blocks: Ints) -> Ints:
     of_block[blocks] = dual
     rank[_least_degree(blocks[pairs], of_block)] = np.arange(len(rank))
     number = np.empty(len(dual), dtype=np.int64)
-    number[np.argsort(rank[blocks], kind="stable")] = np.arange(len(dual))
+    order = np.argsort(rank[blocks], kind="stable")
+    if len(dual) <= SMALL:  # all coordinates first: explicit steps keep their factors
+        order = np.concatenate([order[~dual[order]], order[dual[order]]])
+    number[order] = np.arange(len(dual))
     return number
 
 
@@ -153,18 +162,20 @@ def sparse(pairs: Ints, dual: Mask) -> Sparse:
         rows.append(sorted(reached))
     left = np.cumsum([0, *map(len, rows)])
     left_column = np.array([i for reached in rows for i in reached], dtype=np.int64)
+    leading = int(np.argmax(dual)) if dual.any() else size
     by_column = np.argsort(left_column, kind="stable")
     below_row = np.repeat(np.arange(size), np.diff(left))[by_column]
     below = np.searchsorted(left_column[by_column], np.arange(size + 1))
     return Sparse(
         above, row, np.zeros(len(row)), left, left_column, below, below_row, np.zeros(len(below_row)),
         np.zeros(size), np.zeros(size, dtype=np.int64), np.zeros(size), dual,
+        np.array([np.sum(below_row[below[i] : below[i + 1]] < leading) for i in range(leading)], dtype=np.int64),
     )  # fmt: skip
 
 
 def matrix_places(matrix: Sparse, rows: Ints, columns: Ints) -> Ints:
     """Where the entries of M between each `rows` and `columns`, (n, d), stand in its values, (n, d, d); −1 for none."""
-    size = len(matrix.D)
+    size = len(matrix.inverse)
     entries = np.repeat(np.arange(size), np.diff(matrix.above)) * size + matrix.above_row
     one, two = rows[:, :, None], columns[:, None, :]
     places = np.searchsorted(entries, np.maximum(one, two) * size + np.minimum(one, two))
@@ -173,13 +184,26 @@ def matrix_places(matrix: Sparse, rows: Ints, columns: Ints) -> Ints:
 
 @embedded
 def factorize_kept(matrix):  # type: ignore[no-untyped-def]
-    """L and D of the kept unknowns' matrix, row by row.
+    """L and 1/D of the kept unknowns' matrix, row by row.
 
     Returns the number of negative pivots less that of the constraints: of K where these hold.
     """
-    above, above_row, values, left, left_column, below, below_row, L, D, filled, row, dual = matrix
+    return _factorize_from(matrix, 0)
+
+
+@embedded
+def factorize_rows(matrix):  # type: ignore[no-untyped-def]
+    """The same where J alone is another than it was: the unknowns before the first multiplier keep their factors."""
+    for i in range(len(matrix.within)):
+        matrix.filled[i] = matrix.within[i]
+    _factorize_from(matrix, len(matrix.within))
+
+
+@embedded
+def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
+    above, above_row, values, left, left_column, below, below_row, L, inverse, filled, row, dual, _ = matrix
     negative = 0
-    for k in range(len(D)):
+    for k in range(first, len(inverse)):
         filled[k] = 0
         for p in range(above[k], above[k + 1]):
             row[above_row[p]] = values[p]
@@ -192,28 +216,32 @@ def factorize_kept(matrix):  # type: ignore[no-untyped-def]
             after = below[i] + filled[i]
             for n in range(below[i], after):
                 row[below_row[n]] -= L[n] * y
-            L[after] = y / D[i]
-            pivot -= L[after] * y
-            alone += 0.0 if dual[i] else abs(L[after] * y)
+            part = y * inverse[i]
+            L[after] = part
+            pivot -= part * y
+            alone += 0.0 if dual[i] else abs(part * y)
             filled[i] += 1
         if not dual[k]:
             negative += 0 if pivot > 0.0 else 1
         elif abs(pivot) <= VOID * alone:
-            pivot = np.inf  # all that is divided by it vanishes
+            inverse[k] = 0.0
+            continue
         else:
             negative += 0 if pivot < 0.0 else -1
-        D[k] = pivot
+        inverse[k] = 1.0 / pivot
     return negative
 
 
 @embedded
 def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
     """The kept unknowns from their loads, in place."""
-    _, _, _, _, _, below, below_row, L, D, _, _, _ = matrix
-    for j in range(len(D)):
+    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _ = matrix
+    for j in range(len(inverse)):
+        y = x[j]
         for p in range(below[j], below[j + 1]):
-            x[below_row[p]] -= L[p] * x[j]
-    for j in range(len(D) - 1, -1, -1):
-        x[j] /= D[j]
+            x[below_row[p]] -= L[p] * y
+    for j in range(len(inverse) - 1, -1, -1):
+        y = x[j] * inverse[j]
         for p in range(below[j], below[j + 1]):
-            x[j] -= L[p] * x[below_row[p]]
+            y -= L[p] * x[below_row[p]]
+        x[j] = y

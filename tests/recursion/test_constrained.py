@@ -322,3 +322,31 @@ def test_a_driven_guide_of_a_beam_sets_its_node_as_the_global_dae_does(kind):
     ours, dae = at.solve(scene, **options), global_dae.solve(scene, **options)
     for place in (0.0, 0.5, 1.0):
         assert np.abs(ours.position("u", place) - dae.position("u", place)).max() < 1e-12
+
+
+@pytest.mark.parametrize("element", ["cable", "shear", "rigid"])
+@pytest.mark.parametrize("how", STEPS)
+@pytest.mark.parametrize("second", [False, True])
+def test_a_driven_weld_on_what_a_driven_clamp_holds(second, how, element):
+    """Its angle adds to that of the clamp, or is taken off it where the clamp holds the second end."""
+    turn, swing = at.Quintic(turn=0.2, duration=0.01), at.Quintic(turn=-0.3, duration=0.02)
+    held = at.Beam("u", (0.0, 0.0), (0.5, 0.0), SECTION, MATERIAL)
+    arm = at.Beam("v", (0.0, 0.0), (0.3, 0.4), SECTION, MATERIAL)
+    ends = ("v.start", "u.start") if second else ("u.start", "v.start")
+    joints = [at.Clamp("u.start", angle=turn), at.Weld(*ends, angle=swing)]
+    scene = at.Scene("arms", [held, arm], joints, gravity=(0.0, -G))
+    run, allowed = STEPS[how]
+    if element == "shear" and how == "explicit":
+        run = {**run, "dt": 2e-6, "t_end": 8e-5}
+    options = {"mesh": 1 if element == "rigid" else 2, "element": element, "output_dt": run["t_end"], **run}
+    ours, dae = at.solve(scene, **options), global_dae.solve(scene, **options)
+    assert ours.status.ok
+    for body in ("u", "v"):
+        way = np.abs(dae.displacement((body, 1.0))).max()
+        assert np.abs(ours.position(body, 1.0) - dae.position(body, 1.0)).max() < allowed * max(way, 1e-5)
+    assert np.abs(ours.energy.balance).max() < 0.05 * max(ours.energy.kinetic.max(), 1e-6)  # five steps
+    sign = -1.0 if second else 1.0
+    angle = ours.angle("v.start")[-1] if element != "shear" else None
+    if angle is not None:
+        t = float(ours.t[-1])
+        assert angle == pytest.approx(turn(t)[0] + sign * swing(t)[0], abs=1e-9)
