@@ -37,7 +37,7 @@ def gust(t):
 def asked_mechanism(seed, peer="global-dae"):
     """A mechanism and a short run, within what both ANC-TMM and a peer take."""
     rng = np.random.default_rng([seed, 1])
-    scene = _loaded(rng, random_mechanism(seed, inside=bool(rng.random() < 0.4)))
+    scene = _loaded(rng, random_mechanism(seed, inside=bool(rng.random() < 0.4), welds=True))
     explicit = not peer.startswith("exudyn") and rng.random() < 0.5
     how = (
         {"integrator": "zhai", "dt": 5e-5}

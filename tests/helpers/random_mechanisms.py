@@ -18,23 +18,23 @@ def shift(t):
     return 0.1 * t**2, 0.2 * t, 0.2 + 0.0 * t
 
 
-def random_mechanism(seed, drives=True, most=7, inside=False):
+def random_mechanism(seed, drives=True, most=7, inside=False, welds=False):
     """A scene that the model takes, the same for the same seed.
 
-    With `inside` bodies are joined to beams at half their length, too.
+    With `inside` bodies are joined to beams at half their length, too; with `welds` ends are welded and clamped, too.
     """
     for attempt in range(200):
         rng = np.random.default_rng([seed, attempt])
         try:
-            return _Builder(rng, drives, inside).scene(f"mechanism {seed}", int(rng.integers(2, most)))
+            return _Builder(rng, drives, inside, welds).scene(f"mechanism {seed}", int(rng.integers(2, most)))
         except AnctmmError:
             continue
     raise AssertionError(f"no mechanism of seed {seed} is sound")
 
 
 class _Builder:
-    def __init__(self, rng, drives, inside):
-        self.rng, self.drives, self.inside = rng, drives, inside
+    def __init__(self, rng, drives, inside, welds):
+        self.rng, self.drives, self.inside, self.welds = rng, drives, inside, welds
         self.places, self.ends, self.bodies = [self._point()], {0: []}, []
 
     def scene(self, name, count):
@@ -82,7 +82,25 @@ class _Builder:
         for i in sorted(found):
             self.ends[i].append(f"{name}.p{i}")
 
+    def _firm(self, i):
+        """A weld or a clamp, driven or not, and a pin of what else is there; nothing where bodies only meet."""
+        ends = list(self.ends[i])
+        self.rng.shuffle(ends)
+        turning = [end for end in ends if not isinstance(end, str) or not end.startswith("m")]
+        angle = turn if self.drives and self.rng.random() < 0.5 else None
+        if len(turning) > 1 and self.rng.random() < 0.6:
+            firm, held = at.Weld(*turning[:2], angle=angle), turning[:2]
+        elif turning and self.rng.random() < 0.3:
+            firm, held = at.Clamp(turning[0], angle), turning[:1]
+        else:
+            return []
+        rest = [end for end in ends if end not in held]
+        return [firm, at.Pin(held[0], *rest)] if rest else [firm]
+
     def _joints(self, i):
+        if self.welds and (firm := self._firm(i)):
+            yield from firm
+            return
         rng, ends = self.rng, self.ends[i]
         ends = [ends[k] for k in rng.permutation(len(ends))]
         turning = [end for end in ends if not str(end).startswith("m")]
