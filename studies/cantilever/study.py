@@ -22,7 +22,8 @@ ALL = (*OURS, "exudyn-cable")
 PEER_NOTE = (
     "exudyn-reissner and pyelastica are rods of Reissner's kind, with shear and with EA, GA, EI as the other elements "
     "have them: measured against Reissner's exact rod at rest, and Exudyn's finest when falling. PyElastica steps "
-    "explicitly, in three dimensions, each step called from Python; its equilibria are relaxed motions."
+    "explicitly, in three dimensions, each step called from Python; its equilibria are relaxed motions. opensees: "
+    "frames that follow their chords, of the cable's continuum; nonlinear beams at rest, linear ones when falling."
 )
 PICTURED = "cantilever-force-3"
 SNAPSHOTS = (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.85, 1.0)
@@ -58,15 +59,20 @@ SHEAR_REST: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,), (256,))
 #: Rods of Reissner's kind; PyElastica's relaxation of so thin a beam takes a hundred thousand steps on the coarsest.
 REISSNER_REST: tuple[Mesh, ...] = ((4,), (8,), (16,), (32,))
 PEERS = ("exudyn-reissner", "pyelastica")
+#: Frames that follow their chords, of the cable's continuum; of second order in motion.
+FRAMES = ("opensees",)
+FRAME_MESHES: tuple[Mesh, ...] = ((32,), (64,), (128,))
 STATIC_SCHEMES = (
     StaticScheme("cable", "full", ALL, CABLE_REST),
     StaticScheme("cable", "reduced", ALL, CABLE_REST),
     StaticScheme("cable", "lobatto", ALL, CABLE_REST),
+    StaticScheme("cable", "full", FRAMES, CABLE_REST),
     StaticScheme("shear", "full", OURS, SHEAR_REST),
     StaticScheme("shear", "full", PEERS, REISSNER_REST),
 )
 QUICK_STATIC_SCHEMES = (
     StaticScheme("cable", "full", ALL, CABLE_REST[:4]),
+    StaticScheme("cable", "full", FRAMES, CABLE_REST[:2]),
     StaticScheme("shear", "full", OURS, SHEAR_REST[:4]),
     StaticScheme("shear", "full", PEERS, REISSNER_REST[:2]),
 )
@@ -77,6 +83,7 @@ FULL = Plan(
             "cable", "full", "generalized-alpha", (*ALL, "global-dae-dense"), CABLE_MESHES, implicit_steps
         ),
         Scheme("cable", "reduced", "generalized-alpha", ALL, CABLE_MESHES, implicit_steps),
+        Scheme("cable", "full", "generalized-alpha", FRAMES, FRAME_MESHES, implicit_steps),
         Scheme("shear", "full", "zhai", OURS, SHEAR_MESHES, shear_steps),
         Scheme(
             "shear",

@@ -12,6 +12,7 @@ from studies.engine.dynamics import REISSNER, Fine, Plan, Scheme, Sweep, samples
 from studies.engine.runner import Mesh, Runner, mesh_label
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
+from studies.four_bar.half_turn import half_turn
 from studies.four_bar.paper_table import BASELINE, paper_table
 from studies.report import error_pictures, mechanism_pictures
 from studies.report.animation import Film, film
@@ -133,6 +134,7 @@ def run(options: Options, runner: Runner) -> Result:
         REISSNER,
     )
     found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows), step_rates(timed)]
+    found.append(half_turn(base, options, runner))
     found += [paper] if paper else []
     return Result(
         name="four-bar",

@@ -28,6 +28,8 @@ IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
 #: Who makes implicit steps with each element.
 CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
 SHEAR_SOLVERS = "anctmm", "global-dae", "exudyn-reissner"
+#: Who makes them with frames of its own, which tend to what cables tend to; they know no quadrature of ours.
+FRAME_SOLVERS = ("opensees",)
 #: No further sample of a run is taken in the sweep after that long, s: what is near the front runs again anyway.
 SAMPLED = 0.1
 #: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
@@ -52,6 +54,8 @@ class Ladder:
         Time steps to try, s, from long to short; of a quick run.
     wishes : tuple of float
         Target errors, from the largest to the smallest.
+    frames : tuple of Mesh
+        Meshes of frames: second order needs finer ones than cables. Empty where they cannot do the scene.
     """
 
     base: Case
@@ -64,6 +68,7 @@ class Ladder:
     steps: tuple[float, ...] = STEPS
     quick_steps: tuple[float, ...] = QUICK_STEPS
     wishes: tuple[float, ...] = WISHES
+    frames: tuple[Mesh, ...] = ()
 
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
@@ -75,6 +80,7 @@ class Ladder:
             schemes += self._implicit("cable", quadrature, self.cable, CABLE_SOLVERS, self.steps)
             schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
             schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
+        schemes += self._implicit("cable", "full", self.frames, FRAME_SOLVERS, self.steps)
         schemes += self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.steps)
         schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
         schemes += self._explicit("shear", "full", self.shear, ("global-dae",))
@@ -182,6 +188,7 @@ def _four_bar(quick: bool) -> Ladder:
 def _cantilever(quick: bool) -> Ladder:
     cable: tuple[Mesh, ...] = ((4,), (6,), (8,), (12,), (16,), (24,), (32,), (48,), (64,))
     shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
+    frames: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     references: dict[str, Fine | Reference] = {
         "cable": _fine((192,), (128,), 5e-5, "lobatto"),
         "shear": _fine((512,), (256,), 1.25e-4, "full"),
@@ -193,7 +200,9 @@ def _cantilever(quick: bool) -> Ladder:
             "shear": _fine((256,), (128,), 1e-3, "full"),
         }
     peers = ("global-dae", "exudyn-cable")
-    return Ladder(cantilever_fall(), cable, shear, ((8,), (16,)), peers, references, FINE_STEP[quick])
+    return Ladder(
+        cantilever_fall(), cable, shear, ((8,), (16,)), peers, references, FINE_STEP[quick], frames=frames
+    )
 
 
 def _fine(mesh: Mesh, coarser: Mesh, dt: float, quadrature: str) -> Fine:

@@ -626,3 +626,22 @@ def test_interrupted_command_says_what_is_kept(monkeypatch, tmp_path, capsys):
     assert stop.value.exit_code == 130
     said = " ".join(capsys.readouterr().err.split())
     assert "Finished runs (7 of this session) are kept" in said
+
+
+def test_four_bar_over_half_a_turn_has_opensees(four_bar_result):
+    frame = four_bar_result.table("half_turn").frame
+    if find_spec("opensees") is None:
+        assert frame.query("solver == 'opensees'")["status"].str.contains("OpenSees is not installed").all()
+        pytest.skip("OpenSees (extra `peers`) is not installed")
+    assert set(frame["status"]) == {"ok"}
+    errors = frame.set_index(["solver", "elements"])["error"]
+    assert errors["opensees", "2/8/2"] / errors["opensees", "4/16/4"] == pytest.approx(4.0, abs=0.5)
+    assert errors["opensees", "4/16/4"] == pytest.approx(1.04e-4, rel=0.05)
+
+
+def test_frames_at_rest_tend_to_the_elastica_by_fourth_order(cantilever_result):
+    rows = cantilever_result.table("rates").frame.query("solver == 'opensees'")
+    if find_spec("opensees") is None:
+        pytest.skip("OpenSees (extra `peers`) is not installed")
+    assert len(rows) > 0
+    assert (rows["order"] > 3.5).all()

@@ -1,0 +1,46 @@
+"""The four-bar over half a turn of its crank, for peers whose elements know no more."""
+
+from dataclasses import replace
+
+from studies.engine.dynamics import Fine, Plan, Scheme, sweep
+from studies.engine.runner import Mesh, Runner
+from studies.engine.study import Options
+from studies.engine.tables import BUILD, Table
+from studies.scenes import BaseScene
+
+#: s; the crank has turned by 0.45 of a turn.
+T_END = 0.95
+SOLVERS = ("anctmm", "exudyn-cable", "opensees")
+#: By whether the run is quick.
+MESHES: dict[bool, tuple[Mesh, ...]] = {
+    False: ((1, 4, 1), (2, 8, 2), (4, 16, 4), (8, 32, 8)),
+    True: ((2, 8, 2), (4, 16, 4)),
+}
+STEPS = {False: (5e-3, 2.5e-3, 1.25e-3), True: (2.5e-3,)}
+FINE = {
+    False: Fine(("anctmm",), (16, 64, 16), (8, 32, 8), 1.25e-4, 2.5e-4, "generalized-alpha"),
+    True: Fine(("anctmm",), (8, 32, 8), (4, 16, 4), 6.25e-4, 1.25e-3, "generalized-alpha"),
+}
+COLUMNS = [
+    "scene", "solver", "element", "elements", "dt", "t_end", "steps", "error", "reference_error", "reference", "cpu_s",
+    "build_s", "wall_s", "status",
+]  # fmt: skip
+NOTES = (
+    f"The same scene until t = {T_END:g} s. opensees has frames that follow their chords; where a chord has turned by "
+    "half a turn its angle jumps and Newton's iteration fails on every mesh: it refuses the whole turn of the other "
+    "tables.",
+    "Newton tolerances: those that solvers have without being asked.",
+    BUILD,
+)
+
+
+def half_turn(base: BaseScene, options: Options, runner: Runner) -> Table:
+    """Errors and times of every solver with cables or frames; without options' solvers, of `SOLVERS`."""
+    quick = options.quick
+    schemes = tuple(
+        Scheme("cable", "full", "generalized-alpha", (solver,), MESHES[quick], lambda mesh: STEPS[quick])
+        for solver in SOLVERS
+    )
+    swept = sweep(replace(base, t_end=T_END), Plan(schemes, {"cable": FINE[quick]}), options, runner)
+    frame = swept.frame.reindex(columns=COLUMNS)
+    return Table("half_turn", "The four-bar over half a turn", frame, NOTES)
