@@ -65,7 +65,8 @@ def run(options: Options, runner: Runner) -> Result:
         "over the base scenes and elements that both solvers have. Empty: none, or a run that did not end well.",
         "The same element, mesh and step in both; shear elements on a finer mesh than cables.",
         "Rods of Reissner's kind (exudyn-reissner, pyelastica) and frames (opensees) have elements of their "
-        "own, on shear elements' mesh: their figure is the difference of two models, or of two discretisations, on these meshes.",
+        "own, on shear elements' mesh: their figure is the difference of two models, or of two discretisations, on "
+        "these meshes.",
         f"A solver without implicit steps takes explicit ones of {EXPLICIT_STEP:g} s; a quick run leaves it at its "
         "refusal.",
     )
