@@ -6,8 +6,7 @@ from anctmm.integrators.modes import Campbell, Modes, campbell, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
-from anctmm.model.initial_motion.rigid_start import consistent_velocities
-from anctmm.model.initial_motion.velocities import RigidVelocity
+from anctmm.model.rigid_start import consistent_velocities
 from anctmm.model.scene import (
     Beam,
     Clamp,
@@ -27,6 +26,7 @@ from anctmm.model.scene import (
     distance,
 )
 from anctmm.model.sections import Circle, Rectangle, Section
+from anctmm.model.velocities import RigidVelocity
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, HistoryError, Interrupted, Solution, Status, load
 from anctmm.solve import solve

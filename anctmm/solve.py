@@ -14,7 +14,7 @@ from anctmm.integrators import generalized_alpha, step_control, zhai
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
 from anctmm.model.bodies import beam_of
-from anctmm.model.initial_motion.start import check_rigid_start
+from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted

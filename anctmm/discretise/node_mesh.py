@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Key
 from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.velocities import Point
 
 Array = NDArray[np.float64]
 #: Gauss points over a beam at which initial velocities are looked at.

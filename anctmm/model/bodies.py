@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, reason, shown, unknown_kind
 from anctmm.model.accepted import BodyKind, PairLike
-from anctmm.model.initial_motion.velocities import Point, size_of, slope_of
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
+from anctmm.model.velocities import Point, size_of, slope_of
 from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
 
 #: Error of a velocity's slope, of the velocity, from which on it has none.

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, shown, unknown_kind
 from anctmm.model.accepted import ConnectorKind, PairLike
 from anctmm.model.drives import breaks_of, value_at
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Place, Written, place_text, written
 from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.velocities import Point
 from anctmm.validation import LONGEST, is_pair, not_negative, number, reals, vector
 
 Pair = Callable[[Any], tuple[Any, Any]]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, final
 from anctmm.errors import PropertyError, shown
 from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Written, written
+from anctmm.model.velocities import Point
 from anctmm.validation import flag, text, vector
 
 Motion = Callable[[Any], tuple[Any, Any, Any]]

@@ -11,8 +11,8 @@ from anctmm.errors import UnknownKindError, shown, unknown_kind
 from anctmm.model.accepted import LoadKind, PairLike
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.places import Place, Written, written
+from anctmm.model.velocities import Point
 from anctmm.validation import flag, number, text, vector
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from anctmm.errors import UnknownNameError, shown
 from anctmm.model.bodies import Beam, Body
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.velocities import Point
 from anctmm.validation import is_pair, within
 
 #: How a place is written.

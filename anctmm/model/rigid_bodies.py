@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, final
 
 from anctmm.errors import PropertyError, reason, shown
 from anctmm.model.accepted import BodyKind, PairLike
-from anctmm.model.initial_motion.velocities import Point
+from anctmm.model.velocities import Point
 from anctmm.validation import LONGEST, FrozenMapping, number, positive, text, vector
 
 #: The point that every rigid body and point mass has: its centre of mass.

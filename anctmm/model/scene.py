@@ -19,8 +19,8 @@ from anctmm.errors import (
 from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
 from anctmm.model.checks.joints import check_joints
+from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
-from anctmm.model.initial_motion.start import check_start
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, Key, Place, Written, place_in, written

@@ -20,7 +20,7 @@ from samples import SOFT, SQUARE, beam, scene_of
 
 import anctmm as at
 from anctmm.errors import AnctmmError, DegenerateBodyError, JointGapError, PropertyError, SceneError, shown
-from anctmm.model.initial_motion.velocities import RigidVelocity
+from anctmm.model.velocities import RigidVelocity
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy
 from anctmm.solvers.capabilities import Offer

@@ -14,10 +14,10 @@ from samples import INTEGRATORS, KINDS, SOFT, SQUARE, beam, chain_of, row_scene,
 import anctmm as at
 from anctmm.discretise.assembly import mass_product
 from anctmm.errors import JointGapError, PropertyError, StartWarning
-from anctmm.model.initial_motion.start import drive_rate
-from anctmm.model.initial_motion.velocities import RigidVelocity
+from anctmm.model.checks.start import drive_rate
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene, Weld
 from anctmm.model.topology import end_of
+from anctmm.model.velocities import RigidVelocity
 from reference import exudyn_cable, global_dae
 from studies.scenes import four_bar
 from studies.trade.snippet import code

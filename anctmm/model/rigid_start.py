@@ -7,12 +7,12 @@ from numpy.typing import NDArray
 
 from anctmm.errors import JointGapError, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
-from anctmm.model.initial_motion.start import EQUAL, drive_rate
-from anctmm.model.initial_motion.velocities import Point, RigidVelocity
+from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene
+from anctmm.model.velocities import Point, RigidVelocity
 
 Array = NDArray[np.float64]
 

@@ -18,11 +18,11 @@ import numpy as np
 from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.drives import value_at
-from anctmm.model.initial_motion.velocities import Point
 from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Weld, drive_of
 from anctmm.model.places import Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import Junction, junctions_of
+from anctmm.model.velocities import Point
 
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
 #: differences.

@@ -1,1 +1,0 @@
-"""Initial velocities: of rigid motions, and whether joints and drives can have them."""
