@@ -82,7 +82,7 @@ class Chain:
         refuse(self.scene, LACKING, "ANC-TMM")
         kinds = self.segments.run.of(self.parts)
         for joint in self.parts.joints:
-            if isinstance(joint, Weld):
+            if isinstance(joint, Weld) and joint.stretch == "held":
                 bodies = [self.parts.place(end).body for end in joint.ends]
                 names = [
                     body.name for body in bodies if isinstance(body, Beam) and body.name not in self.rigid

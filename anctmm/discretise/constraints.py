@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
+from anctmm.errors import UnsupportedError, shown, unknown_kind
 from anctmm.model.drives import breaks_of
 from anctmm.model.joints import Clamp, Motion, Prismatic, Slider, Weld, drive_of
 from anctmm.model.places import End, place_text
@@ -220,8 +220,8 @@ class _Writer:
             welded = [end for end in group if end[0] in self.rigid]
             for end in welded if clamp is not None else welded[1:]:
                 self._parallel(end, clamp, None if clamp is not None else welded[0])
-        for weld in junction.hinges:
-            self._hinge(weld, junction)
+        for hinge in junction.hinges:
+            self._hinge(hinge, junction)
         for guide in junction.guides:
             if _passed(end_of(self.chain.parts, guide.place)) not in self.passed:
                 self._guide(guide, junction)
@@ -238,14 +238,33 @@ class _Writer:
             along = self._turned(along, clamp)
         self.found.add(f"the direction at {place_text(end)}", end[0], _across(along, self._direction(end)))
 
-    def _hinge(self, weld: Weld, junction: Junction) -> None:
-        """A driven hinge: the second direction is the first one, turned."""
-        first, second = (self._carrier(end_of(self.chain.parts, place), junction) for place in weld.ends)
-        if first[0] in self.rigid and second[0] in self.rigid:
-            row = _across(self._turned(self._direction(first), weld), self._direction(second))
-            self.found.add(f"the driven weld at {place_text(second)}", second[0], row)
+    def _hinge(self, hinge: Weld | Clamp, junction: Junction) -> None:
+        """A direction is that of the first end, or of the ground, turned; of a driven weld so are all gradients."""
+        first, *others = (self._carrier(end_of(self.chain.parts, place), junction) for place in hinge.ends)
+        if isinstance(hinge, Clamp):
+            row = _across(self._turned({(ALWAYS, ONE): 1.0}, hinge), self._axis(first, junction))
+            self.found.add(f"the clamp of {place_text(first)}", first[0], row)
             return
-        self._turn_gradients(first, second, weld, junction)
+        for second in others:
+            if hinge.stretch == "held" and not {first[0], second[0]} <= set(self.rigid):
+                self._turn_gradients(first, second, hinge, junction)
+                continue
+            clamp = None if second[0] in self.rigid else _clamp_of(second, junction)
+            if hinge.angle is not None and clamp is not None and clamp.angle is not None:
+                raise UnsupportedError(
+                    f"{shown(hinge)} turns what {shown(clamp)} drives, and leaves its stretch free; name the driven "
+                    f"end first, or hold the stretch"
+                )
+            one = self._further(self._axis(first, junction), hinge, first, junction)
+            self.found.add(
+                f"the weld at {place_text(second)}", second[0], _across(one, self._axis(second, junction))
+            )
+
+    def _axis(self, end: End, junction: Junction) -> Vector:
+        """The vector that a torque turns there, as it has turned since the reference: r_x, r_y or t."""
+        if end[0] in self.rigid:
+            return self._direction(end)
+        return self._gradient(end, self.chain.bodies.mesh(end[0]).kind.turning_row // 2, junction)
 
     def _turn_gradients(self, first: End, second: End, weld: Weld | None, junction: Junction) -> None:
         """The gradients of the second end are those of the first one, turned."""

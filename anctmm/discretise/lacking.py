@@ -19,5 +19,6 @@ DONE = {
     "driven-guides",
     "moving-guides",
     "driven-welds",
+    "free-stretch",
 }
 LACKING = frozenset(MECHANISMS) - DONE

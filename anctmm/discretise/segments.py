@@ -167,7 +167,12 @@ class Segments:
             case Pin():
                 return Pin(*map(self._place, joint.ends), grounded=joint.grounded)
             case Weld():
-                return Weld(*map(self._place, joint.ends), grounded=joint.grounded, angle=joint.angle)
+                return Weld(
+                    *map(self._place, joint.ends),
+                    grounded=joint.grounded,
+                    angle=joint.angle,
+                    stretch=joint.stretch,
+                )
             case Clamp():
                 return replace(joint, end=self._place(joint.end))
             case Slider() | Prismatic():

@@ -10,8 +10,10 @@ from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.places import Written, written
 from anctmm.model.velocities import Point
-from anctmm.validation import flag, text, vector
+from anctmm.validation import flag, one_of, text, vector
 
+#: Whether a clamp or a weld holds the stretch of beams beside their direction.
+STRETCH = ("held", "free")
 Motion = Callable[[Any], tuple[Any, Any, Any]]
 """t (s) → a value, its rate and its acceleration."""
 
@@ -40,7 +42,7 @@ class Pin(JointKind):
 @final
 @dataclass(frozen=True, init=False)
 class Weld(JointKind):
-    """Rigid connection of places: positions and all gradients, at the angles they have in the reference.
+    """Rigid connection of places: positions and directions, at the angles they have in the reference.
 
     Parameters
     ----------
@@ -51,16 +53,22 @@ class Weld(JointKind):
     angle : callable, optional
         Of two places: t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², by which the second turns against the first, a driven
         hinge; θ(0) = 0.
+    stretch : str
+        "held": beams share all gradients, and so the stretch; "free": directions alone, each end has its own stretch.
     """
 
     ends: tuple[Written, ...]
     grounded: bool
     angle: Angle | None
+    stretch: str
 
-    def __init__(self, *ends: Written, grounded: bool = False, angle: Angle | None = None) -> None:
+    def __init__(
+        self, *ends: Written, grounded: bool = False, angle: Angle | None = None, stretch: str = "held"
+    ) -> None:
         object.__setattr__(self, "ends", tuple(map(written, ends)))
         object.__setattr__(self, "grounded", flag("weld grounded", grounded))
         object.__setattr__(self, "angle", angle)
+        object.__setattr__(self, "stretch", one_of(f"weld of {shown(self.ends)} stretch", stretch, STRETCH))
         _check_callable(f"weld of {shown(self.ends)} angle", angle, "(θ, θ', θ'')")
         if angle is not None and len(self.ends) != 2:
             raise PropertyError(
@@ -71,7 +79,7 @@ class Weld(JointKind):
     def __repr__(self) -> str:
         # what is absent is not written: texts and keys of scenes without it stay as they are
         angle = f", angle={self.angle!r}" if self.angle is not None else ""
-        return f"Weld(ends={self.ends!r}, grounded={self.grounded!r}{angle})"
+        return f"Weld(ends={self.ends!r}, grounded={self.grounded!r}{angle}{_stretch_text(self)})"
 
 
 @final
@@ -84,13 +92,18 @@ class Clamp(JointKind):
     end : place
     angle : callable, optional
         t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², from the reference direction, θ(0) = 0; fixed without it.
+    stretch : str
+        "held": all gradients of a beam, and so its stretch, are those of the reference, turned; "free": the direction
+        alone, so that the beam is stretched at the clamp as beside it.
     """
 
     end: Written
     angle: Angle | None = None
+    stretch: str = "held"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "end", written(self.end))
+        object.__setattr__(self, "stretch", one_of(f"clamp {shown(self.end)} stretch", self.stretch, STRETCH))
         _check_callable(f"clamp {shown(self.end)} angle", self.angle, "(θ, θ', θ'')")
 
     @property
@@ -102,6 +115,14 @@ class Clamp(JointKind):
     def grounded(self) -> bool:
         """Always."""
         return True
+
+    def __repr__(self) -> str:
+        # as that of welds
+        return f"Clamp(end={self.end!r}, angle={self.angle!r}{_stretch_text(self)})"
+
+
+def _stretch_text(joint: Weld | Clamp) -> str:
+    return f", stretch={joint.stretch!r}" if joint.stretch != "held" else ""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ MECHANISMS = {
     "driven-guides": "sliders and prismatic joints whose position is a function of time",
     "moving-guides": "sliders and prismatic joints on lines that are fixed in rigid bodies",
     "driven-welds": "welds whose angle is a function of time",
+    "free-stretch": "clamps and welds that hold directions and leave the stretch free",
     "interior-joints": "joints at nodes between the ends of a beam",
     "springs": "springs and dampers between two places, or to the ground",
     "rotational-springs": "rotational springs and dampers",
@@ -96,11 +97,13 @@ def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
         if _inside(scene, joint.ends):
             yield "interior-joints", joint
         match joint:
-            case Pin() | Clamp():
+            case Pin():
                 pass
-            case Weld():
-                if joint.angle is not None:
+            case Clamp() | Weld():
+                if isinstance(joint, Weld) and joint.angle is not None:
                     yield "driven-welds", joint
+                if joint.stretch == "free":
+                    yield "free-stretch", joint
             case Slider() | Prismatic():
                 yield "sliders" if isinstance(joint, Slider) else "prismatic-joints", joint
                 if joint.position is not None:

@@ -47,8 +47,9 @@ class Junction:
         Whether the place is held.
     clamps : tuple of Clamp or None
         For each group the clamp, fixed or driven, that holds its direction.
-    hinges : tuple of Weld
-        Driven welds: each turns the group of its second end against that of its first.
+    hinges : tuple of Weld or Clamp
+        What holds directions, but no gradients: driven welds, each of which turns the group of its second end against
+        that of its first, and welds and clamps that leave the stretch free.
     guides : tuple of Slider or Prismatic
         What guides it along lines.
     """
@@ -56,7 +57,7 @@ class Junction:
     groups: tuple[tuple[End, ...], ...]
     grounded: bool
     clamps: tuple[Clamp | None, ...]
-    hinges: tuple[Weld, ...] = ()
+    hinges: tuple[Weld | Clamp, ...] = ()
     guides: tuple[Guide, ...] = ()
 
     @property
@@ -118,7 +119,7 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     places, directions = Sets[End](), Sets[End]()
     held: list[End] = []
     clamps: list[tuple[End, Clamp]] = []
-    hinges: list[tuple[End, Weld]] = []
+    hinges: list[tuple[End, Weld | Clamp]] = []
     guides: list[tuple[End, Guide]] = []
     named: dict[str, set[End]] = {}
     for joint in scene.joints:
@@ -133,13 +134,13 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
         match joint:
             case Pin():
                 pass
-            case Weld(angle=None):
+            case Weld(angle=None, stretch="held"):
                 for other in others:
                     directions.unite(first, other)
-            case Weld():
-                hinges.append((first, joint))
-            case Clamp():
+            case Clamp(stretch="held"):
                 clamps.append((first, joint))
+            case Weld() | Clamp():
+                hinges.append((first, joint))
             case Slider() | Prismatic():
                 guides.append((first, joint))
             case _:

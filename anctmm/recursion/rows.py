@@ -17,6 +17,9 @@ from anctmm.recursion.sparse import Sparse, matrix_places
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Part of the largest entry below which one is taken to be rounding.
+ROUNDED = 1e-9
+
 
 class Rows(NamedTuple):
     """Constraints; the last of n + 1 places stands for the number 1.
@@ -219,12 +222,19 @@ def fill(rows, matrix, q, stiffness):  # type: ignore[no-untyped-def]
 
 @embedded
 def _add_penalty(rows, matrix):  # type: ignore[no-untyped-def]
-    """Add γ JᵀJ to the matrix, with γ of the size that makes both alike."""
+    """Add γ JᵀJ to the matrix, with γ of the size that makes both alike.
+
+    K may be mere rounding there, as where a beam is free but for the constraint: γ is then that of all kept unknowns.
+    """
     values, pairs = matrix.values, rows.pairs
-    largest = steepest = 0.0
+    largest = steepest = whole = 0.0
     for n in range(len(rows.used)):
         k = rows.used[n]
         largest = max(largest, abs(values[matrix.above[k + 1] - 1]))  # the diagonal is the last of a column
+    for k in range(len(matrix.dual)):
+        whole = max(whole, abs(values[matrix.above[k + 1] - 1]))
+    if largest < ROUNDED * whole:
+        largest = whole
     for n in range(pairs.shape[1]):
         steepest = max(steepest, abs(values[pairs[0, n]]))
     factor = rows.penalty[0] * (largest if largest > 0.0 else 1.0) / (steepest * steepest)

@@ -127,7 +127,8 @@ class _Look:
             case HermiteField(coordinates=q):
                 beam = place.body
                 assert isinstance(beam, Beam)
-                gradient = q[:, round(float(place.key) * (q.shape[1] - 1)), 1] @ np.array([1.0, 1.0j])
+                node, section = round(float(place.key) * (q.shape[1] - 1)), q.shape[2] == 3
+                gradient = q[:, node, -1] @ np.array([1.0, 1.0j]) * (-1j if section else 1.0)  # r_y, or r_x
                 return np.asarray(gradient / np.abs(gradient) * np.exp(-1j * beam.angle))
             case _:
                 return np.full(self.solution.t.size, np.nan + 0j)

@@ -29,8 +29,9 @@ from reference.exudyn.places import Model, frame_of, ground_marker, node_of, poi
 Array = NDArray[np.float64]
 History = Callable[[float], float]
 
-#: Exudyn's models have mechanisms in implicit runs and in statics; its explicit solvers have no algebraic joints.
-LACKS = frozenset(f"{name} + zhai" for name in MECHANISMS)
+#: The models have mechanisms in implicit runs and in statics; Exudyn's explicit solvers have no algebraic joints. All
+#: their clamps and welds hold the stretch.
+LACKS = frozenset(f"{name} + zhai" for name in MECHANISMS) | {"free-stretch"}
 
 
 def add_body(model: Model, body: RigidBody | PointMass) -> None:

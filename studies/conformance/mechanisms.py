@@ -7,6 +7,7 @@ from anctmm.model.drives import Quintic
 from anctmm.model.joints import Joint
 from anctmm.model.loads import Load
 from anctmm.model.scene import (
+    Clamp,
     Connector,
     Force,
     LineLoad,
@@ -70,6 +71,9 @@ DEMANDS: Mapping[str, Callable[[Scene], Scene]] = {
     "driven-guides": _joined(Slider("bar.end", (0.0, 1.0), position=Quintic(0.01, 1.0))),
     "moving-guides": _with_plate(Slider("bar.end", body="plate"), Pin("plate.b")),
     "driven-welds": _with_plate(Weld("bar.end", "plate.a", angle=Quintic(0.1, 1.0))),
+    "free-stretch": lambda scene: replace(
+        scene, joints=tuple(replace(j, stretch="free") if isinstance(j, Clamp) else j for j in scene.joints)
+    ),
     "interior-joints": _joined(Pin(("bar", 0.5))),
     "springs": _connected(Spring("bar.end", (1.0, -1.0), stiffness=20.0)),
     "rotational-springs": _connected(RotationalSpring("bar.end", stiffness=1.0)),

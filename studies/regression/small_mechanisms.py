@@ -107,6 +107,21 @@ def guided() -> at.Scene:
     return _mechanism("small-guided", bodies, joints, [at.Force("tool.b", (0.2, -0.1))], GRAVITY, connectors)
 
 
+def stretched() -> at.Scene:
+    """A driven clamp, a weld at an angle and a driven weld that leave the stretch free, and loads along the beams."""
+    bodies: list[Body] = [
+        body("one", A, B),
+        body("two", B, C, FIRM, ROD),
+        body("side", B, (0.8, -0.1), PLAIN),
+    ]
+    joints: list[Joint] = [
+        at.Clamp("one.start", angle=at.Quintic(0.3, 0.05), stretch="free"),
+        at.Weld("one.end", "side.start", stretch="free"),
+        at.Weld("one.end", "two.start", angle=at.Quintic(-0.4, 0.06), stretch="free"),
+    ]
+    return _mechanism("small-stretched", bodies, joints, [at.Force("two.end", (6.0, 3.0))], GRAVITY, [])
+
+
 def held() -> at.Scene:
     """The linkage with weaker loads: what it rests under, before those of time move it."""
     scene = linkage()

@@ -220,6 +220,7 @@ def _mechanisms() -> tuple[Watch, ...]:
     return (
         _watch(linkage, {**moving, "adaptive": careful}),
         _watch(guided, moving),
+        _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
         _watch(mechanisms.slack(), {"static": Static(1, load_steps=1)}),
         _watch(mechanisms.truss(), {"path": Static(1, load_steps=8, path=ARC_LENGTH)}),

@@ -79,6 +79,8 @@ def code(value: Any, indent: int = 0) -> str:
         parts = [*map(code, value.ends), *(["grounded=True"] * (value.grounded and len(value.ends) > 1))]
         if isinstance(value, Weld) and value.angle is not None:
             parts.append(f"angle={code(value.angle)}")
+        if isinstance(value, Weld) and value.stretch != "held":
+            parts.append(f"stretch={code(value.stretch)}")
         return _call(type(value).__name__, parts, indent)
     if is_dataclass(value) and not isinstance(value, type):
         always = ALWAYS.get(type(value).__name__, ())

@@ -87,9 +87,10 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     assert found["joints"].measured == "lacks joints"
     assert (
         found["limits"].measured
-        == "damping, driven-guides, driven-springs, driven-welds, drives, follower-forces, generalized-alpha, "
-        "interior-joints, interior-loads, joints, laws, line-loads, moving-guides, point-masses, prismatic-joints, "
-        "rigid, rigid-bodies, rotational-springs, sliders, springs, varying-loads refused"
+        == "damping, driven-guides, driven-springs, driven-welds, drives, follower-forces, free-stretch, "
+        "generalized-alpha, interior-joints, interior-loads, joints, laws, line-loads, moving-guides, "
+        "point-masses, prismatic-joints, rigid, rigid-bodies, rotational-springs, sliders, springs, "
+        "varying-loads refused"
     )
 
 

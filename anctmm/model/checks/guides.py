@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ContradictingJointsError, RepeatedJointError, UnknownKindError, shown
-from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Slider, drive_of
+from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Slider
 from anctmm.model.places import End
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.topology import Graph, Junction, Sets, junctions_of
@@ -85,13 +85,16 @@ def _check_directions(scene: Graph, junction: Junction) -> None:
         for end in group[1:]:
             turning.unite(group[0], end)
     for hinge in junction.hinges:
-        turning.unite(*(scene.place(place).end for place in hinge.ends))
+        first, *others = (scene.place(place).end for place in hinge.ends)
+        for end in others:
+            turning.unite(first, end)
     holds: dict[tuple[End, str | None], Joint] = {}
     clamped: list[tuple[End, Joint]] = [
         (group[0], clamp)
         for group, clamp in zip(junction.groups, junction.clamps, strict=True)
         if clamp is not None
     ]
+    clamped += [(scene.place(hinge.end).end, hinge) for hinge in junction.hinges if isinstance(hinge, Clamp)]
     guided: list[tuple[End, Joint]] = [
         (scene.place(g.place).end, g) for g in junction.guides if isinstance(g, Prismatic)
     ]
@@ -99,7 +102,7 @@ def _check_directions(scene: Graph, junction: Junction) -> None:
         body = None if isinstance(joint, Clamp) else joint.body  # type: ignore[union-attr]
         other = holds.setdefault((turning.of(end), body), joint)
         if other is not joint:
-            driven = any(drive_of(j) is not None and isinstance(j, Clamp) for j in (joint, other))
+            driven = any(isinstance(j, Clamp) and j.angle is not None for j in (joint, other))
             raise (ContradictingJointsError if driven else RepeatedJointError)(
                 f"{shown(joint)} beside {shown(other)}: both hold the direction of ends welded to each other, or of "
                 f"one; one of them is allowed"

@@ -84,8 +84,13 @@ def check_start(scene: Starting) -> None:
 def _check_moving_joints(scene: Starting, junction: Junction, allowed: float) -> None:
     """Driven welds and guides of a junction."""
     for hinge in junction.hinges:
-        one, two = (Moving(scene.place(end)) for end in hinge.ends)
-        _check_gradients(one, two, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed)
+        one, *others = (Moving(scene.place(end)) for end in hinge.ends)
+        for two in others:
+            _check_gradients(
+                one, two, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed, hinge.stretch == "held"
+            )
+        if isinstance(hinge, Clamp):
+            _compare_turning(hinge, one, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed)
     for guide in junction.guides:
         spin = _check_guide(scene, guide, allowed)
         if isinstance(guide, Prismatic):
@@ -172,12 +177,13 @@ def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> Non
             )
 
 
-def _check_gradients(one: Moving, two: Moving, driven: float, allowed: float) -> None:
+def _check_gradients(one: Moving, two: Moving, driven: float, allowed: float, stretch: bool = True) -> None:
     """Gradients that are welded are one, turned: so are their rates, but for what a drive adds."""
     rates = one.gradient_rate, two.gradient_rate
     extents = [m.place.body.extent for m in (one, two) if m.place.body.extent > 0.0]
     slack = EQUAL_SLOPES * max(map(abs, rates)) + max((allowed / extent for extent in extents), default=0.0)
-    if abs(two.turning - one.turning - 1j * driven) <= slack:
+    apart = two.turning - one.turning - 1j * driven
+    if abs(apart if stretch else apart.imag) <= slack:
         return
     turn = two.axis / one.axis
     if driven:
@@ -220,7 +226,9 @@ def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, lev
     """The direction that a clamp or a prismatic joint gives to an end, turning at a rate, rad/s."""
     given, body = end.turning, end.place.body
     slack = allowed / body.extent if body.extent > 0.0 else EQUAL_SLOPES * max(abs(rate), abs(given))
-    if abs(given - 1j * rate) <= slack:
+    apart = given - 1j * rate
+    free = isinstance(joint, Clamp) and joint.stretch == "free"
+    if abs(apart.imag if free else apart) <= slack:
         return
     name = f"{type(joint).__name__.lower()} {shown(joint.ends[0])}"
     advice = "anctmm.consistent_velocities(scene) gives velocities that fit"

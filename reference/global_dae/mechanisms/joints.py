@@ -50,10 +50,16 @@ def _of_joint(layout: Layout, joint: Joint) -> Iterator[Constraint]:
         case Weld():
             yield from _together(layout, places, joint.grounded)
             for one, two in pairwise(places):
-                yield from _aligned(layout, joint, one, two, _drive(joint))
+                if joint.stretch == "held":
+                    yield from _aligned(layout, joint, one, two, _drive(joint))
+                else:
+                    yield _parallel(layout, one, two, _drive(joint))
         case Clamp():
             yield from _together(layout, places, True)
-            yield from _directed(layout, places[0], _drive(joint))
+            if joint.stretch == "held":
+                yield from _directed(layout, places[0], _drive(joint))
+            else:
+                yield _parallel(layout, None, places[0], _drive(joint))
         case Slider():
             yield from _guided(layout, joint, places[0])
         case Prismatic():
@@ -102,6 +108,17 @@ def _directed(layout: Layout, place: Place, drive: Drive | None) -> Iterator[Con
         return
     for vector in layout.gradients(place):
         yield _hold(layout, vector, drive=drive)
+
+
+def _parallel(layout: Layout, one: Place | None, two: Place, drive: Drive | None) -> Constraint:
+    """The second place, of any stretch, points where the first one, or the ground, does, turned by a drive."""
+    second = layout.direction(two)
+    if one is None:
+        first, turn = Vector.fixed(tuple(_at_reference(layout, second))), np.eye(2)
+    else:
+        first = layout.direction(one)
+        turn = _turn(layout, first, second)
+    return Product(second, first, QUARTER @ turn, 0.0, drive)
 
 
 def _aligned(
