@@ -17,19 +17,21 @@ settings.load_profile("steady")
 #: Modules that are slow as a whole: they compile kernels of several solvers, for many kinds of scenes, run studies or
 #: commands, or hundreds of random scenes.
 SLOW = {
-    "integrators": ["damping", "divergence", "equilibrium_stability", "events", "graph_histories", "graph_motion",
-                    "graph_properties", "interrupted", "modes", "modes_of_mechanisms", "motion", "promise",
-                    "properties", "rates"],
+    "discretise": ["interior_joints"],
+    "integrators": ["arc_length", "connected", "damping", "divergence", "equilibrium_stability", "events",
+                    "graph_histories", "graph_motion", "graph_properties", "interrupted", "memory", "modes",
+                    "modes_of_mechanisms", "motion", "nonconservative_statics", "promise", "properties", "rates",
+                    "stabilised_statics"],
     "model": ["typing"],
     "of_reference": ["exudyn", "exudyn_mechanisms", "motor_law", "slider_crank", "foreign_kinds", "global_dae",
                      "junctions", "peer_opensees",
                      "peer_pyelastica", "times"],
-    "of_studies": ["bench", "check", "check_of_cases", "command_lines", "conform", "convergence", "extremes",
+    "of_studies": ["bench", "check", "check_of_cases", "cluster", "command_lines", "conform", "convergence", "extremes",
                    "extremes_of_cases",
                    "failures", "fidelity", "fidelity_of_cases", "interruption",
-                   "page", "plugins", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "trade",
+                   "page", "plugins", "progress", "refinement", "report_of_cases", "single_run", "small_scenes", "studies", "sweeps", "trade",
                    "trade_of_cases", "recommend_anywhere", "width"],
-    "recursion": ["graphs", "random_graphs", "rigid"],
+    "recursion": ["free_stretch", "graphs", "lines", "random_graphs", "rigid"],
     "results": ["energy_check"],
 }  # fmt: skip
 

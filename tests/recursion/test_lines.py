@@ -153,7 +153,7 @@ def test_nothing_leaves_its_line_in_many_steps(how):
     run = {**STEPS[how][0], "t_end": 1000 * STEPS[how][0]["dt"]}
     s = at.solve(scene, mesh=4, output_dt=run["t_end"] / 10, **run)
     assert s.status.ok
-    assert off_line(s, scene.joints[1]) < 1e-15
+    assert off_line(s, scene.joints[1]) < 1e-14  # rounding of places of 1 m, which compilers differ in
     assert np.abs(s.energy.balance).max() < 1e-3 * s.energy.kinetic.max()
 
 
