@@ -110,7 +110,7 @@ def run(
 
     from studies.cases import find_case
     from studies.command_line.options import one, read_options, setup_of
-    from studies.engine.files import check_writable, file_name
+    from studies.engine.storage.files import check_writable, file_name
     from studies.single_run.printed import show
     from studies.single_run.study import run_case, write_run
 
@@ -157,7 +157,7 @@ def study(
 
     from studies.cases import chosen
     from studies.command_line.options import setup_of
-    from studies.engine.files import check_writable
+    from studies.engine.storage.files import check_writable
     from studies.engine.study import check_taken, find
     from studies.report.folder import write
     from studies.report.terminal import glance
@@ -198,7 +198,7 @@ def report(
 ) -> None:
     """Run every study and write one page; of a file those that take its cases."""
     from studies.cases import chosen
-    from studies.engine.files import check_writable, file_name
+    from studies.engine.storage.files import check_writable, file_name
     from studies.engine.study import asked, find
     from studies.report.folder import write
     from studies.report.page import BUILT_IN, Subject, write_page
@@ -314,7 +314,7 @@ def bench(
     from rich.console import Console
 
     from studies.benchmark import study as benchmark
-    from studies.engine.files import check_writable
+    from studies.engine.storage.files import check_writable
     from studies.report.folder import write
 
     check_writable(out)
@@ -368,8 +368,8 @@ def check(
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
 
-    from studies.engine.files import check_writable
     from studies.engine.processes import processors
+    from studies.engine.storage.files import check_writable
     from studies.regression import check as checking
     from studies.regression.report import show, write_check
     from studies.regression.scenes import tasks_of

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.constraints import Constraints, constraints_of
+from anctmm.discretise.junctions.constraints import Constraints, constraints_of
+from anctmm.discretise.junctions.vertices import Vertex
 from anctmm.discretise.plan import Kept, Plan
-from anctmm.discretise.vertices import Vertex
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import Junction

@@ -17,7 +17,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from anctmm.discretise.vertices import Vertex
+from anctmm.discretise.junctions.vertices import Vertex
 from anctmm.model.places import End
 
 #: What leads from a body's outboard node onwards: nothing, the place alone, or the place and all gradients.

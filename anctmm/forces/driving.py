@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.constraints import Drive
+from anctmm.discretise.junctions.constraints import Drive
 from anctmm.forces.actuation import Actuation
 from anctmm.model.drives import tabulate
 

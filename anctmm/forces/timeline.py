@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.constraints import Drive
+from anctmm.discretise.junctions.constraints import Drive
 from anctmm.forces.connectors import free_of
 from anctmm.forces.histories import (
     JUMP,

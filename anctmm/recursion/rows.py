@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.constraints import ONE, Constraints
+from anctmm.discretise.junctions.constraints import ONE, Constraints
 from anctmm.discretise.kept import KeptUnknowns
 from anctmm.jit.compiling import embedded
 from anctmm.recursion.sparse import Sparse, matrix_places

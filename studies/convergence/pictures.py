@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pandas as pd
 from matplotlib.figure import Figure
 
-from studies.engine.files import file_name
+from studies.engine.storage.files import file_name
 from studies.report.plots import DASHES, PALETTE, Picture, legend_below, log_ticks, picture
 
 MARKERS = "os^vD"

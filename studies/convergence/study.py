@@ -13,10 +13,10 @@ from studies.convergence.answers import answers
 from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
 from studies.engine.digits import Reading, at_probes, values_of
-from studies.engine.files import file_name
 from studies.engine.pictures import Film, Picture
 from studies.engine.refinement import STEP_ORDER, Part, Refined, Refinement, Setup
 from studies.engine.runner import Runner, mesh_label
+from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.report.animation import film

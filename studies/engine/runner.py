@@ -23,15 +23,15 @@ from anctmm.results.solution import Cost, Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver
-from studies.engine import provenance
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.spread import Came, Died, Spread, Wanted
 from studies.engine.running.team import Team
 from studies.engine.running.trial import STATIC, Mesh, Trial, guarded, label_of, mesh_label, performed
 from studies.engine.running.turns import Interval, Turns, at_work
 from studies.engine.running.worker import Answer, Errand, packed_job, packed_run, without_times
-from studies.engine.sources import OURS, Sources, module_of
-from studies.engine.store import Store
+from studies.engine.storage import provenance
+from studies.engine.storage.sources import OURS, Sources, module_of
+from studies.engine.storage.store import Store
 from studies.engine.timing import summarise
 
 __all__ = [

@@ -7,8 +7,8 @@ from math import isnan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from studies.engine import provenance
-from studies.engine.files import atomic_write
+from studies.engine.storage import provenance
+from studies.engine.storage.files import atomic_write
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -5,8 +5,8 @@ from math import inf
 import pandas as pd
 from matplotlib.figure import Figure
 
-from studies.engine.files import file_name
 from studies.engine.pictures import Picture
+from studies.engine.storage.files import file_name
 from studies.report.plots import INK, PALETTE, floor, legend_below, log_ticks, picture
 
 #: Characters of a label at most.

@@ -12,9 +12,9 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
-from studies.engine.files import file_name
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import STATIC, Mesh, Reference, Runner, Trial, mesh_label, row
+from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import ACCURACY, BUILD, Table, cpu_time
 from studies.fidelity.case_pictures import cost_picture

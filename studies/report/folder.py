@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from studies.engine.files import write_checksums
+from studies.engine.storage.files import write_checksums
 from studies.engine.study import Result
 from studies.engine.tables import write_machine, write_table
 from studies.report.plots import write_picture

@@ -9,10 +9,10 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from studies.engine import provenance
 from studies.engine.answers import answers_of
-from studies.engine.files import atomic_write
 from studies.engine.pictures import Film
+from studies.engine.storage import provenance
+from studies.engine.storage.files import atomic_write
 from studies.engine.study import Result
 from studies.engine.tables import MOST_ROWS
 from studies.report.plots import GRID, INK, PAPER, Picture

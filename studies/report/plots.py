@@ -23,8 +23,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from numpy.typing import NDArray
 
 from anctmm.results.solution import Solution
-from studies.engine.files import atomic_write
 from studies.engine.pictures import Picture
+from studies.engine.storage.files import atomic_write
 
 Array = NDArray[np.float64]
 Curve = tuple[Array, Array]

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from studies.engine.files import file_name
+from studies.engine.storage.files import file_name
 from studies.engine.tables import text
 from studies.report.error_pictures import ELEMENT_TITLES, RULE_COLOURS, SHORT
 from studies.report.plots import (

@@ -11,10 +11,10 @@ from anctmm.model.case import Case
 from studies.cases import assumptions_of
 from studies.engine.choices import written
 from studies.engine.dynamics import Sweep, check_mesh, sweep
-from studies.engine.files import file_name
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Outcome, Runner, Sample, Trial, row, sample_rows
 from studies.engine.running.turns import at_work
+from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise

@@ -24,7 +24,7 @@ def bar(name, start, end, material=STEEL):
 
 
 def pendulum(**body):
-    """A rigid body that hangs on a pin."""
+    """A rigid body that swings about a pin."""
     fields = {"mass": 2.0, "inertia": 0.05, "center": (0.0, -0.4), "points": {"pin": (0.0, 0.0)}}
     hanging = at.RigidBody("bob", **(fields | body))
     return at.Scene("pendulum", [hanging], [at.Pin("bob.pin")], gravity=(0, -G))

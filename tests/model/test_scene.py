@@ -13,8 +13,8 @@ from samples import B, C, beam, row_scene, run_of, scene_of
 import anctmm as at
 from anctmm import errors
 from anctmm.discretise.discretisation import element_length
+from anctmm.discretise.junctions.vertices import vertices_of
 from anctmm.discretise.plan import plan_of
-from anctmm.discretise.vertices import vertices_of
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
 from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, distance
 from anctmm.model.sections import Circle, Rectangle

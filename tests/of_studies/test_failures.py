@@ -25,9 +25,9 @@ from anctmm.solvers import registry
 from anctmm.solvers.registry import solver
 from reference import exudyn_cable, exudyn_reissner, global_dae
 from studies.cli import app
-from studies.engine.files import atomic_write, check_writable
 from studies.engine.runner import Reference, Runner, Trial, row
-from studies.engine.store import MAGIC, Store
+from studies.engine.storage.files import atomic_write, check_writable
+from studies.engine.storage.store import MAGIC, Store
 from studies.regression.check import BASELINES
 from studies.regression.history import CheckError, read_baseline
 from studies.scenes import cantilever_fall
@@ -510,7 +510,7 @@ def entry(here, spoil):
 
 def full_store(here):
     here.patch.setattr(
-        "studies.engine.files.os.fdopen", raising(OSError(errno.ENOSPC, "No space left on device"))
+        "studies.engine.storage.files.os.fdopen", raising(OSError(errno.ENOSPC, "No space left on device"))
     )
     store = Store(here.path)
     return noted(
@@ -531,7 +531,7 @@ def full_report(here):
 
 def unlocked(here):
     here.patch.setattr(
-        "studies.engine.store.FileLock.acquire", raising(OSError(errno.ENOLCK, "No locks available"))
+        "studies.engine.storage.store.FileLock.acquire", raising(OSError(errno.ENOLCK, "No locks available"))
     )
     store = Store(here.path)
     return noted(here, lambda note: [setattr(store, "note", note), store.remember("a", int)])

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from studies.cli import app
-from studies.engine.files import atomic_write
+from studies.engine.storage.files import atomic_write
 from studies.trade import recommend
 
 ROOT = Path(__file__).parents[2]

@@ -8,9 +8,9 @@ from functools import partial
 import pytest
 
 from anctmm.model.scene import Clamp
-from studies.engine import provenance
 from studies.engine.runner import Runner, Trial, case_key, classes, reproducible
-from studies.engine.sources import Sources, module_of
+from studies.engine.storage import provenance
+from studies.engine.storage.sources import Sources, module_of
 from studies.scenes import cantilever_fall, four_bar
 
 #: A package of several files that import one another in every way the language has.

@@ -113,7 +113,7 @@ def test_a_change_of_source_or_machine_repeats_a_run(tmp_path, monkeypatch):
     runner(tmp_path).sweep(cases(2))
     monkeypatch.setattr("studies.engine.runner.Sources.digest", lambda sources, *modules: "edited")
     runner(tmp_path).sweep(cases(2))
-    monkeypatch.setattr("studies.engine.provenance.stamp", lambda: "another machine")
+    monkeypatch.setattr("studies.engine.storage.provenance.stamp", lambda: "another machine")
     runner(tmp_path).sweep(cases(2))
     assert len(calls) == 6
 

@@ -19,12 +19,12 @@ from typer.testing import CliRunner
 from anctmm.errors import SolverError
 from anctmm.model.scene import Force
 from studies.cli import app
-from studies.engine import provenance
 from studies.engine.runner import Runner, product
 from studies.engine.running.pool import WorkerDied, WorkerPool
 from studies.engine.running.team import SweepError, team
 from studies.engine.running.turns import Turns
 from studies.engine.running.worker import NotSendable, OtherCode, packed_run, work
+from studies.engine.storage import provenance
 from studies.scenes import cantilever_fall
 
 LIMIT = 120.0

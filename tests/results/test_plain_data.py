@@ -16,7 +16,7 @@ from samples import bar
 import anctmm as at
 from anctmm.discretise.discretisation import NOT_GIVEN
 from anctmm.results.export.plain_data import NotPlain, decode, encode
-from studies.engine.store import MAGIC, Store
+from studies.engine.storage.store import MAGIC, Store
 
 
 class Pair(NamedTuple):

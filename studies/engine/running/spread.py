@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 from anctmm.errors import SolverError
 from studies.engine.running.team import SweepError, Team
 from studies.engine.running.worker import Answer, Errand, NotSendable, OtherCode, work
-from studies.engine.store import Claim, Store
+from studies.engine.storage.store import Claim, Store
 
 #: Runs that are out at once for each worker: one that it is at, one that it finds at hand then.
 AT_HAND = 2

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from anctmm.jit import cache_dir as storage
-from studies.engine import provenance
+from studies.engine.storage import provenance
 from studies.engine.timing import pinned
 
 try:

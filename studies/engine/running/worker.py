@@ -25,11 +25,11 @@ from anctmm.results.export.plain_data import NotPlain, decode, encode
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
-from studies.engine import provenance
 from studies.engine.running.case_text import classes
 from studies.engine.running.trial import Trial, guarded, performed
 from studies.engine.running.turns import Interval, Turns, at_work
-from studies.engine.sources import OURS, Sources, module_of
+from studies.engine.storage import provenance
+from studies.engine.storage.sources import OURS, Sources, module_of
 
 #: A name to a solver; None is the registry of installed solvers.
 Resolve = Callable[[str], Any] | None

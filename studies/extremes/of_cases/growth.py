@@ -13,8 +13,8 @@ from anctmm.model.bodies import Beam
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Force, Point, Scene
 from anctmm.results.solution import Solution
-from studies.engine.files import file_name
 from studies.engine.pictures import Picture
+from studies.engine.storage.files import file_name
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base, apart
 from studies.extremes.parts import Part

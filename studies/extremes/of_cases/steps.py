@@ -13,10 +13,10 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import largest_step
 from anctmm.integrators.static_start import coordinates_of
-from studies.engine.files import file_name
 from studies.engine.pictures import Picture
 from studies.engine.refinement import Refinement, Setup
 from studies.engine.runner import mesh_label
+from studies.engine.storage.files import file_name
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import TARGETS, Base, apart
 from studies.extremes.parts import Part

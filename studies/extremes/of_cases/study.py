@@ -6,8 +6,8 @@ import pandas as pd
 
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
-from studies.engine.files import file_name
 from studies.engine.runner import Runner
+from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base

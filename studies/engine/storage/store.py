@@ -12,7 +12,7 @@ from filelock import FileLock, Timeout
 from anctmm.errors import OutputError
 from anctmm.jit import cache_dir as storage
 from anctmm.results.export.plain_data import NotPlain, decode, encode
-from studies.engine.files import atomic_write
+from studies.engine.storage.files import atomic_write
 
 MAGIC = b"anctmm run 3\n"
 

@@ -1,0 +1,1 @@
+"""What meets at junctions: vertices of the graph of bodies, constraints between kept unknowns, loops that lock."""
