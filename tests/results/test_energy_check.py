@@ -8,7 +8,7 @@ from samples import bar
 
 import anctmm as at
 from anctmm.results.divergence_checks import checked
-from anctmm.results.energy_check import from_nowhere
+from anctmm.results.energy_check import absorbed, from_nowhere
 from anctmm.results.solution import Energy
 from reference import exudyn_cable, global_dae
 from studies.scenes import cantilever_fall, four_bar
@@ -231,3 +231,19 @@ def test_parts_of_all_energy():
     lost = Energy(np.array([1.0, 0.9, 0.5]), zero, zero, zero)
     assert from_nowhere(lost, 0.2).tolist() == [False, False, False]
     assert from_nowhere(lost, 0.2, lost=True).tolist() == [False, False, True]
+
+
+def test_energy_that_a_law_takes_as_it_is_made_is_seen():
+    """A step above the stability limit feeds a vibration that damping eats: what is there stays small."""
+    zero, growing = np.zeros(11), np.linspace(0.0, 6e5, 11)
+    damper = at.Spring("bar.end", (1.0, 1.0), stiffness=10.0, damping=0.1)
+    scene = replace(steel_bar(0.1), connectors=(damper,))
+    ours = at.solve(scene, mesh=1, dt=1e-6, t_end=1e-5, integrator="zhai")
+    assert ours.status.ok
+    energy = Energy(zero + 1.0, zero, zero, -growing)
+    assert absorbed(energy).tolist() == [growing[k] - growing[1] > 100.0 for k in range(11)]
+    told = checked(replace(ours, energy=energy))
+    assert told.status == "diverged"
+    assert "came from nowhere" in told.status.message
+    at_once = Energy(zero + 1.0, zero, zero, np.where(np.arange(11) > 0, -300.0, 0.0))
+    assert not absorbed(at_once).any()
