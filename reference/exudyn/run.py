@@ -238,7 +238,7 @@ def _common_settings(exu: Any, model: Model, solver: str) -> Any:
 
 
 def _settings(
-    exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float], newton: str
+    exu: Any, model: Model, run: Discretisation, tolerances: tuple[float, float], newton: str = "modified"
 ) -> Any:
     settings = _common_settings(exu, model, run.integrator)
     settings.solution.sensors.writePeriod = run.stride * run.t_end / run.steps
