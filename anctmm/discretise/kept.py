@@ -4,39 +4,27 @@ Of a rigid body they are r and t; of another kept vertex its place, unless that 
 groups, in the frame of the first end of each.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.junctions.constraints import Constraints, constraints_of
+from anctmm.discretise.junctions.constraints import Constraints, Situated, constraints_of
 from anctmm.discretise.junctions.vertices import Vertex
 from anctmm.discretise.plan import Kept, Plan
 from anctmm.model.places import End
-from anctmm.model.scene import Scene
-from anctmm.model.topology import Junction
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 
-class Passed(Protocol):
+class Passed(Situated, Protocol):
     """What is asked of a scene in the order of elimination; `anctmm.discretise.chain.Chain` has it."""
-
-    @property
-    def parts(self) -> Scene:
-        """The scene as it is passed."""
-        ...
-
-    @property
-    def junctions(self) -> Sequence[Junction]:
-        """Places where ends meet."""
-        ...
 
     @property
     def plan(self) -> Plan:
@@ -51,21 +39,6 @@ class Passed(Protocol):
     @property
     def prescribed(self) -> Mask:
         """Components whose motion is known, (rows, nodes)."""
-        ...
-
-    @property
-    def rigid(self) -> Mapping[str, None]:
-        """Names of the rigid bodies."""
-        ...
-
-    @property
-    def guided(self) -> Sequence[Any]:
-        """Places on lines in the ground that are eliminated like others."""
-        ...
-
-    @property
-    def length(self) -> float:
-        """Scale of positions, m."""
         ...
 
     def node(self, end: End) -> int:
