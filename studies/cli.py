@@ -260,8 +260,8 @@ def recommend(
     from studies.trade import recommend as advice
     from studies.trade.recommend_print import show, show_rerun, show_script
 
-    wish, limit = positive("--error", error), duration("--budget", budget)
-    if wish is None and limit is None:
+    target, limit = positive("--error", error), duration("--budget", budget)
+    if target is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
     narrow = read_options(elements, dt, solvers, quick)
     setup_of("anctmm", None, integrator)  # refuses what is not known
@@ -274,18 +274,18 @@ def recommend(
     measured = advice.read(table) if table is not None else advice.kept() if own is None else None
     if measured is None or (table is None and name not in set(measured.points["scene"])):
         own = own or find_case(name)
-        options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=wish)
+        options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=target)
         helped = partial(sweeping, workers=whole("--workers", workers), cluster=cluster)
         measured = _measured_case(own, options, helped)
     origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
     measured = replace(measured, points=advice.narrowed(measured.points, name, narrow, integrator))
-    choice = advice.choose(measured.points, name, wish, limit, element)
+    choice = advice.choose(measured.points, name, target, limit, element)
     console = Console()
-    show(choice, measured.origin, advice.models_apart(measured, name, wish), console)
+    show(choice, measured.origin, advice.models_apart(measured, name, target), console)
     show_script(advice.script(choice.line, origin), console)
     if rerun:
-        again = advice.rerun(choice.line, measured.histories, wish, choice.reached, origin)
-        show_rerun(again, choice, wish, console)
+        again = advice.rerun(choice.line, measured.histories, target, choice.reached, origin)
+        show_rerun(again, choice, target, console)
         if not again.met:
             raise typer.Exit(Code.DIFFERS)
     if not choice.reached:

@@ -16,12 +16,12 @@ from anctmm.discretise.mesh import BodyMesh
 from anctmm.elements.dispatch import (
     BOTH,
     KERNELS,
-    blend_of,
     components,
     element_damping,
     element_energy,
     element_forces,
     element_tangents,
+    formulations_of,
 )
 from anctmm.elements.kinds import CABLE, Element
 from anctmm.elements.shear_kernel import BLOCK
@@ -42,7 +42,7 @@ class Tables(NamedTuple):
     """What kernels need of `Bodies`, under the names it has there."""
 
     first: Ints
-    blend: tuple[int, ...]
+    formulations: tuple[int, ...]
     kinds: Ints
     constants: Array
     masses: Array
@@ -96,9 +96,9 @@ class Bodies:
         return np.array([any_one if m.kernels is None else m.kernels for m in self.meshes], dtype=np.int64)
 
     @cached_property
-    def blend(self) -> tuple[int, ...]:
+    def formulations(self) -> tuple[int, ...]:
         """CABLES, SHEARS or BOTH, whose type tells the compiler which kinds of element there are."""
-        return blend_of(self.kinds.tolist())
+        return formulations_of(self.kinds.tolist())
 
     @cached_property
     def constants(self) -> Array:
@@ -192,7 +192,7 @@ class Bodies:
 
     def tables(self) -> Tables:
         """Arrays for kernels, with a buffer of their own."""
-        return Tables(self.first, self.blend, self.kinds, self.constants, self.masses, self.buffer())
+        return Tables(self.first, self.formulations, self.kinds, self.constants, self.masses, self.buffer())
 
     def buffer(self) -> Array:
         """Scratch of the force kernels: forces of a window, and behind them those that it hands to the next."""
@@ -200,7 +200,7 @@ class Bodies:
 
 
 @embedded
-def window_forces(blend, q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
+def window_forces(formulations, q, start, end, body, first, kinds, constants, buffer):  # type: ignore[no-untyped-def]
     """Elastic forces of the elements behind nodes start … end − 1, at most BLOCK, of all bodies that lie there.
 
     Parameters
@@ -210,7 +210,7 @@ def window_forces(blend, q, start, end, body, first, kinds, constants, buffer): 
         The last node of a body has no element behind it: its forces are zero.
     body : int
         Where node `start` lies.
-    blend, first, kinds, constants
+    formulations, first, kinds, constants
         Of `Bodies`.
     buffer : ndarray, shape (12 * BLOCK + 6,)
         Written: component k of the force on node I of the element behind node i at k BLOCK + i − start, on node O at
@@ -222,8 +222,8 @@ def window_forces(blend, q, start, end, body, first, kinds, constants, buffer): 
         count = min(last, end) - node
         if count > 0:
             kind = kinds[body]
-            element_forces(blend, kind, q, node, count, constants[body], buffer[node - start :])
-            for k in range(components(blend, kind), q.shape[0]):  # of a cable among shear elements
+            element_forces(formulations, kind, q, node, count, constants[body], buffer[node - start :])
+            for k in range(components(formulations, kind), q.shape[0]):  # of a cable among shear elements
                 for j in range(node - start, node - start + count):
                     buffer[k * BLOCK + j] = buffer[(6 + k) * BLOCK + j] = 0.0
             node += count
@@ -291,13 +291,19 @@ def _gather(start, end, buffer, f):  # type: ignore[no-untyped-def]
 
 @kernel
 def elastic_forces(
-    blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array, buffer: Array, f: Array
+    formulations: tuple[int, ...],
+    q: Array,
+    first: Ints,
+    kinds: Ints,
+    constants: Array,
+    buffer: Array,
+    f: Array,
 ) -> None:
     """Elastic forces on all nodes, the gradient of the strain energy.
 
     Parameters
     ----------
-    blend, first, kinds, constants
+    formulations, first, kinds, constants
         Of `Bodies`.
     q : ndarray, shape (rows, nodes)
     buffer : ndarray, shape (12 * BLOCK + 6,)
@@ -309,14 +315,14 @@ def elastic_forces(
     body, nodes = FIRST_BODY, q.shape[1]
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
-        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
+        window_forces(formulations, q, start, end, body, first, kinds, constants, buffer)
         body = body_after(end, body, first)
         _gather(start, end, buffer, f)
 
 
 @kernel
 def resist(
-    blend: tuple[int, ...],
+    formulations: tuple[int, ...],
     q: Array,
     v: Array,
     first: Ints,
@@ -330,7 +336,7 @@ def resist(
 
     Parameters
     ----------
-    blend, first, kinds, constants, damping
+    formulations, first, kinds, constants, damping
         Of `Bodies`.
     q, v, f : ndarray, shape (rows, nodes)
     buffer : ndarray, shape (12 * BLOCK + 6,)
@@ -346,8 +352,8 @@ def resist(
         last = first[b + 1] - 1
         for node in range(first[b], last if damping[b] > 0.0 else first[b], BLOCK):
             count = min(BLOCK, last - node)
-            element_damping(blend, kinds[b], q, v, node, count, constants[b], damping[b], buffer)
-            for k in range(components(blend, kinds[b])):
+            element_damping(formulations, kinds[b], q, v, node, count, constants[b], damping[b], buffer)
+            for k in range(components(formulations, kinds[b])):
                 for j in range(count):
                     one, two = buffer[k * BLOCK + j], buffer[(6 + k) * BLOCK + j]
                     power += one * v[k, node + j] + two * v[k, node + j + 1]
@@ -357,13 +363,15 @@ def resist(
 
 
 @kernel
-def strain_energy(blend: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array) -> float:
+def strain_energy(
+    formulations: tuple[int, ...], q: Array, first: Ints, kinds: Ints, constants: Array
+) -> float:
     """Strain energy of all bodies, J."""
     total = 0.0
     for b in range(len(kinds)):
         count = first[b + 1] - 1 - first[b]
         if count > 0:
-            total += element_energy(blend, kinds[b], q, first[b], count, constants[b])
+            total += element_energy(formulations, kinds[b], q, first[b], count, constants[b])
     return total
 
 
@@ -402,13 +410,13 @@ def kinetic_energy(v: Array, first: Ints, masses: Array) -> float:
 
 @kernel
 def block_tangents(
-    blend: tuple[int, ...], q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array
+    formulations: tuple[int, ...], q: Array, node: int, count: int, kind: int, constants: Array, buffer: Array
 ) -> None:
     """Tangents of `count` ≤ TANGENT_BLOCK elements of one kind from a node on.
 
     Parameters
     ----------
-    blend : tuple of int
+    formulations : tuple of int
         Of `Bodies`.
     q : ndarray, shape (rows, nodes)
     node, count : int
@@ -419,7 +427,7 @@ def block_tangents(
     buffer : ndarray, shape (TANGENT_BUFFER,)
         Written, as `tangent_blocks` tells.
     """
-    element_tangents(blend, kind, q, node, count, constants, buffer)
+    element_tangents(formulations, kind, q, node, count, constants, buffer)
 
 
 @kernel

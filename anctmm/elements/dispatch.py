@@ -18,17 +18,17 @@ KERNELS: Mapping[int, ModuleType] = {CABLE: cable_kernel, SHEAR: shear_kernel}
 CABLES, SHEARS, BOTH = (0,), (0, 0), (0, 0, 0)
 
 
-def blend_of(numbers: Iterable[int]) -> tuple[int, ...]:
+def formulations_of(numbers: Iterable[int]) -> tuple[int, ...]:
     """CABLES, SHEARS or BOTH: what tells the compiler which kernels are needed."""
     return (0,) * sum(2**number for number in set(numbers))
 
 
-def components(blend, kind):  # type: ignore[no-untyped-def]
+def components(formulations, kind):  # type: ignore[no-untyped-def]
     """Components of a node of an element: 4 of a cable, 6 of a shear element."""
     return 6 if kind == SHEAR else 4
 
 
-def element_forces(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+def element_forces(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     """Elastic forces of a row of elements of one kind, as `shear_kernel.forces` gives them."""
     if kind == SHEAR:
         shear_kernel.forces(q, node, count, constants, out)
@@ -36,7 +36,7 @@ def element_forces(blend, kind, q, node, count, constants, out):  # type: ignore
         cable_kernel.forces(q, node, count, constants, out)
 
 
-def element_tangents(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+def element_tangents(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     """Tangents of a row of elements of one kind, as `shear_kernel.tangents` gives them."""
     if kind == SHEAR:
         shear_kernel.tangents(q, node, count, constants, out)
@@ -44,14 +44,14 @@ def element_tangents(blend, kind, q, node, count, constants, out):  # type: igno
         cable_kernel.tangents(q, node, count, constants, out)
 
 
-def element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+def element_energy(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
     """Strain energy of a row of elements of one kind, J."""
     if kind == SHEAR:
         return shear_kernel.energy(q, node, count, constants)
     return cable_kernel.energy(q, node, count, constants)
 
 
-def element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+def element_damping(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Damping forces of a row of elements of one kind, as `shear_kernel.damping_forces` gives them."""
     if kind == SHEAR:
         shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
@@ -60,56 +60,56 @@ def element_damping(blend, kind, q, v, node, count, constants, damping, out):  #
 
 
 def _choose(
-    blend: Any, cables: Callable[..., Any], shears: Callable[..., Any], both: Callable[..., Any]
+    formulations: Any, cables: Callable[..., Any], shears: Callable[..., Any], both: Callable[..., Any]
 ) -> Any:
-    """The implementation for the type of a blend."""
-    return (cables, shears, both)[blend.count - 1]
+    """The implementation for the type of a formulations."""
+    return (cables, shears, both)[formulations.count - 1]
 
 
 @chosen_by_types(components)
-def _components(blend, kind):  # type: ignore[no-untyped-def]
-    return _choose(blend, lambda blend, kind: 4, lambda blend, kind: 6, components)
+def _components(formulations, kind):  # type: ignore[no-untyped-def]
+    return _choose(formulations, lambda formulations, kind: 4, lambda formulations, kind: 6, components)
 
 
 @chosen_by_types(element_forces)
-def _element_forces(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-    def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+def _element_forces(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def cables(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         cable_kernel.forces(q, node, count, constants, out)
 
-    def shears(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def shears(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         shear_kernel.forces(q, node, count, constants, out)
 
-    return _choose(blend, cables, shears, element_forces)
+    return _choose(formulations, cables, shears, element_forces)
 
 
 @chosen_by_types(element_tangents)
-def _element_tangents(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-    def cables(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+def _element_tangents(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def cables(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         cable_kernel.tangents(q, node, count, constants, out)
 
-    def shears(blend, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+    def shears(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
         shear_kernel.tangents(q, node, count, constants, out)
 
-    return _choose(blend, cables, shears, element_tangents)
+    return _choose(formulations, cables, shears, element_tangents)
 
 
 @chosen_by_types(element_energy)
-def _element_energy(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
-    def cables(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+def _element_energy(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+    def cables(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
         return cable_kernel.energy(q, node, count, constants)
 
-    def shears(blend, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+    def shears(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
         return shear_kernel.energy(q, node, count, constants)
 
-    return _choose(blend, cables, shears, element_energy)
+    return _choose(formulations, cables, shears, element_energy)
 
 
 @chosen_by_types(element_damping)
-def _element_damping(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
-    def cables(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+def _element_damping(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    def cables(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
         cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
 
-    def shears(blend, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+    def shears(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
         shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
 
-    return _choose(blend, cables, shears, element_damping)
+    return _choose(formulations, cables, shears, element_damping)

@@ -28,21 +28,21 @@ Ints = NDArray[np.int64]
 
 
 @writes("motion", "reaction", "memory")
-class Hubs(NamedTuple):
+class DrivenClamps(NamedTuple):
     """Turning clamps, for kernels.
 
     Parameters
     ----------
-    nodes : ndarray of int, shape (hubs,)
+    nodes : ndarray of int, shape (clamps,)
     of : ndarray of int, shape (2, bodies)
         Driven clamp at the first and at the last node of each body, or −1.
-    reference : ndarray, shape (hubs, rows)
+    reference : ndarray, shape (clamps, rows)
         Coordinates of the nodes before they turn.
-    motion : ndarray, shape (3, hubs, rows)
+    motion : ndarray, shape (3, clamps, rows)
         Coordinates and their two derivatives now.
-    reaction : ndarray, shape (hubs, rows)
+    reaction : ndarray, shape (clamps, rows)
         Generalized forces that turn them now.
-    memory : ndarray, shape (2, hubs, rows)
+    memory : ndarray, shape (2, clamps, rows)
         Forces and coordinates at the last call of `work_done`.
     """
 
@@ -56,7 +56,7 @@ class Hubs(NamedTuple):
 
 @dataclass(frozen=True)
 class Actuation:
-    """Driven clamps (hubs, in names) and varying loads of a scene.
+    """Driven clamps and varying loads of a scene.
 
     Parameters
     ----------
@@ -87,16 +87,18 @@ class Actuation:
         """Numbers that the tables of driven clamps and loads hold for each time."""
         return 3 * len(self.driven) + self.load_table(np.zeros(1)).size
 
-    def hubs(self) -> Hubs:
+    def clamps(self) -> DrivenClamps:
         """Driven clamps for kernels, with a memory of their own."""
         first, rows, n = self.bodies.first, self.bodies.rows, len(self.driven)
         nodes = np.array([self.bodies.node(*end) for end, _ in self.driven], dtype=np.int64)
         ends = np.stack([first[:-1], first[1:] - 1])
         of = np.full(ends.shape, -1, dtype=np.int64)
-        for hub, node in enumerate(nodes):
-            of[ends == node] = hub
+        for clamp, node in enumerate(nodes):
+            of[ends == node] = clamp
         reference = np.ascontiguousarray(self.bodies.reference()[:, nodes].T)
-        return Hubs(nodes, of, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows)))
+        return DrivenClamps(
+            nodes, of, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows))
+        )
 
     def loads(self) -> Loads:
         """Varying loads and connectors for kernels, with a memory of their own."""
@@ -105,8 +107,8 @@ class Actuation:
             count_turns(loads.connectors, q)
         return loads
 
-    def hub_table(self, t: Array) -> Array:
-        """Angle, rate and acceleration of each driven clamp at times `t`, (n, hubs, 3)."""
+    def clamp_table(self, t: Array) -> Array:
+        """Angle, rate and acceleration of each driven clamp at times `t`, (n, clamps, 3)."""
         tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for _, c in self.driven]  # type: ignore[arg-type]
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
@@ -130,63 +132,65 @@ def _clock(t: Array) -> Array:
 
 
 @kernel
-def turn_hubs(hubs: Hubs, drives: Array) -> None:
-    """Motion of the driven clamps' nodes from angle, rate and acceleration, (hubs, 3)."""
-    for h in range(len(hubs.nodes)):
+def turn_clamps(clamps: DrivenClamps, drives: Array) -> None:
+    """Motion of the driven clamps' nodes from angle, rate and acceleration, (clamps, 3)."""
+    for h in range(len(clamps.nodes)):
         c, s = np.cos(drives[h, 0]), np.sin(drives[h, 0])
         w, a = drives[h, 1], drives[h, 2]
         for k in range(2):
-            hubs.motion[0, h, k] = hubs.reference[h, k]
-        for k in range(2, hubs.reference.shape[1], 2):
-            x, y = hubs.reference[h, k], hubs.reference[h, k + 1]
+            clamps.motion[0, h, k] = clamps.reference[h, k]
+        for k in range(2, clamps.reference.shape[1], 2):
+            x, y = clamps.reference[h, k], clamps.reference[h, k + 1]
             gx, gy = c * x - s * y, s * x + c * y
-            hubs.motion[0, h, k], hubs.motion[0, h, k + 1] = gx, gy
-            hubs.motion[1, h, k], hubs.motion[1, h, k + 1] = -w * gy, w * gx
-            hubs.motion[2, h, k], hubs.motion[2, h, k + 1] = -a * gy - w * w * gx, a * gx - w * w * gy
+            clamps.motion[0, h, k], clamps.motion[0, h, k + 1] = gx, gy
+            clamps.motion[1, h, k], clamps.motion[1, h, k + 1] = -w * gy, w * gx
+            clamps.motion[2, h, k], clamps.motion[2, h, k + 1] = -a * gy - w * w * gx, a * gx - w * w * gy
 
 
 @kernel
-def place_hubs(q: Array, v: Array, hubs: Hubs) -> None:
+def place_clamps(q: Array, v: Array, clamps: DrivenClamps) -> None:
     """Give the driven clamps' nodes the positions and velocities of their motion."""
-    for h in range(len(hubs.nodes)):
+    for h in range(len(clamps.nodes)):
         for k in range(q.shape[0]):
-            q[k, hubs.nodes[h]] = hubs.motion[0, h, k]
-            v[k, hubs.nodes[h]] = hubs.motion[1, h, k]
+            q[k, clamps.nodes[h]] = clamps.motion[0, h, k]
+            v[k, clamps.nodes[h]] = clamps.motion[1, h, k]
 
 
 @kernel
-def hub_reactions(q: Array, a: Array, f: Array, tables: Tables, hubs: Hubs) -> None:
+def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: DrivenClamps) -> None:
     """Generalized forces that turn the driven clamps, M a + F_elastic − f of their nodes."""
     one = len(tables.first) - len(
         tables.kinds
     )  # not a literal, for which the element kernels would be compiled again
-    for b in range(len(tables.kinds) if len(hubs.nodes) > 0 else 0):
+    for b in range(len(tables.kinds) if len(clamps.nodes) > 0 else 0):
         for side in range(2):
-            hub, m = hubs.of[side, b], tables.masses[b]
-            if hub < 0:
+            clamp, m = clamps.of[side, b], tables.masses[b]
+            if clamp < 0:
                 continue
             node = tables.first[b] if side == 0 else tables.first[b + 1] - 1
             i = node - side
-            element_forces(tables.blend, tables.kinds[b], q, i, one, tables.constants[b], tables.buffer)
-            for k in range(components(tables.blend, tables.kinds[b])):
+            element_forces(
+                tables.formulations, tables.kinds[b], q, i, one, tables.constants[b], tables.buffer
+            )
+            for k in range(components(tables.formulations, tables.kinds[b])):
                 r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):
                     r += (
                         m[3 * side + k // 2, n // 2] * a[n, i]
                         + m[3 * side + k // 2, 3 + n // 2] * a[n, i + 1]
                     )
-                hubs.reaction[hub, k] = r
+                clamps.reaction[clamp, k] = r
 
 
 @kernel
-def work_done(moving: bool, q: Array, hubs: Hubs, loads: Loads, values: Array) -> float:
+def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
     """Work of driven clamps and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
     work = 0.0
-    for h in range(len(hubs.nodes)):
+    for h in range(len(clamps.nodes)):
         for k in range(q.shape[0]):
-            force, place = hubs.reaction[h, k], q[k, hubs.nodes[h]]
+            force, place = clamps.reaction[h, k], q[k, clamps.nodes[h]]
             if moving:
-                work += 0.5 * (force + hubs.memory[0, h, k]) * (place - hubs.memory[1, h, k])
-            hubs.memory[0, h, k], hubs.memory[1, h, k] = force, place
+                work += 0.5 * (force + clamps.memory[0, h, k]) * (place - clamps.memory[1, h, k])
+            clamps.memory[0, h, k], clamps.memory[1, h, k] = force, place
     work += loads_work(moving, q, loads, values)
     return work

@@ -26,9 +26,9 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import (
-    Hubs,
-    hub_reactions,
-    turn_hubs,
+    DrivenClamps,
+    clamp_reactions,
+    turn_clamps,
     work_done,
 )
 from anctmm.forces.driving import drive_table, drive_width
@@ -77,7 +77,7 @@ class System(NamedTuple):
     tables: Tables
     links: Links
     factors: BlockFactors
-    hubs: Hubs
+    clamps: DrivenClamps
     loads: Loads
     newton: Newton
     damping: Damping | None
@@ -94,7 +94,7 @@ def integrate(chain: Chain) -> Solution:
     run = chain.run
     actuation, record = once(chain, actuation_of), Record(chain)
     system = own(chain, _system)
-    state, newton, hubs = system.state, system.newton, system.hubs
+    state, newton, clamps = system.state, system.newton, system.clamps
     out, single = record.arrays(), system.factors.L.dtype == np.float32
     of_step = once(chain, _coefficients)
 
@@ -115,7 +115,7 @@ def integrate(chain: Chain) -> Solution:
     once(chain, compiles, what=advance)
     record.start()
     drives = drive_table(chain, actuation, np.zeros(1))[0]
-    start(state, hubs, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
+    start(state, clamps, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
 
     def so_far(kept: int, status: Status, steps: int) -> Solution:
         return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
@@ -130,11 +130,11 @@ def integrate(chain: Chain) -> Solution:
 
 def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts:
     """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
-    state, tables, links, factors, hubs, loads, newton, _ = system
+    state, tables, links, factors, clamps, loads, newton, _ = system
     aside, here = parts(state, c, tables, links, factors, loads, newton)
     outside = [
-        (hub_reactions, (state.q, state.w, state.f, tables, hubs)),
-        (work_done, (True, state.q, hubs, loads, values)),
+        (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
+        (work_done, (True, state.q, clamps, loads, values)),
         (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
     ]
     return [*outside, *aside], here
@@ -148,7 +148,7 @@ def _system(chain: Chain) -> System:
         chain.bodies.tables(),
         links(chain),
         block_factors(chain, single_will_do(chain)),
-        actuation.hubs(),
+        actuation.clamps(),
         actuation.loads(),
         new_newton(chain),
         new_damping(chain),
@@ -170,12 +170,12 @@ def advance(
     tables: Tables,
     links: Links,
     factors: BlockFactors,
-    hubs: Hubs,
+    clamps: DrivenClamps,
     loads: Loads,
     newton: Newton,
     out: Output,
     damping: Damping | None,
-    hub_table: Array,
+    clamp_table: Array,
     load_table: Array,
 ) -> int:
     """From step `begin` to step `end`; the step whose Newton iteration failed, or −1.
@@ -186,13 +186,13 @@ def advance(
     """
     q, v, _, w, _, _, f, _, _, flat = state
     _, flat_v, flat_a, flat_w, _, flat_before = flat
-    driven = len(hubs.nodes) + len(loads.touched) > 0
+    driven = len(clamps.nodes) + len(loads.touched) > 0
     unfinished, first = False, max(begin, 0)
     for step in range(begin, end):
         if driven and step >= 0:
             values = load_table[step - first]
-            hub_reactions(q, w, f, tables, hubs)
-            out.work[0] += work_done(step > 0, q, hubs, loads, values)
+            clamp_reactions(q, w, f, tables, clamps)
+            out.work[0] += work_done(step > 0, q, clamps, loads, values)
         if step >= 0:
             out.work[0] += work_of_drives(factors.loops, step > 0, q)
         if step >= 0 and (step % stride == 0 or step == steps):
@@ -207,15 +207,15 @@ def advance(
             break
         begin_step(unfinished, flat, coefficients)
         if driven:
-            turn_hubs(hubs, hub_table[step + 1 - first])
-        set_drives(factors.loops, hub_table[step + 1 - first], len(hubs.nodes))
+            turn_clamps(clamps, clamp_table[step + 1 - first])
+        set_drives(factors.loops, clamp_table[step + 1 - first], len(clamps.nodes))
         if not solve_step(
             state,
             coefficients,
             tables,
             links,
             factors,
-            hubs,
+            clamps,
             loads,
             load_table[step + 1 - first],
             newton,

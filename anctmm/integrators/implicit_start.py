@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables
-from anctmm.forces.actuation import Hubs, place_hubs, turn_hubs
+from anctmm.forces.actuation import DrivenClamps, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
 from anctmm.forces.loads import Loads, set_loads
 from anctmm.integrators.implicit_step import Damping, State, add_damping_forces, copy, dissipated
@@ -28,7 +28,7 @@ REFINED = 4
 
 def start(
     state: State,
-    hubs: Hubs,
+    clamps: DrivenClamps,
     drives: Array,
     newton: Newton,
     solve: Callable[[Newton], int],
@@ -40,8 +40,8 @@ def start(
     ----------
     state : State
         w and a are written, and at driven nodes q and v.
-    hubs : Hubs
-    drives : ndarray, shape (hubs, 3)
+    clamps : DrivenClamps
+    drives : ndarray, shape (clamps, 3)
         Angle, rate and acceleration of each at t = 0.
     newton : Newton
         What it counted is forgotten.
@@ -50,9 +50,9 @@ def start(
     single : bool
         Whether factors are kept in single precision: then the solution is refined.
     """
-    uncompiled(turn_hubs)(hubs, drives)
-    for field, motion in zip((state.q, state.v, state.w), hubs.motion, strict=True):
-        field[:, hubs.nodes] = motion.T
+    uncompiled(turn_clamps)(clamps, drives)
+    for field, motion in zip((state.q, state.v, state.w), clamps.motion, strict=True):
+        field[:, clamps.nodes] = motion.T
     newton.counts[2] = 1
     for _ in range(REFINED if single else 1):
         solve(newton._replace(tolerance=np.inf))
@@ -65,15 +65,15 @@ def balance(
     tables: Tables,
     links: Links,
     factors: BlockFactors,
-    hubs: Hubs,
+    clamps: DrivenClamps,
     loads: Loads,
     drives: Array,
     values: Array,
     damping: Damping | None,
 ) -> None:
     """True accelerations of the present state, w and a, by other kernels: where a run starts anew between two steps."""
-    turn_hubs(hubs, drives)
-    place_hubs(state.q, state.v, hubs)
+    turn_clamps(clamps, drives)
+    place_clamps(state.q, state.v, clamps)
     set_loads(state.q, state.f, state.dead, loads, values)
     if damping is not None:
         _, flat_v, _, _, _, _ = state.flat
@@ -81,10 +81,10 @@ def balance(
         add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
         dissipated(state.q, state.q, damping)
     add_connectors(loads.connectors, state.q, state.v, values, state.f)
-    set_drives(factors.loops, drives, len(hubs.nodes))
+    set_drives(factors.loops, drives, len(clamps.nodes))
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
-    ask_anew(factors, factors.loops, len(hubs.nodes), drives, state.q, state.v, state.w_before)
-    by_blocks(state.q, state.f, tables, hubs, factors, state.w_before, state.w)
+    ask_anew(factors, factors.loops, len(clamps.nodes), drives, state.q, state.v, state.w_before)
+    by_blocks(state.q, state.f, tables, clamps, factors, state.w_before, state.w)
     take_anew(factors.loops)
     _, _, flat_a, flat_w, _, _ = state.flat
     copy(flat_w, flat_a)

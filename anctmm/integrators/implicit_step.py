@@ -147,14 +147,14 @@ def velocities_at_end(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def
 @inlined
 def add_damping_forces(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no-untyped-def]
     """External forces and damping forces at the velocities of `damping`."""
-    first, blend, kinds, constants, _, buffer = tables
+    first, formulations, kinds, constants, _, buffer = tables
     force = damping.force[0]
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] = dead[k, i]
             force[k, i] = 0.0
     set_loads(q, f, dead, loads, load_values)
-    resist(blend, q, damping.v, first, kinds, constants, damping.of, buffer, force)
+    resist(formulations, q, damping.v, first, kinds, constants, damping.of, buffer, force)
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] += force[k, i]

@@ -121,7 +121,7 @@ def parts(
 
 
 @inlined
-def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
+def solve_step(state, coefficients, tables, links, factors, clamps, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
     """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton."""
     q, w = state.q, state.w
     flat_q, flat_v, flat_a, flat_w, was, had = state.flat
@@ -130,7 +130,7 @@ def solve_step(state, coefficients, tables, links, factors, hubs, loads, load_va
         if not solved:
             if full == 1:
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
-            _drag(q, w, hubs.nodes, hubs.motion, coefficients)
+            _drag(q, w, clamps.nodes, clamps.motion, coefficients)
             hold_on_lines(links.turned, q, w, coefficients)
             solved = _newton(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
@@ -204,7 +204,7 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
 @embedded
 def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
-    first, blend, kinds, constants, masses, buffer = tables
+    first, formulations, kinds, constants, masses, buffer = tables
     unit, L, _, wide, work, _, places, _ = factors
     d, body, nodes, place = len(unit), FIRST_BODY, q.shape[1], 0
     last = 12 * BLOCK
@@ -212,7 +212,7 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
     start_sweep(unit, loops, work)
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
-        window_forces(blend, q, start, end, body, first, kinds, constants, buffer)
+        window_forces(formulations, q, start, end, body, first, kinds, constants, buffer)
         window_inertia(w, 1.0, start, end, body, first, masses, buffer)
         body = body_after(end, body, first)
         begin = start

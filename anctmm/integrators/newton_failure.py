@@ -13,7 +13,7 @@ from anctmm.discretise.joined import Joined
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.forces.actuation import (
     Actuation,
-    turn_hubs,
+    turn_clamps,
 )
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
@@ -80,18 +80,18 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
         return ()
     bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.parts, chain.bodies)
     c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
-    now, hubs, loads = np.array([t]), actuation.hubs(), actuation.loads()
+    now, clamps, loads = np.array([t]), actuation.clamps(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
     force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))
     factors, damping = block_factors(chain), new_damping(chain)
     matrix = tables if damping is None else damping.stiff
-    turn_hubs(hubs, actuation.hub_table(now)[0])
+    turn_clamps(clamps, actuation.clamp_table(now)[0])
     a, w = state.a, state.w_before.copy()
     new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
     q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * a + c.beta * new)
-    for h, i in enumerate(hubs.nodes):
-        w[:, i] += c.to_w * (hubs.motion[0, h] - q[:, i])
-        q[:, i] = hubs.motion[0, h]
+    for h, i in enumerate(clamps.nodes):
+        w[:, i] += c.to_w * (clamps.motion[0, h] - q[:, i])
+        q[:, i] = clamps.motion[0, h]
     found: list[float] = []
     with np.errstate(all="ignore"):
         while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():
@@ -101,7 +101,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
                 new = ((1.0 - c.alpha_f) * w + c.alpha_f * state.w_before - c.alpha_m * a) / (1.0 - c.alpha_m)
                 v = state.v + c.h * ((1.0 - c.gamma) * a + c.gamma * new)
                 resist(
-                    tables.blend,
+                    tables.formulations,
                     q,
                     v,
                     tables.first,
@@ -114,7 +114,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
             end_velocities(loads.connectors, state.v, a, w, state.w_before, c)
             add_connectors_at_end(loads.connectors, q, values, force)
             elastic_forces(
-                tables.blend, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
+                tables.formulations, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
             )
             mass_product(w, tables.first, tables.masses, tables.buffer, inertia)
             residual = force - elastic - inertia

@@ -259,6 +259,6 @@ def keep(
         for i in range(q.shape[1]):
             out.q[place, k, i], out.v[place, k, i], out.a[place, k, i] = q[k, i], v[k, i], a[k, i]
     out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
-    out.energy[place, 1] = strain_energy(tables.blend, q, tables.first, tables.kinds, tables.constants)
+    out.energy[place, 1] = strain_energy(tables.formulations, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 1] += connectors_energy(connectors)
     out.energy[place, 2] = out.work[0]

@@ -79,7 +79,7 @@ def highest_frequency(
     connected = Connected(chain)
 
     def force(at: Array, out: Array) -> None:
-        elastic_forces(bodies.blend, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
+        elastic_forces(bodies.formulations, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
         connected.subtract(q, at, damping, out)
 
     def stiffness(x: Array) -> Array:

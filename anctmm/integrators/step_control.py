@@ -31,7 +31,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.maps import push_alike
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
-from anctmm.forces.actuation import Actuation, Hubs, hub_reactions, turn_hubs, work_done
+from anctmm.forces.actuation import Actuation, DrivenClamps, clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import driven_connectors, has_clock, measure, slopes
 from anctmm.forces.driving import drives_of
 from anctmm.forces.loads import Loads, load_at
@@ -252,7 +252,7 @@ def _march(
         bodies.tables(),
         links(chain),
         factors,
-        actuation.hubs(),
+        actuation.clamps(),
         actuation.loads(),
         newton,
         out,
@@ -306,7 +306,7 @@ def advance(
     tables: Tables,
     links: Links,
     factors: BlockFactors,
-    hubs: Hubs,
+    clamps: DrivenClamps,
     loads: Loads,
     newton: Newton,
     out: Output,
@@ -326,9 +326,9 @@ def advance(
         while True:
             if start:  # the motion starts, or starts anew after a jump
                 set_actions(pieces, t, True, angles[1], values[1])
-                balance(state, tables, links, factors, hubs, loads, angles[1], values[1], None)
-                hub_reactions(q, w, state.f, tables, hubs)
-                work_done(False, q, hubs, loads, values[1])
+                balance(state, tables, links, factors, clamps, loads, angles[1], values[1], None)
+                clamp_reactions(q, w, state.f, tables, clamps)
+                work_done(False, q, clamps, loads, values[1])
                 work_of_drives(factors.loops, False, q)
                 newton.counts[1] += 1
                 newton.counts[2] = 1
@@ -353,7 +353,7 @@ def advance(
                 break
             if last > 0.0 and h != last:
                 if constrained(factors.loops):
-                    balance(state, tables, links, factors, hubs, loads, angles[1], values[1], None)
+                    balance(state, tables, links, factors, clamps, loads, angles[1], values[1], None)
                     newton.counts[1] += 1
                     newton.counts[2] = 1
                     first = True
@@ -365,17 +365,17 @@ def advance(
             _copy_actions(angles, values, 1, 0)
             final = t + h > stop - 0.5 * h
             set_actions(pieces, stop if final else t + h, False, angles[1], values[1])
-            turn_hubs(hubs, angles[1])
-            set_drives(factors.loops, angles[1], len(hubs.nodes))
+            turn_clamps(clamps, angles[1])
+            set_drives(factors.loops, angles[1], len(clamps.nodes))
             if abs(h - factored) > STALE * h:
                 newton.counts[2] = 1
             if newton.counts[2] != 0:
                 factored = h
-            solved = solve_step(state, c, tables, links, factors, hubs, loads, values[1], newton, None)
+            solved = solve_step(state, c, tables, links, factors, clamps, loads, values[1], newton, None)
             allowed = control.allowed * h / control.t_end
             error = np.inf
             if solved:
-                error = _error(t, state, control, c, tables, factors, hubs, loads, pieces)
+                error = _error(t, state, control, c, tables, factors, clamps, loads, pieces)
             again = solved and first  # the first step tells how a lags w
             if again or not error <= 2.0 * allowed:
                 if not again:
@@ -396,8 +396,8 @@ def advance(
             finish(flat_v, flat_a, flat_w, flat_w_before, c)
             t, last = stop if final else t + h, h
             control.counts[0] += 1
-            hub_reactions(q, w, state.f, tables, hubs)
-            out.work[0] += work_done(True, q, hubs, loads, values[1])
+            clamp_reactions(q, w, state.f, tables, clamps)
+            out.work[0] += work_done(True, q, clamps, loads, values[1])
             out.work[0] += work_of_drives(factors.loops, True, q)
             _measure(q, control)
             ratio = 0.9 * np.sqrt(allowed / max(error, 1e-300))
@@ -441,7 +441,7 @@ def _copy_actions(angles, values, here, there):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _error(t, state, control, c, tables, factors, hubs, loads, pieces):  # type: ignore[no-untyped-def]
+def _error(t, state, control, c, tables, factors, clamps, loads, pieces):  # type: ignore[no-untyped-def]
     """Filtered estimate of the step's error in displacement, relative, the largest of the nodes."""
     q, load, x, angles, values, missed = (
         state.q,

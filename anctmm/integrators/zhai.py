@@ -17,9 +17,9 @@ from anctmm.discretise.assembly import Tables, resist
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import is_found, once, own
 from anctmm.forces.actuation import (
-    Hubs,
-    place_hubs,
-    turn_hubs,
+    DrivenClamps,
+    place_clamps,
+    turn_clamps,
     work_done,
 )
 from anctmm.forces.connectors import add_connectors
@@ -108,7 +108,7 @@ class System(NamedTuple):
     tables: Tables
     split: SplitFactors
     block: BlockFactors | None
-    hubs: Hubs
+    clamps: DrivenClamps
     loads: Loads
     damping: Damping | None
     rows: Rows | None
@@ -165,26 +165,26 @@ def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tu
 def _parts(chain: Chain, out: Output) -> list[Task]:
     """Kernels that `advance` calls, for a second process: what it reaches first, and what is large."""
     actuation, q = once(chain, actuation_of), chain.bodies.reference()
-    hubs, loads = actuation.hubs(), actuation.loads()
+    clamps, loads = actuation.clamps(), actuation.loads()
     drives, values = drive_table(chain, actuation, np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
     tables = chain.bodies.tables()
     return [
-        (turn_hubs, (hubs, drives)),
-        (place_hubs, (q, q, hubs)),
-        *([] if chain.split else _block_parts(chain, q, tables, hubs, drives)),
+        (turn_clamps, (clamps, drives)),
+        (place_clamps, (q, q, clamps)),
+        *([] if chain.split else _block_parts(chain, q, tables, clamps, drives)),
         (set_loads, (q, q, q, loads, values)),
         (keep, (0, 1, q, q, q, tables, loads.connectors, out)),
-        (work_done, (True, q, hubs, loads, values)),
+        (work_done, (True, q, clamps, loads, values)),
     ]
 
 
-def _block_parts(chain: Chain, q: Array, tables: Tables, hubs: Hubs, drives: Array) -> list[Task]:
+def _block_parts(chain: Chain, q: Array, tables: Tables, clamps: DrivenClamps, drives: Array) -> list[Task]:
     """What needs the mass in full blocks, which this process factors meanwhile."""
     factors = block_factors(chain)
     motion = (constrain_motion, (factors, factors.loops, 0, drives, q, q, q))
     return [
         *([motion] if rows_in(factors.loops) is not None else []),
-        (by_blocks, (q, q, tables, hubs, factors, q, q)),
+        (by_blocks, (q, q, tables, clamps, factors, q, q)),
     ]
 
 
@@ -202,7 +202,7 @@ def _system(chain: Chain) -> System:
         bodies.tables(),
         split_factors(chain) if chain.split else no_split_factors(chain),
         block,
-        actuation.hubs(),
+        actuation.clamps(),
         actuation.loads(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
         None if block is None else rows_in(block.loops),
@@ -235,12 +235,12 @@ def advance(
     tables: Tables,
     split: SplitFactors,
     block: BlockFactors | None,
-    hubs: Hubs,
+    clamps: DrivenClamps,
     loads: Loads,
     out: Output,
     damping: Damping | None,
     rows: Rows | None,
-    hub_table: Array,
+    clamp_table: Array,
     load_table: Array,
 ) -> int:
     """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
@@ -252,10 +252,10 @@ def advance(
     """
     q, v, f = state.q, state.v, state.f
     # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
-    first, blend, kinds, constants, masses, buffer = tables
-    _, of, _, motion, reaction, _ = hubs
+    first, formulations, kinds, constants, masses, buffer = tables
+    _, of, _, motion, reaction, _ = clamps
     L, G, D, places, lines = split
-    driven = len(hubs.nodes) + len(loads.touched) > 0
+    driven = len(clamps.nodes) + len(loads.touched) > 0
     flat_q, flat_v, flat_even, flat_odd = state.flat
     one = min(1, q.shape[1] - 1)
     for step in range(begin, end):
@@ -265,13 +265,13 @@ def advance(
                 for i in range(f.shape[1]):
                     f[k, i] = state.dead[k, i]
         if driven:
-            turn_hubs(hubs, hub_table[step - begin])
-            place_hubs(q, v, hubs)
+            turn_clamps(clamps, clamp_table[step - begin])
+            place_clamps(q, v, clamps)
         if rows is not None and not constrain_motion(
             block,
             block.loops,  # type: ignore[union-attr]
-            len(hubs.nodes),
-            hub_table[step - begin],
+            len(clamps.nodes),
+            clamp_table[step - begin],
             q,
             v,
             state.scratch,
@@ -281,13 +281,13 @@ def advance(
             set_loads(q, f, state.dead, loads, load_table[step - begin])
             add_connectors(loads.connectors, q, v, load_table[step - begin], f)
         if damping is not None:
-            lost = resist(blend, q, v, first, kinds, constants, damping.of, buffer, f)
+            lost = resist(formulations, q, v, first, kinds, constants, damping.of, buffer, f)
             if step > 0:
                 out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
             damping.power[0] = lost
         if block is None:
             by_scalars(
-                blend,
+                formulations,
                 q,
                 f,
                 first,
@@ -308,7 +308,7 @@ def advance(
         else:
             if rows is not None:
                 ask_accelerations(block.loops)
-            by_blocks(q, f, tables, hubs, block, state.scratch, now)
+            by_blocks(q, f, tables, clamps, block, state.scratch, now)
             if rows is not None:
                 take_accelerations(block.loops)
                 out.work[0] += row_work(rows, step > 0)
@@ -318,7 +318,7 @@ def advance(
         if check - check != 0.0:
             return step
         if driven:
-            out.work[0] += work_done(step > 0, q, hubs, loads, load_table[step - begin])
+            out.work[0] += work_done(step > 0, q, clamps, loads, load_table[step - begin])
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, elastic_forces
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
-from anctmm.forces.actuation import Hubs, hub_reactions
+from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.lines import keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
@@ -19,30 +19,46 @@ Array = NDArray[np.float64]
 
 @inlined
 def by_scalars(
-    blend, q, f, first, kinds, constants, masses, buffer, of, motion, reaction, L, G, D, places, lines, a
+    formulations,
+    q,
+    f,
+    first,
+    kinds,
+    constants,
+    masses,
+    buffer,
+    of,
+    motion,
+    reaction,
+    L,
+    G,
+    D,
+    places,
+    lines,
+    a,
 ):  # type: ignore[no-untyped-def]
     """Accelerations of a tree without angled welds, and the reactions of its driven clamps.
 
     Parameters
     ----------
-    blend : tuple of int
+    formulations : tuple of int
         Of `Tables`, as are first, kinds, constants, masses and buffer.
     q, f : ndarray, shape (rows, nodes)
         Coordinates and the external forces on them.
     of, motion, reaction : ndarray
-        Of `Hubs`; the reactions are written.
+        Of `DrivenClamps`; the reactions are written.
     L, G, D, places, lines
         Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
-    _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
+    _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
     _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
     keep_on_lines(lines, of, reaction, a)
 
 
 @inlined
-def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a):  # type: ignore[no-untyped-def]
+def _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a):  # type: ignore[no-untyped-def]
     """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
 
     A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
@@ -68,7 +84,7 @@ def _forward(blend, q, f, first, kinds, constants, masses, buffer, of, motion, L
                 rx, ry, gx, gy, dx, dy = _taken(director, waiting[take[place - 1]], rx, ry, gx, gy, dx, dy)
         for start in range(first[b], last, BLOCK):
             count = min(BLOCK, last - start)
-            element_forces(blend, kinds[b], q, start, count, constants[b], buffer)
+            element_forces(formulations, kinds[b], q, start, count, constants[b], buffer)
             if start == first[b] and of[0, b] >= 0:
                 _push(masses, b, motion, of[0, b], buffer)
             for j in range(count):
@@ -122,11 +138,11 @@ def _taken(director, c, rx, ry, gx, gy, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _push(masses, b, motion, hub, buffer):  # type: ignore[no-untyped-def]
+def _push(masses, b, motion, clamp, buffer):  # type: ignore[no-untyped-def]
     """Add to the first element's force on its node O the inertia that the driven clamp's motion of node I brings."""
     for k in range(motion.shape[2]):
         for n in range(k % 2, motion.shape[2], 2):
-            buffer[(6 + k) * BLOCK] += masses[b, 3 + k // 2, n // 2] * motion[2, hub, n]
+            buffer[(6 + k) * BLOCK] += masses[b, 3 + k // 2, n // 2] * motion[2, clamp, n]
 
 
 @inlined
@@ -173,53 +189,53 @@ def _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a):  
 
 
 @inlined
-def _hold_first(i, motion, reaction, hub, masses, b, a):  # type: ignore[no-untyped-def]
+def _hold_first(i, motion, reaction, clamp, masses, b, a):  # type: ignore[no-untyped-def]
     """At a chain's start: reaction M_II a_I + M_IO a_O − b, then the known acceleration for the loads b in a."""
     for k in range(a.shape[0]):
         force = -a[k, i]
         for n in range(k % 2, a.shape[0], 2):
             force += (
-                masses[b, k // 2, n // 2] * motion[2, hub, n] + masses[b, k // 2, 3 + n // 2] * a[n, i + 1]
+                masses[b, k // 2, n // 2] * motion[2, clamp, n] + masses[b, k // 2, 3 + n // 2] * a[n, i + 1]
             )
-        reaction[hub, k] = force
+        reaction[clamp, k] = force
     for k in range(a.shape[0]):
-        a[k, i] = motion[2, hub, k]
+        a[k, i] = motion[2, clamp, k]
 
 
 @inlined
-def _hold_last(i, motion, reaction, hub, D, a):  # type: ignore[no-untyped-def]
+def _hold_last(i, motion, reaction, clamp, D, a):  # type: ignore[no-untyped-def]
     """At a chain's end: reaction D a − b with the condensed mass D, then the known acceleration for b in a."""
     for c in range(2):
-        r, g = motion[2, hub, c], motion[2, hub, 2 + c]
-        reaction[hub, c] = D[0, i] * r + D[1, i] * g - a[c, i]
-        reaction[hub, 2 + c] = D[1, i] * r + D[2, i] * g - a[2 + c, i]
+        r, g = motion[2, clamp, c], motion[2, clamp, 2 + c]
+        reaction[clamp, c] = D[0, i] * r + D[1, i] * g - a[c, i]
+        reaction[clamp, 2 + c] = D[1, i] * r + D[2, i] * g - a[2 + c, i]
         if a.shape[0] == 6:
-            reaction[hub, 4 + c] = D[3, i] * motion[2, hub, 4 + c] - a[4 + c, i]
+            reaction[clamp, 4 + c] = D[3, i] * motion[2, clamp, 4 + c] - a[4 + c, i]
     for k in range(a.shape[0]):
-        a[k, i] = motion[2, hub, k]
+        a[k, i] = motion[2, clamp, k]
 
 
 @kernel
 def by_blocks(
-    q: Array, f: Array, tables: Tables, hubs: Hubs, factors: BlockFactors, load: Array, a: Array
+    q: Array, f: Array, tables: Tables, clamps: DrivenClamps, factors: BlockFactors, load: Array, a: Array
 ) -> None:
     """Accelerations of any scene by full blocks, and reactions of driven clamps; `load`, (rows, nodes), is scratch."""
     first, masses, rows = tables.first, tables.masses, q.shape[0]
-    elastic_forces(tables.blend, q, first, tables.kinds, tables.constants, tables.buffer, load)
+    elastic_forces(tables.formulations, q, first, tables.kinds, tables.constants, tables.buffer, load)
     for k in range(rows):
         for i in range(q.shape[1]):
             load[k, i] = f[k, i] - load[k, i]
     for b in range(len(tables.kinds)):
         for side in range(2):
-            hub = hubs.of[side, b]
-            if hub >= 0:  # inertia that the driven clamp's motion puts on the element's other node
+            clamp = clamps.of[side, b]
+            if clamp >= 0:  # inertia that the driven clamp's motion puts on the element's other node
                 other = first[b] + 1 if side == 0 else first[b + 1] - 2
                 for k in range(rows):
                     for n in range(k % 2, rows, 2):
                         m = masses[b, 3 * (1 - side) + k // 2, 3 * side + n // 2]
-                        load[k, other] -= m * hubs.motion[2, hub, n]
+                        load[k, other] -= m * clamps.motion[2, clamp, n]
     sweep(factors, load, a)
-    for h in range(len(hubs.nodes)):
+    for h in range(len(clamps.nodes)):
         for k in range(rows):
-            a[k, hubs.nodes[h]] = hubs.motion[2, h, k]
-    hub_reactions(q, a, f, tables, hubs)
+            a[k, clamps.nodes[h]] = clamps.motion[2, h, k]
+    clamp_reactions(q, a, f, tables, clamps)

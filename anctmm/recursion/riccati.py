@@ -290,7 +290,7 @@ def factorize(
 def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops, turned):  # type: ignore[no-untyped-def]
     """The same; only of arguments that are None the compiler leaves out what needs them."""
     unit, L, G, _, work, buffer, places, _ = factors
-    first, blend, kinds, constants, masses, _ = tables
+    first, formulations, kinds, constants, masses, _ = tables
     link, turn, known, _ = links
     d = len(unit)
     negative, place, port, site, line = 0, 0, -1, 0, 0
@@ -312,8 +312,12 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
                 if j == 0 and stiffness != 0.0:
-                    block_tangents(blend, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer)
-                _add_element(unit, components(blend, kinds[b]), mass, masses[b], stiffness, buffer, j, work)
+                    block_tangents(
+                        formulations, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer
+                    )
+                _add_element(
+                    unit, components(formulations, kinds[b]), mass, masses[b], stiffness, buffer, j, work
+                )
                 for n in range(here, site):
                     add_block_beyond(unit, local.blocks[n], work)
                 if turned is not None and turned.node[line] == i:

@@ -94,7 +94,7 @@ class Row:
     known: tuple[Complex, Complex]
 
 
-def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
+def row_of(chain: Chain, q: Real, f: Real, clamp: Real | None = None) -> Row:
     """A scene of one chain and one kind of element.
 
     Parameters
@@ -102,7 +102,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
     chain : Chain
     q, f : ndarray, shape (rows, nodes)
         Coordinates and external forces.
-    hub : ndarray, shape (rows, nodes), optional
+    clamp : ndarray, shape (rows, nodes), optional
         Known accelerations of driven clamps; 0 without it.
 
     Raises
@@ -136,7 +136,7 @@ def row_of(chain: Chain, q: Real, f: Real, hub: Real | None = None) -> Row:
             passages.append(Passage(None, None))
     names = {0: FREE, 1: PINNED, k: CLAMPED}
     held = chain.prescribed[::2].sum(axis=0)
-    known = np.zeros((k, bodies.nodes)) if hub is None else complex_of(hub)
+    known = np.zeros((k, bodies.nodes)) if clamp is None else complex_of(clamp)
     return Row(k, passages, names[int(held[0])], names[int(held[-1])], (known[:, 0], known[:, -1]))
 
 

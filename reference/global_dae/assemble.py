@@ -140,7 +140,13 @@ def assemble(
             if k % TANGENT_BLOCK == 0:
                 count = min(TANGENT_BLOCK, elements - k)
                 block_tangents(
-                    parts.blend, q, parts.first[b] + k, count, parts.kinds[b], parts.constants[b], small
+                    parts.formulations,
+                    q,
+                    parts.first[b] + k,
+                    count,
+                    parts.kinds[b],
+                    parts.constants[b],
+                    small,
                 )
             unpack_tangent(small, k % TANGENT_BLOCK, parts.kinds[b], K)
             for i in range(K.shape[0]):

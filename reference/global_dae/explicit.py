@@ -138,9 +138,9 @@ def march(
     b, rate, acceleration, trail, buffer, scratch, dense = (
         m.b, m.rate, m.acceleration, m.trail, m.buffer, s.scratch, s.dense
     )  # fmt: skip
-    first, blend, kinds, constants, dead = (
+    first, formulations, kinds, constants, dead = (
         parts.first,
-        parts.blend,
+        parts.formulations,
         parts.kinds,
         parts.constants,
         parts.dead,
@@ -150,11 +150,11 @@ def march(
         if n == 0:
             prescribe(rows, angles, 0, b, rate, acceleration)
             project(rows, flat_v, rate)
-        elastic_forces(blend, q, first, kinds, constants, buffer, force)
+        elastic_forces(formulations, q, first, kinds, constants, buffer, force)
         for i in range(size):
             right[i] = dead[i] - right[i]
         if damping is not None:
-            lost = resist(blend, q, m.v, first, kinds, constants, damping, buffer, force)
+            lost = resist(formulations, q, m.v, first, kinds, constants, damping, buffer, force)
             m.work[0] -= 0.5 * scheme.h * (power[0] + lost) if n > 0 else 0.0
             power[0] = lost
         add_loads(loads, values, at, flat_q, right)

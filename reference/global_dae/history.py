@@ -74,7 +74,7 @@ def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array
         for i in range(m.q.shape[1]):
             kept[k, 0, n, i], kept[k, 1, n, i], kept[k, 2, n, i] = m.q[n, i], m.v[n, i], a[n * nodes + i]
     energies[k, 0] = kinetic_energy(m.v, parts.first, parts.masses)
-    energies[k, 1] = strain_energy(parts.blend, m.q, parts.first, parts.kinds, parts.constants)
+    energies[k, 1] = strain_energy(parts.formulations, m.q, parts.first, parts.kinds, parts.constants)
     potential = 0.0
     for i in range(m.flat_q.size):
         potential -= parts.dead[i] * (m.flat_q[i] - parts.reference[i])

@@ -139,7 +139,7 @@ def resisting(damping: Damping, parts: Parts, q: Array, v: Array, buffer: Array,
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             force[k, i] = 0.0
-    resist(parts.blend, q, v, parts.first, parts.kinds, parts.constants, damping.of, buffer, force)
+    resist(parts.formulations, q, v, parts.first, parts.kinds, parts.constants, damping.of, buffer, force)
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] += force[k, i]
@@ -163,7 +163,9 @@ def residual(
 ) -> float:
     """[F − M q̈ − Φᵀμ; s (b − Φ q)] into `right`; its largest component, infinite if one is not a number."""
     size = s.new_q.size
-    elastic_forces(parts.blend, s.new, parts.first, parts.kinds, parts.constants, s.motion.buffer, s.force)
+    elastic_forces(
+        parts.formulations, s.new, parts.first, parts.kinds, parts.constants, s.motion.buffer, s.force
+    )
     acceleration = s.new_acceleration.reshape(s.new.shape)
     mass_product(acceleration, parts.first, parts.masses, s.motion.buffer, s.product)
     inertia = s.product.reshape(size)
@@ -458,7 +460,9 @@ def _accelerate(
     if damping is not None:
         p = model.parts
         damping.force[:] = 0.0
-        resist(p.blend, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, damping.force[0])
+        resist(
+            p.formulations, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, damping.force[0]
+        )
         s.force[:] += damping.force[0]
         damping.force[1] = damping.force[0]
     add_loads(model.loads, values, 0, m.flat_q, s.right)

@@ -31,7 +31,7 @@ class Parts(NamedTuple):
     """What the kernels need of the bodies; `dead` (gravity and constant forces) and `reference` are flat."""
 
     first: Ints
-    blend: tuple[int, ...]
+    formulations: tuple[int, ...]
     kinds: Ints
     constants: Array
     masses: Array
@@ -158,7 +158,7 @@ class Model:
         """The bodies for the kernels."""
         b = self.bodies
         dead = dead_forces(self.scene, b).reshape(-1)
-        return Parts(b.first, b.blend, b.kinds, b.constants, b.masses, dead, b.reference().reshape(-1))
+        return Parts(b.first, b.formulations, b.kinds, b.constants, b.masses, dead, b.reference().reshape(-1))
 
     def places(self, width: int) -> Ints:
         """Flat places of the unknowns, multipliers behind the coordinates: (unknowns, width).

@@ -119,7 +119,9 @@ class Search:
 
     def _residual(self, factor: float, q: Array, multiplier: Array) -> Array:
         model, parts, dofs = self.model, self.model.parts, self.model.dofs
-        elastic_forces(parts.blend, q, parts.first, parts.kinds, parts.constants, self.buffer, self.force)
+        elastic_forces(
+            parts.formulations, q, parts.first, parts.kinds, parts.constants, self.buffer, self.force
+        )
         f = factor * parts.dead - self.force.reshape(-1)
         add_loads(model.loads, factor * self.loads[None], 0, q.reshape(-1), f)
         x = q.reshape(-1)[self.places[:dofs]]
@@ -188,7 +190,7 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
 def _energies(model: Model, e: Equilibrium) -> Array:
     """Kinetic, strain, potential, work; the last is not followed along the load steps where it is not zero."""
     parts, work = model.parts, np.nan if e.factor > 0.0 and len(model.loads.place) else 0.0
-    strain = strain_energy(parts.blend, e.q, parts.first, parts.kinds, parts.constants)
+    strain = strain_energy(parts.formulations, e.q, parts.first, parts.kinds, parts.constants)
     return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), work])
 
 

@@ -85,7 +85,7 @@ def stiffness_matrices(bodies: Bodies, q: Array) -> Array:
     """Tangents of all elements at coordinates q, (elements, 2 rows, 2 rows)."""
     out = np.zeros((int(bodies.elements.sum()), 2 * bodies.rows, 2 * bodies.rows))
     _tangents(
-        bodies.blend,
+        bodies.formulations,
         q,
         bodies.first,
         bodies.elements,
@@ -107,7 +107,7 @@ def _places(bodies: Bodies) -> Ints:
 
 @kernel
 def _tangents(
-    blend: tuple[int, ...],
+    formulations: tuple[int, ...],
     q: Array,
     first: Ints,
     elements: Ints,
@@ -120,7 +120,7 @@ def _tangents(
     for b in range(len(elements)):
         for start in range(0, elements[b], TANGENT_BLOCK):
             count = min(TANGENT_BLOCK, elements[b] - start)
-            block_tangents(blend, q, first[b] + start, count, kinds[b], constants[b], buffer)
+            block_tangents(formulations, q, first[b] + start, count, kinds[b], constants[b], buffer)
             for j in range(count):
                 unpack_tangent(buffer, j, kinds[b], out[e])
                 e += 1

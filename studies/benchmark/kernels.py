@@ -14,7 +14,7 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.forces.actuation import Actuation, Hubs
+from anctmm.forces.actuation import Actuation, DrivenClamps
 from anctmm.forces.loads import Loads
 from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel
@@ -54,7 +54,7 @@ class Parts(NamedTuple):
     f: Array
     a: Array
     tables: Tables
-    hubs: Hubs
+    clamps: DrivenClamps
     loads: Loads
     links: Links
 
@@ -67,7 +67,7 @@ def parts(chain: Chain, q: Array) -> Parts:
         chain.dead_load,
         np.zeros_like(q),
         chain.bodies.tables(),
-        actuation.hubs(),
+        actuation.clamps(),
         actuation.loads(),
         riccati.links(chain),
     )
@@ -79,52 +79,54 @@ def accelerations_of(chain: Chain, q: Array, split: bool) -> Array:
     if split:
         repeat_scalars(1, p, riccati.split_factors(chain))
     else:
-        accelerations.by_blocks(q, p.f, p.tables, p.hubs, riccati.mass_factors(chain), np.zeros_like(q), p.a)
+        accelerations.by_blocks(
+            q, p.f, p.tables, p.clamps, riccati.mass_factors(chain), np.zeros_like(q), p.a
+        )
     return p.a
 
 
 @kernel
 def repeat_element_forces(repeats: int, q: Array, t: Tables) -> None:
     """Forces of all elements, a block at a time, not yet summed at the nodes."""
-    first, blend, kinds, constants, _, buffer = t
+    first, formulations, kinds, constants, _, buffer = t
     for _ in range(repeats):
         for b in range(len(kinds)):
             elements = first[b + 1] - 1 - first[b]
             for start in range(0, elements, BLOCK):
                 count = min(BLOCK, elements - start)
-                element_forces(blend, kinds[b], q, first[b] + start, count, constants[b], buffer)
+                element_forces(formulations, kinds[b], q, first[b] + start, count, constants[b], buffer)
 
 
 @kernel
 def repeat_forces(repeats: int, q: Array, t: Tables, f: Array) -> None:
     """Elastic forces of all nodes."""
-    first, blend, kinds, constants, _, buffer = t
+    first, formulations, kinds, constants, _, buffer = t
     for _ in range(repeats):
-        elastic_forces(blend, q, first, kinds, constants, buffer, f)
+        elastic_forces(formulations, q, first, kinds, constants, buffer, f)
 
 
 @kernel
 def repeat_tangents(repeats: int, q: Array, t: Tables, buffer: Array) -> None:
     """Tangents of all elements, a block at a time."""
-    first, blend, kinds, constants, _, _ = t
+    first, formulations, kinds, constants, _, _ = t
     for _ in range(repeats):
         for b in range(len(kinds)):
             elements = first[b + 1] - 1 - first[b]
             for start in range(0, elements, TANGENT_BLOCK):
                 count = min(TANGENT_BLOCK, elements - start)
-                block_tangents(blend, q, first[b] + start, count, kinds[b], constants[b], buffer)
+                block_tangents(formulations, q, first[b] + start, count, kinds[b], constants[b], buffer)
 
 
 @kernel
 def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     """Elastic forces, forward and backward sweep of the split form."""
     q, f, a = p.q, p.f, p.a
-    first, blend, kinds, constants, masses, buffer = p.tables
-    of, motion, reaction = p.hubs.of, p.hubs.motion, p.hubs.reaction
+    first, formulations, kinds, constants, masses, buffer = p.tables
+    of, motion, reaction = p.clamps.of, p.clamps.motion, p.clamps.reaction
     L, G, D, places, lines = factors
     for _ in range(repeats):
         accelerations.by_scalars(
-            blend,
+            formulations,
             q,
             f,
             first,

@@ -232,7 +232,9 @@ def acceleration_check(scene: Scene, mesh: int, variant: Variant) -> dict[str, A
     chain = Chain(scene, implicit_run(scene, mesh, 1, IMPLICIT_DT, **variant.options()))
     q, bodies = rolled_up(chain), chain.bodies
     direct, elastic = Direct(chain), np.empty_like(q)
-    elastic_forces(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), elastic)
+    elastic_forces(
+        bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), elastic
+    )
     load = chain.dead_load - elastic
     accelerations_of(chain, q, split=True)  # compiles
     begin = process_time()

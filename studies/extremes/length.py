@@ -79,7 +79,7 @@ class Problem:
     def load(self) -> Array:
         """Gravity less elastic forces, (rows, nodes): what every road is given."""
         b, f = self.chain.bodies, np.empty_like(self.q)
-        elastic_forces(b.blend, self.q, b.first, b.kinds, b.constants, b.buffer(), f)
+        elastic_forces(b.formulations, self.q, b.first, b.kinds, b.constants, b.buffer(), f)
         return self.chain.dead_load - f
 
     @property

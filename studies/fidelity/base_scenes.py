@@ -27,7 +27,7 @@ from studies.scenes import BaseScene, cantilever_fall, four_bar
 #: Kinds from the richest to the poorest.
 KINDS = ("shear", "cable", "rigid")
 #: Target errors of a model.
-WISHES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
+TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 #: Damping of the run that shows what it costs, s.
 TAU = 1e-5
 #: Features and the function that only they need.
@@ -176,9 +176,9 @@ def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for scene, runs in frame.groupby("scene", sort=False):
         richest = runs.iloc[0]
-        for wish in WISHES:
-            good = runs[(runs["error"] <= wish) & (runs["status"] == "ok")]
-            line = {"scene": scene, "wish": wish, "known_to": richest["reference_error"]}
+        for target in TARGETS:
+            good = runs[(runs["error"] <= target) & (runs["status"] == "ok")]
+            line = {"scene": scene, "target_error": target, "known_to": richest["reference_error"]}
             if good.empty:
                 lines.append(line | {"status": "no model on these meshes"})
                 continue
@@ -188,7 +188,18 @@ def _cheapest(frame: pd.DataFrame) -> pd.DataFrame:
                 | {k: best[k] for k in ("element", "error", "dt", "cpu_s", "build_s")}
                 | {"gain": richest["cpu_s"] / best["cpu_s"], "status": "ok"}
             )
-    columns = ["scene", "wish", "element", "error", "known_to", "dt", "cpu_s", "build_s", "gain", "status"]
+    columns = [
+        "scene",
+        "target_error",
+        "element",
+        "error",
+        "known_to",
+        "dt",
+        "cpu_s",
+        "build_s",
+        "gain",
+        "status",
+    ]
     return pd.DataFrame(lines).reindex(columns=columns)
 
 
@@ -321,7 +332,7 @@ def _findings(cheapest: pd.DataFrame, rules: pd.DataFrame, absent: pd.DataFrame)
     for scene, lines in cheapest.groupby("scene", sort=False):
         found = lines[lines["status"] == "ok"].drop_duplicates("element", keep="last")
         said = "; ".join(
-            f"down to {r['wish']:g} {r['element']} ({_gain(r['gain'])}, off by {r['error']:.2g})"
+            f"down to {r['target_error']:g} {r['element']} ({_gain(r['gain'])}, off by {r['error']:.2g})"
             for r in found.to_dict("records")
         )
         yield f"{scene}, cheapest kinds under a target modelling error: {said or 'none on these meshes'}."

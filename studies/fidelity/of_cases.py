@@ -304,7 +304,7 @@ def cheapest_lines(studied: Studied) -> Iterator[dict[str, Any]]:
     frame, sure = studied.frame, studied.reference.uncertainty
     for target in studied.targets:
         good = frame[(frame["error"] + sure <= target) & frame["status"].eq("ok")]
-        line = {"scene": studied.case.name, "wish": target}
+        line = {"scene": studied.case.name, "target_error": target}
         if good.empty:
             yield line | {
                 "status": f"no model: {studied.reference.name}" if sure != sure else "no model is as near"
@@ -325,7 +325,8 @@ def _findings(studied: Studied, cheapest: pd.DataFrame) -> Iterator[str]:
         return
     best, sure = lines.iloc[-1], studied.reference.uncertainty
     by = "" if studied.case.static else f" with {best['integrator']}"
-    take = f"{name}: for a target error of {best['wish']:g} take {best['model']}{by}, {1e3 * best['cpu_s']:.2g} ms"
+    target, took = best["target_error"], 1e3 * best["cpu_s"]
+    take = f"{name}: for a target error of {target:g} take {best['model']}{by}, {took:.2g} ms"
     if best["model"] == richest:
         yield f"{take}: nothing poorer is as near; it is itself known to {sure:.1g}."
     else:
@@ -356,7 +357,7 @@ def _notes() -> tuple[str, ...]:
 
 def _cheapest_notes() -> tuple[str, ...]:
     return (
-        "wish: target error of model, mesh and step together; a choice counts if its distance and the uncertainty of "
+        "target_error: that of model, mesh and step together; a choice counts if its distance and the uncertainty of "
         "the richest model together are below it.",
         "gain: CPU time of the richest model by its cheaper integrator over that of the choice.",
     )

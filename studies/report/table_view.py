@@ -20,14 +20,13 @@ LABELS = {
     "dt": "Δt (s)",
     "t": "t (s)",
     "t_end": "t end (s)",
-    "wished_error": "target error",
-    "wish": "target error",
+    "target_error": "target error",
 }
 #: Told once above a table where they are the same in all of its rows.
 COMMON = ("scene", "solver", "element", "quadrature", "integrator")
 #: Numbers that were chosen, not found.
 CHOSEN = {
-    "elements", "all_elements", "dofs", "dt", "stable_dt", "t", "t_end", "wished_error", "wish", "tolerance",
+    "elements", "all_elements", "dofs", "dt", "stable_dt", "t", "t_end", "target_error", "tolerance",
     "newton_tolerance", "repeats", "steps", "fraction", "psi", "phi",
 }  # fmt: skip
 #: Cells with more characters may be broken into lines.

@@ -50,7 +50,7 @@ def _rows(best: pd.DataFrame, rivals: pd.DataFrame) -> list[dict[str, Any]]:
         step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"{1e3 * line['dt']:.3g} ms"
         kind = _stepping(line)
         rows.append({
-            "scene": line["scene"], "wished_error": line["wished_error"], "solver": line["solver"],
+            "scene": line["scene"], "target_error": line["target_error"], "solver": line["solver"],
             "element": line["element"] + rule, "elements": line["elements"],
             "step": f"{kind.split(',')[0]}, {step}",
             "error": _rounded(line["error"]), "cpu_ms": _rounded(1e3 * line["cpu_s"]),
@@ -61,7 +61,7 @@ def _rows(best: pd.DataFrame, rivals: pd.DataFrame) -> list[dict[str, Any]]:
 
 def _why(line: Mapping[Any, Any], kind: str, rivals: pd.DataFrame) -> str:
     others = rivals[
-        (rivals["scene"] == line["scene"]) & (rivals["wished_error"] == line["wished_error"])
+        (rivals["scene"] == line["scene"]) & (rivals["target_error"] == line["target_error"])
         & (rivals["status"] == "ok")
     ]  # fmt: skip
     part = PARTS.get(line["error_from"], "").format(mesh=line["mesh_error"], step=line["step_error"])

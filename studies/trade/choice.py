@@ -22,9 +22,9 @@ def kinds_of(points: pd.DataFrame) -> pd.Series:
     return points["solver"] + ", " + points["element"] + ", " + stepping(points)
 
 
-def reaching(points: pd.DataFrame, wish: float) -> pd.DataFrame:
+def reaching(points: pd.DataFrame, target: float) -> pd.DataFrame:
     """Rows that surely meet a target error: with their reference's uncertainty added; cheapest first."""
-    sure = points["error"] + points["reference_error"] <= wish
+    sure = points["error"] + points["reference_error"] <= target
     return points[sure & (points["cpu_s"] > 0.0)].sort_values("cpu_s", kind="stable")
 
 

@@ -6,7 +6,7 @@ from anctmm.model.case import Case
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Mesh, Runner
 from studies.engine.study import Options, StudyError
-from studies.trade.plan import WISHES, Ladder
+from studies.trade.plan import TARGETS, Ladder
 
 #: Smallest target error where none is asked for; by whether the run is quick.
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -55,7 +55,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         fine_step=min(found.trial.dt for found in (cable, shear)),
         steps=steps,
         quick_steps=steps,
-        wishes=(*(wish for wish in WISHES if wish > 1.01 * smallest), smallest),
+        targets=(*(target for target in TARGETS if target > 1.01 * smallest), smallest),
     )
 
 

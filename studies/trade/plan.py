@@ -15,7 +15,7 @@ from studies.engine.setting import stable_step
 from studies.scenes import cantilever_fall, four_bar
 
 #: Target errors of the built-in scenes.
-WISHES = (1e-2, 1e-3, 1e-4, 1e-5)
+TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
 #: Steps that every solver tries, s; of a quick run.
 STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
@@ -52,7 +52,7 @@ class Ladder:
         Of the run on the same mesh that tells the step's error from the mesh's, s.
     steps, quick_steps : tuple of float
         Time steps to try, s, from long to short; of a quick run.
-    wishes : tuple of float
+    targets : tuple of float
         Target errors, from the largest to the smallest.
     frames : tuple of Mesh
         Meshes of frames: second order needs finer ones than cables. Empty where they cannot do the scene.
@@ -67,7 +67,7 @@ class Ladder:
     fine_step: float
     steps: tuple[float, ...] = STEPS
     quick_steps: tuple[float, ...] = QUICK_STEPS
-    wishes: tuple[float, ...] = WISHES
+    targets: tuple[float, ...] = TARGETS
     frames: tuple[Mesh, ...] = ()
 
     def plan(self, quick: bool) -> Plan:

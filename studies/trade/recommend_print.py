@@ -48,11 +48,11 @@ def show_script(script: str, console: Console) -> None:
         print(script)
 
 
-def show_rerun(again: Rerun, choice: Choice, wish: float | None, console: Console) -> None:
+def show_rerun(again: Rerun, choice: Choice, target: float | None, console: Console) -> None:
     """Print what running the script again gave."""
     goal = (
-        f"the target error {wish:g}"
-        if wish is not None and choice.reached
+        f"the target error {target:g}"
+        if target is not None and choice.reached
         else f"the table's {choice.line['error']:.2g}"
     )
     verdict = "meets" if again.met else "MISSES"

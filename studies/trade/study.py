@@ -59,8 +59,8 @@ def run(options: Options, runner: Runner) -> Result:
     fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
     traded = [measure(ladder, mine, runner) for ladder, mine in fitting if mine.meshes != ()]
     points = pd.concat([t.frame for t in traded], ignore_index=True)
-    wishes = tuple(sorted({wish for ladder in every for wish in ladder.wishes}, reverse=True))
-    best, rivals, known = recommended(points, wishes), by_rival(points, wishes), references(traded)
+    targets = tuple(sorted({target for ladder in every for target in ladder.targets}, reverse=True))
+    best, rivals, known = recommended(points, targets), by_rival(points, targets), references(traded)
     return Result(
         name="trade" if options.cases is None else file_name("-".join(["trade", *(c.name for c in options.cases)])),
         title="Which setting for which error",

@@ -17,10 +17,10 @@ from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.runner import Reference
 from studies.engine.tables import BUILD, Table, failed, times
 from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
-from studies.trade.plan import MOST_EXPLICIT, WISHES
+from studies.trade.plan import MOST_EXPLICIT, TARGETS
 
 #: The target error that sentences speak of, or else the smallest.
-WISH = 1e-3
+TARGET = 1e-3
 #: What was found with a recommended setting.
 FOUND = (
     "error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s", "repeats",
@@ -69,17 +69,17 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
     )
 
 
-def recommended(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
+def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
     """The cheapest measured setting for each scene and target error, or the nearest if none reaches it."""
     rows = []
     for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
-        for wish in wishes:
-            able = reaching(mine, wish)
+        for target in targets:
+            able = reaching(mine, target)
             line = (able if len(able) else mine.sort_values("error")).iloc[0].to_dict()
             status = "ok" if len(able) else "not reached: this is the smallest error measured"
             about = {
                 "scene": scene,
-                "wished_error": wish,
+                "target_error": target,
                 "cpu_s": line["cpu_s"],
                 "setting": setting_of(line),
             }
@@ -93,18 +93,18 @@ def recommended(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table
     return Table("recommended", "What to take for a target error", pd.DataFrame(rows), said)
 
 
-def by_rival(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
+def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
     """The cheapest setting of each kind (solver, element, how it steps) for each scene and target error."""
     points = points.assign(stepping=stepping(points))
     rows = []
     for scene, mine in points.groupby("scene", sort=False):
-        for wish in wishes:
-            able = reaching(mine, wish)
-            at_error = {kind: cost_at(_priced(own), wish) for kind, own in mine.groupby(KIND, sort=False)}
+        for target in targets:
+            able = reaching(mine, target)
+            at_error = {kind: cost_at(_priced(own), target) for kind, own in mine.groupby(KIND, sort=False)}
             least = min(filter(isfinite, at_error.values()), default=nan)
             for kind, own in mine.groupby(KIND, sort=False):
                 first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
-                about = {"scene": scene, "wished_error": wish, **dict(zip(KIND, kind, strict=True))}
+                about = {"scene": scene, "target_error": target, **dict(zip(KIND, kind, strict=True))}
                 if first.empty:
                     smallest = own["error"].min()
                     reason = f"not reached: {smallest:.1e} at best" if smallest > 0 else "no run ended well"
@@ -118,12 +118,12 @@ def by_rival(points: pd.DataFrame, wishes: Sequence[float] = WISHES) -> Table:
                     "ratio_at_error": at_error[kind] / least, "status": "ok",
                 })  # fmt: skip
     columns = [
-        "scene", "wished_error", *KIND, "setting", "error", "reference_error", "cpu_s", "build_s", "ratio",
+        "scene", "target_error", *KIND, "setting", "error", "reference_error", "cpu_s", "build_s", "ratio",
         "cpu_s_at_error", "ratio_at_error", "status",
     ]  # fmt: skip
     frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
     frame = frame.sort_values(
-        ["scene", "wished_error", "ratio"], ascending=[False, False, True], kind="stable"
+        ["scene", "target_error", "ratio"], ascending=[False, False, True], kind="stable"
     )
     said = (
         "ratio: cost of the setting over that of the cheapest setting of all kinds for that error.",
@@ -202,12 +202,12 @@ def answers(best: pd.DataFrame, rivals: pd.DataFrame) -> list[Answer]:
 
 def _answer(best: pd.DataFrame, rivals: pd.DataFrame) -> Answer:
     """Of one scene, for the target error that sentences speak of."""
-    wish = headline(best)
-    line = best[best["wished_error"] == wish].iloc[0].to_dict()
-    question = f"{line['scene']}: what to take for an error of {wish:g}?"
+    target = headline(best)
+    line = best[best["target_error"] == target].iloc[0].to_dict()
+    question = f"{line['scene']}: what to take for an error of {target:g}?"
     if line["status"] != "ok":
         return Answer(question, f"error {line['error']:.2g}", f"{line['status']}: {setting_of(line)}.")
-    others = _against(rivals[rivals["scene"] == line["scene"]], wish)
+    others = _against(rivals[rivals["scene"] == line["scene"]], target)
     known = f"its error is {line['error']:.1g} ± {line['reference_error']:.1g}"
     take = "; ".join(filter(None, (f"Take {setting_of(line)}: {known}", others)))
     return Answer(question, f"{milliseconds(line['cpu_s'])} of CPU time", f"{take}.")
@@ -215,14 +215,14 @@ def _answer(best: pd.DataFrame, rivals: pd.DataFrame) -> Answer:
 
 def headline(best: pd.DataFrame) -> float:
     """The target error that sentences speak of."""
-    return WISH if (best["wished_error"] == WISH).any() else float(best["wished_error"].min())
+    return TARGET if (best["target_error"] == TARGET).any() else float(best["target_error"].min())
 
 
-def _against(rivals: pd.DataFrame, wish: float) -> str:
+def _against(rivals: pd.DataFrame, target: float) -> str:
     """How much more the other kinds cost, as a range over the scenes."""
     # the cheapest itself, of ratio 1, is none of the others
     others = (rivals["ratio"] > 1.0) & (rivals["ratio_at_error"] > 1.0)
-    sound = rivals[(rivals["wished_error"] == wish) & (rivals["status"] == "ok") & others]
+    sound = rivals[(rivals["target_error"] == target) & (rivals["status"] == "ok") & others]
     own = sound["solver"] == "anctmm"
     kinds = {
         "explicit steps": own & (sound["stepping"] == "explicit") & (sound["element"] == "cable"),
@@ -267,10 +267,10 @@ def _models(known: pd.DataFrame) -> str:
 def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> list[str]:
     """Sentences from the tables."""
     said = [
-        f"{r['scene']}, error {r['wished_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
+        f"{r['scene']}, error {r['target_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
         f"{r['error']:.2g} (mesh {r['mesh_error']:.1g}, step {r['step_error']:.1g})."
         if r["status"] == "ok"
-        else f"{r['scene']}, error {r['wished_error']:g}: {r['status']} ({r['error']:.2g})."
+        else f"{r['scene']}, error {r['target_error']:g}: {r['status']} ({r['error']:.2g})."
         for r in records(best.frame)
     ]
     said += filter(

@@ -333,12 +333,12 @@ every_kernel = pytest.mark.parametrize(
 def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, quadrature, elements):
     e, bodies, q = row_of_elements(kind, elements, quadrature)
     f, expected = np.empty_like(q), np.zeros_like(q)
-    elastic_forces(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
+    elastic_forces(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
     for i in range(elements):
         expected[:, i : i + 2] += e.force(nodal(q, i)).reshape(2, -1).T
     size = scales(e)[: e.vectors_per_node].repeat(2)[:, None]
     assert np.abs((f - expected) * size).max() < 1e-13 * stiffness_scale(e)
-    energy = strain_energy(bodies.blend, q, bodies.first, bodies.kinds, bodies.constants)
+    energy = strain_energy(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants)
     assert energy == pytest.approx(sum(e.energy(nodal(q, i)) for i in range(elements)), rel=1e-13)
 
 
@@ -346,7 +346,9 @@ def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, qu
 def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
     e, bodies, q = row_of_elements(kind, TANGENT_BLOCK, quadrature)
     buffer, K = np.full(TANGENT_BUFFER, np.nan), np.zeros((2 * bodies.rows, 2 * bodies.rows))
-    block_tangents(bodies.blend, q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer)
+    block_tangents(
+        bodies.formulations, q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer
+    )
     s = scales(e).repeat(2)
     for i in range(TANGENT_BLOCK):
         unpack_tangent(buffer, i, int(bodies.kinds[0]), K)

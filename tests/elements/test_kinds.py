@@ -17,7 +17,7 @@ from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.discretise.mesh import build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
-from anctmm.elements.dispatch import BOTH, CABLES, KERNELS, SHEARS, blend_of, components
+from anctmm.elements.dispatch import BOTH, CABLES, KERNELS, SHEARS, components, formulations_of
 from anctmm.elements.kinds import CABLE, KINDS, QUADRATURES, SHEAR, check_kinds, kind_of, moved_by
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
 from anctmm.solve import OFFER
@@ -37,7 +37,7 @@ def test_what_a_kind_says_of_its_element_holds(kind):
     assert element.mass.shape == (2 * len(kind.vectors),) * 2
     assert kind.vectors[:2] == ("r", "r_x")
     assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
-    assert components(blend_of([kind.kernels]), kind.kernels) == 2 * len(kind.vectors)
+    assert components(formulations_of([kind.kernels]), kind.kernels) == 2 * len(kind.vectors)
     assert components(BOTH, kind.kernels) == 2 * len(kind.vectors)
     assert set(kind.integrators) <= set(INTEGRATORS)
     q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
@@ -61,9 +61,9 @@ def test_what_solvers_offer_follows_the_kinds(kind):
         assert (not OFFER.lacking([kind.name, feature])) == able
 
 
-def test_blends_tell_all_kernels_apart():
+def test_formulations_tell_all_kernels_apart():
     numbers = [{CABLE}, {SHEAR}, {CABLE, SHEAR}]
-    assert [blend_of(n) for n in numbers] == [CABLES, SHEARS, BOTH]
+    assert [formulations_of(n) for n in numbers] == [CABLES, SHEARS, BOTH]
     assert set(KERNELS) == {kind.kernels for kind in KINDS.values()} == {CABLE, SHEAR}
 
 

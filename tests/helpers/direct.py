@@ -27,7 +27,7 @@ def scales(chain):
 
 def elastic(chain, q):
     b, f = chain.bodies, np.empty_like(q)
-    elastic_forces(b.blend, q, b.first, b.kinds, b.constants, b.buffer(), f)
+    elastic_forces(b.formulations, q, b.first, b.kinds, b.constants, b.buffer(), f)
     return f
 
 
@@ -74,11 +74,13 @@ def direct(chain, matrix, load):
     return (T @ np.atleast_1d(x)).reshape(load.shape)
 
 
-def by_split(chain, q, f, hubs=None):
+def by_split(chain, q, f, clamps=None):
     a = np.empty_like(q)
-    t, hubs = chain.bodies.tables(), hubs or Actuation(chain.scene, chain.bodies).hubs()
+    t, clamps = chain.bodies.tables(), clamps or Actuation(chain.scene, chain.bodies).clamps()
     bodies = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-    by_scalars(t.blend, q, f, *bodies, hubs.of, hubs.motion, hubs.reaction, *split_factors(chain), a)
+    by_scalars(
+        t.formulations, q, f, *bodies, clamps.of, clamps.motion, clamps.reaction, *split_factors(chain), a
+    )
     return a
 
 

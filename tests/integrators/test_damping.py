@@ -92,7 +92,7 @@ def test_compiled_forces_are_the_readable_ones(element):
     for i, mesh in enumerate(bodies.meshes):
         v[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = 0.0
     found, expected, power = np.zeros_like(q), np.zeros_like(q), 0.0
-    lost = resist(bodies.blend, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
+    lost = resist(bodies.formulations, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
                   bodies.buffer(), found)  # fmt: skip
     for i, mesh in enumerate(bodies.meshes):
         k = 2 * mesh.vectors

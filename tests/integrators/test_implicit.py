@@ -168,11 +168,11 @@ def test_damping_annihilates_what_is_far_above_the_step(kind):
     assert np.abs(ends[1][-5:] - rest).max() > 0.5 * rest
 
 
-# --- driven hub, counts, ends of runs ----------------------------------------------------------------------
+# --- driven clamp, counts, ends of runs ----------------------------------------------------------------------
 
 
 @every_kind
-def test_driven_hub_is_held_exactly(kind):
+def test_driven_clamp_is_held_exactly(kind):
     scene, drive = driven(), Quintic(pi / 4, 0.2)
     motion = run(scene, 1e-3, 0.25, element=kind)
     q = motion.fields["bar"].coordinates[:, 0]
@@ -240,8 +240,8 @@ def test_newtons_bound_is_no_less_than_rounding():
     there = Beam("bar", (3e5, 4e5), (3e5 + 0.6, 4e5 + 0.8), SQUARE, SOFT)
     eps = np.finfo(float).eps
     for scene, furthest in ((bar(), 0.8), (scene_of(bodies=[there]), 4e5 + 0.8)):
-        wished, least = (new_newton(chain_of(scene, newton_tolerance=x)) for x in (1e-3, 1e-14))
-        assert (wished.scale, wished.tolerance) == pytest.approx((1.0, KAPPA * 1e-3))
+        loose, least = (new_newton(chain_of(scene, newton_tolerance=x)) for x in (1e-3, 1e-14))
+        assert (loose.scale, loose.tolerance) == pytest.approx((1.0, KAPPA * 1e-3))
         assert least.tolerance == pytest.approx(32.0 * eps * (1.0 + furthest))
 
 
@@ -310,7 +310,7 @@ def test_gradients_beyond_all_bounds_end_a_run_that_newton_found():
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
 @every_kind
 def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
-    """One element on a turning hub, with all that acts on it, in a state in which no term is zero."""
+    """One element on a driven clamp, with all that acts on it, in a state in which no term is zero."""
     drive, moment, t = Quintic(pi / 4, 0.2), 0.7, 0.1
     scene = bar([Clamp("bar.start", drive)], [Torque("bar.end", lambda t: moment)], gravity=GRAVITY,
                 material=Material(1e7, 1000.0, damping=damping))  # fmt: skip
@@ -328,11 +328,11 @@ def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
         return q0 + c.h * v0 + c.h**2 * ((0.5 - c.beta) * a0 + c.beta * acceleration(w))
 
     half, turned = len(q0) // 2, np.arctan2(0.8, 0.6) + drive(np.array([t]))[0][0]
-    hub = np.array([[0.0, 0.0], [np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])[:half]
+    held = np.array([[0.0, 0.0], [np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])[:half]
     w = w0.copy()
-    w[:half] += (hub - position(w0)[:half]) / (position(w0 + 1.0) - position(w0))[0, 0]
+    w[:half] += (held - position(w0)[:half]) / (position(w0 + 1.0) - position(w0))[0, 0]
     q, v = position(w), v0 + c.h * ((1 - c.gamma) * a0 + c.gamma * acceleration(w))
-    assert np.abs(q[:half] - hub).max() < 1e-12
+    assert np.abs(q[:half] - held).max() < 1e-12
     element = chain.bodies.meshes[0].element
     force = np.multiply.outer(element.gravity, GRAVITY) - element.force(q) - element.mass @ w
     force -= element.damping_force(q, v)

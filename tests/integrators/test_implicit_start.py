@@ -36,13 +36,13 @@ def test_a_run_starts_with_mass_times_acceleration_equal_to_force(single, monkey
 
     actuation, state, now = Actuation(chain.scene, chain.bodies), new_state(chain), np.zeros(1)
     tables, factors = chain.bodies.tables(), block_factors(chain)
-    drives, values = actuation.hub_table(now)[0], actuation.load_table(now)[0]
+    drives, values = actuation.clamp_table(now)[0], actuation.load_table(now)[0]
     balance(
         state,
         tables,
         links(chain),
         factors,
-        actuation.hubs(),
+        actuation.clamps(),
         actuation.loads(),
         drives,
         values,

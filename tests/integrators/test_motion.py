@@ -316,8 +316,8 @@ def test_torque_spins_a_free_bar_about_its_centre(kind, integrator):
 @every_integrator
 @every_kind
 @pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
-def test_driven_hub_at_either_end_and_in_either_direction(turned, kind, integrator):
-    """The hub first or last in the chain: the same motion, held exactly, and the work closes the balance."""
+def test_driven_clamp_at_either_end_and_in_either_direction(turned, kind, integrator):
+    """The driven clamp first or last in the chain: the same motion, held exactly, and the work closes the balance."""
     drive = Quintic(pi / 3, 0.1)
 
     def scene(first):
@@ -330,10 +330,10 @@ def test_driven_hub_at_either_end_and_in_either_direction(turned, kind, integrat
     for body in ("b0", "b1"):
         assert gap(one, two, 0.6, body) < 1e-11
     for motion in (one, two):
-        hub = motion.fields["b0"].coordinates[:, -1 if 0 in turned else 0]
-        direction = hub[:, 1] @ [1.0, 1.0j] * (-1.0 if 0 in turned else 1.0)
+        clamp = motion.fields["b0"].coordinates[:, -1 if 0 in turned else 0]
+        direction = clamp[:, 1] @ [1.0, 1.0j] * (-1.0 if 0 in turned else 1.0)
         assert np.abs(direction - np.exp(1j * (0.4 + drive(motion.t)[0]))).max() < 1e-13
-        assert np.abs(hub[:, 0]).max() < 1e-15
+        assert np.abs(clamp[:, 0]).max() < 1e-15
         assert np.abs(motion.energy.balance).max() < 0.02 * motion.energy.work.max()
 
 
@@ -355,7 +355,7 @@ def test_two_driven_hubs(kind, integrator):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("integrator", "factor"), [("zhai", 1), ("generalized-alpha", 20)])
 def test_balance_with_drives_and_loads_closes_with_the_square_of_the_step(integrator, factor, kind):
-    """Work of a hub, a torque and a force of time; ρ∞ = 1 takes nothing."""
+    """Work of a clamp, a torque and a force of time; ρ∞ = 1 takes nothing."""
     loads = [Torque("b1.end", Pulse(0.2, 0.1)), Force("b0.end", lambda t: (5.0 * t, 0.0))]
     row = row_scene("free", [("pin", 0.4)], "free", loads=loads, gravity=GRAVITY)
     scene = replace(row, joints=[*row.joints, Clamp("b0.start", Quintic(1.0, 0.2))])

@@ -24,7 +24,7 @@ def starts(*names):
     return tuple(f"{name}.start" for name in names)
 
 
-def hub_of(scene):
+def clamp_of(scene):
     """The junction of the first body's start, its ends by the names of the bodies."""
     hub = junctions_of(scene)[0]
     assert all(side == 0 for _, side in hub.ends)
@@ -62,7 +62,7 @@ HUBS = {
 def test_junction_follows_from_its_joints_in_any_order(name):
     joints, expected = HUBS[name]
     for order in permutations(joints):
-        assert hub_of(star(*order)) == expected
+        assert clamp_of(star(*order)) == expected
 
 
 def test_every_end_is_in_one_junction_in_the_order_of_the_bodies():

@@ -6,7 +6,7 @@ import pytest
 
 from studies.engine.runner import Runner
 from studies.engine.study import Options, find
-from studies.fidelity.base_scenes import WISHES, lowest_frequency
+from studies.fidelity.base_scenes import TARGETS, lowest_frequency
 from studies.fidelity.steps import stable_step, step_under
 from studies.fidelity.study import run
 from studies.report.folder import write
@@ -40,15 +40,15 @@ def test_poor_models_of_stiff_bodies_are_near_and_of_soft_ones_far(result):
     assert step[soft] == inf
 
 
-def test_cheapest_models_are_rows_that_fulfil_the_wish(result):
+def test_cheapest_models_are_rows_that_meet_the_target(result):
     frame, cheapest = result.table("accuracy").frame, result.table("cheapest").frame
-    assert list(cheapest["wish"]) == [*WISHES, *WISHES]
+    assert list(cheapest["target_error"]) == [*TARGETS, *TARGETS]
     for line in cheapest.to_dict("records"):
-        runs = frame[(frame["scene"] == line["scene"]) & (frame["error"] <= line["wish"])]
+        runs = frame[(frame["scene"] == line["scene"]) & (frame["error"] <= line["target_error"])]
         assert (line["status"] == "ok") != runs.empty
         if line["status"] == "ok":
             assert line["cpu_s"] == runs["cpu_s"].min()
-            assert line["error"] <= line["wish"]
+            assert line["error"] <= line["target_error"]
     assert (cheapest["status"] == "ok").any()
 
 

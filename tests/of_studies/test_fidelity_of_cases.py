@@ -69,10 +69,10 @@ def test_distances_are_those_of_runs_that_are_finer_still(pendulum):
 def test_the_cheapest_model_meets_its_target_for_sure(pendulum):
     _, result = pendulum
     rows, cheapest = result.table("choices").frame, result.table("cheapest").frame
-    assert list(cheapest["wish"]) == [0.1, 0.03, ERROR]
+    assert list(cheapest["target_error"]) == [0.1, 0.03, ERROR]
     assert list(cheapest["status"]) == ["ok"] * 3
     for line in cheapest.to_dict("records"):
-        good = rows[rows["error"] + rows["reference_error"] <= line["wish"]]
+        good = rows[rows["error"] + rows["reference_error"] <= line["target_error"]]
         assert line["cpu_s"] == good["cpu_s"].min()
     assert not cheapest["model"].str.contains("upper rigid|all rigid").any()
     beams = result.table("beams").frame.set_index(["beam", "kind"])

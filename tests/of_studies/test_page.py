@@ -160,18 +160,18 @@ def test_a_pair_of_which_one_run_failed_is_not_known():
 
 def test_advice_gives_setting_cost_and_reason():
     line = {
-        "scene": "s", "wished_error": 1e-3, "status": "ok", "solver": "anctmm", "element": "cable", "elements": "8",
+        "scene": "s", "target_error": 1e-3, "status": "ok", "solver": "anctmm", "element": "cable", "elements": "8",
         "quadrature": "full", "integrator": "generalized-alpha", "dt": 2e-3, "tolerance": np.nan, "error": 8.123e-4,
         "mesh_error": 8e-4, "step_error": 1e-4, "error_from": "mesh", "cpu_s": 1.234e-3,
     }  # fmt: skip
-    unreached = line | {"wished_error": 1e-9, "status": "not reached: so it is"}
+    unreached = line | {"target_error": 1e-9, "status": "not reached: so it is"}
     kinds = [
         ("anctmm", "cable", "implicit", 1.0), ("anctmm", "cable", "explicit", 30.0),
         ("anctmm", "shear", "implicit", 9.0), ("peer", "cable", "implicit", 4.0),
         ("peer", "cable", "explicit", 50.0),
     ]  # fmt: skip
     rivals = pd.DataFrame(kinds, columns=["solver", "element", "stepping", "ratio"]).assign(
-        scene="s", wished_error=1e-3, status="ok"
+        scene="s", target_error=1e-3, status="ok"
     )
     first, second = advice(pd.DataFrame([line, unreached]), rivals).frame.to_dict("records")
     assert (first["solver"], first["element"], first["elements"]) == ("anctmm", "cable", "8")
@@ -219,7 +219,7 @@ def test_nothing_is_loaded_from_elsewhere(folder):
 
 
 def test_names_are_for_people():
-    assert [label(n) for n in ("cpu_s", "wished_error", "dt")] == ["CPU time (s)", "target error", "Δt (s)"]
+    assert [label(n) for n in ("cpu_s", "target_error", "dt")] == ["CPU time (s)", "target error", "Δt (s)"]
     assert str(prose("`a<b` & c")) == "<code>a&lt;b</code> &amp; c"
 
 

@@ -30,7 +30,7 @@ from studies.trade.plan import FRAME_SOLVERS, ladders
 from studies.trade.snippet import SnippetError, code, snippet
 from studies.trade.split import weigh
 
-WISHES = [(scene, wish) for scene in ("four-bar", "cantilever-fall") for wish in (1e-2, 1e-3, 1e-4)]
+TARGETS = [(scene, target) for scene in ("four-bar", "cantilever-fall") for target in (1e-2, 1e-3, 1e-4)]
 KEPT = Path(__file__).parents[2] / "reports" / "trade"
 
 
@@ -117,9 +117,9 @@ def test_tables_and_sentences_come_from_the_points(result, points):
     for line in best[best["status"] == "ok"].to_dict("records"):
         assert (
             line["cpu_s"]
-            == reaching(points[points["scene"] == line["scene"]], line["wished_error"])["cpu_s"].min()
+            == reaching(points[points["scene"] == line["scene"]], line["target_error"])["cpu_s"].min()
         )
-    assert (best[best["wished_error"] == 1e-5]["status"] != "ok").all()
+    assert (best[best["target_error"] == 1e-5]["status"] != "ok").all()
     distance = result.table("references").frame.set_index(["scene", "element"])["from_cable"]
     assert distance["four-bar", "shear"] == pytest.approx(0.0138, abs=1e-3)
     answer, other = result.answers  # one a scene
@@ -204,27 +204,27 @@ def test_keyword_arguments_are_written_and_read_alike():
 # --- recommendations -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("scene", "wish"), WISHES)
-def test_a_recommendation_rerun_from_its_script_meets_its_error(measured, scene, wish):
-    _check(measured, scene, wish)
+@pytest.mark.parametrize(("scene", "target"), TARGETS)
+def test_a_recommendation_rerun_from_its_script_meets_its_error(measured, scene, target):
+    _check(measured, scene, target)
 
 
 @pytest.mark.skipif(not (KEPT / "points.csv").exists(), reason="no measured trade is kept in reports/trade")
-@pytest.mark.parametrize(("scene", "wish"), WISHES)
-def test_a_kept_recommendation_rerun_from_its_script_meets_its_error(scene, wish):
-    _check(recommend.read(KEPT), scene, wish)
+@pytest.mark.parametrize(("scene", "target"), TARGETS)
+def test_a_kept_recommendation_rerun_from_its_script_meets_its_error(scene, target):
+    _check(recommend.read(KEPT), scene, target)
 
 
-def _check(measured: recommend.Measured, scene: str, wish: float) -> None:
-    choice = recommend.choose(measured.points, scene, wish, None)
+def _check(measured: recommend.Measured, scene: str, target: float) -> None:
+    choice = recommend.choose(measured.points, scene, target, None)
     assert choice.reached
-    again = recommend.rerun(choice.line, measured.histories, wish, met=True)
+    again = recommend.rerun(choice.line, measured.histories, target, met=True)
     assert again.met
-    assert again.error <= wish
+    assert again.error <= target
     # what a loose Newton tolerance leaves depends on the last bit of compiled code (anctmm/modelling.md)
     near = 0.01 if choice.line["newton_tolerance"] < 1e-5 else 0.2
     assert again.error == pytest.approx(choice.line["error"], rel=near)
-    meeting = measured.points[(measured.points["scene"] == scene) & (measured.points["error"] <= wish)]
+    meeting = measured.points[(measured.points["scene"] == scene) & (measured.points["error"] <= target)]
     assert meeting["cpu_s"].min() >= 0.8 * choice.line["cpu_s"]
     ratios = choice.runners_up["ratio"]
     assert (ratios >= 1.0).all()
@@ -319,7 +319,7 @@ def test_choices(error, budget, elements, reached, remark):
         (("t", 1e-3, None), "scene 't' has no measured setting; those of the table are s"),
     ],
 )
-def test_bad_wishes_are_named(ask, message):
+def test_bad_targets_are_named(ask, message):
     with pytest.raises(recommend.RecommendError, match=re.escape(message)):
         recommend.choose(FRAME, *ask)
 

@@ -48,7 +48,7 @@ def test_references_are_better_known_than_the_smallest_target(measured):
     known = result.table("references").frame
     assert set(known["element"]) == {"cable", "shear"}
     assert (known["uncertainty"] <= SHARE * ERROR).all()
-    assert list(result.table("recommended").frame["wished_error"]) == [ERROR]
+    assert list(result.table("recommended").frame["target_error"]) == [ERROR]
 
 
 @pytest.mark.slow

@@ -56,10 +56,10 @@ def test_accelerations_of_any_topology(name, element):
     exact = d.solved(d.mass(), d.f - d.elastic())
     assert error(solve(mass_factors(d.chain), d.f - d.elastic()), exact) < 1e-12
     if d.chain.split:
-        t, hubs, a = d.bodies.tables(), Actuation(d.chain.scene, d.bodies).hubs(), np.zeros_like(d.q)
+        t, clamps, a = d.bodies.tables(), Actuation(d.chain.scene, d.bodies).clamps(), np.zeros_like(d.q)
         tables = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-        motion = (hubs.of, hubs.motion, hubs.reaction)
-        by_scalars(t.blend, d.q, d.f, *tables, *motion, *split_factors(d.chain), a)
+        motion = (clamps.of, clamps.motion, clamps.reaction)
+        by_scalars(t.formulations, d.q, d.f, *tables, *motion, *split_factors(d.chain), a)
         assert error(a, exact) < 1e-12
 
 

@@ -23,7 +23,7 @@ import anctmm as at
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.joined import Joined
-from anctmm.forces.actuation import Actuation, turn_hubs
+from anctmm.forces.actuation import Actuation, turn_clamps
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
 
@@ -32,39 +32,39 @@ TIME = 0.01
 
 
 class Problem:
-    """A scene about a bent state, its hubs in motion, under random loads."""
+    """A scene about a bent state, its clamps in motion, under random loads."""
 
     def __init__(self, scene, run):
         self.chain = chain = Chain(scene, run)
         self.q = compatible(chain, 1e-3)
         self.f = np.random.default_rng(1).standard_normal(self.q.shape) * scales(chain)
         self.actuation = Actuation(scene, chain.bodies)
-        self.hubs = self.turned()
-        self.q[:, self.hubs.nodes] = self.hubs.motion[0].T
+        self.clamps = self.turned()
+        self.q[:, self.clamps.nodes] = self.clamps.motion[0].T
 
     def turned(self):
-        hubs = self.actuation.hubs()
-        turn_hubs(hubs, self.actuation.hub_table(np.array([TIME]))[0])
-        return hubs
+        clamps = self.actuation.clamps()
+        turn_clamps(clamps, self.actuation.clamp_table(np.array([TIME]))[0])
+        return clamps
 
     def acceleration_error(self):
         chain, q, f, M = self.chain, self.q, self.f, mass_of(self.chain)
         known = np.zeros_like(q)
-        known[:, self.hubs.nodes] = self.hubs.motion[2].T
+        known[:, self.clamps.nodes] = self.clamps.motion[2].T
         load = f - elastic(chain, q) - (M @ known.ravel()).reshape(q.shape)
         exact, a = known + direct(chain, M, load), np.empty_like(q)
-        by_blocks(q, f, chain.bodies.tables(), self.hubs, mass_factors(chain), np.empty_like(q), a)
+        by_blocks(q, f, chain.bodies.tables(), self.clamps, mass_factors(chain), np.empty_like(q), a)
         errors = [error(chain, a, exact)]
         if chain.split:
-            hubs = self.turned()
-            errors.append(error(chain, by_split(chain, q, f, hubs), exact))
-            errors.append(self.reaction_error(hubs))
+            clamps = self.turned()
+            errors.append(error(chain, by_split(chain, q, f, clamps), exact))
+            errors.append(self.reaction_error(clamps))
         return max(errors)
 
-    def reaction_error(self, hubs):
+    def reaction_error(self, clamps):
         """Of reactions by scalars from those by blocks; a cable has no r_y that anything could act on."""
-        used = hubs.reference != 0.0
-        one, two = (np.where(used, h.reaction, 0.0) for h in (self.hubs, hubs))
+        used = clamps.reference != 0.0
+        one, two = (np.where(used, h.reaction, 0.0) for h in (self.clamps, clamps))
         return np.abs(one - two).max() / np.abs(one).max() if one.size else 0.0
 
     def tangent_error(self, weight=1e7):

@@ -77,7 +77,7 @@ class SmallMotions:
         if self.damping is not None:
             lost = np.zeros_like(u)  # damping forces, linear in the velocities
             t = system.tables
-            resist(t.blend, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost)
+            resist(t.formulations, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost)
             total -= lost
         if self.dampers is not None:
             size = float(np.abs(u).max(initial=0.0))

@@ -115,7 +115,7 @@ class StaticSystem:
     def elastic_forces(self, q: Array) -> Array:
         """Gradient of the strain energy, N; overwritten by the next call."""
         t = self.tables
-        elastic_forces(t.blend, q, t.first, t.kinds, t.constants, t.buffer, self.elastic)
+        elastic_forces(t.formulations, q, t.first, t.kinds, t.constants, t.buffer, self.elastic)
         return self.elastic
 
     def factorize(self, q: Array, factor: float, shift: float = 0.0, tables: Tables | None = None) -> int:
@@ -200,4 +200,4 @@ class StaticSystem:
 
     def _elastic_energy(self, q: Array) -> float:
         t = self.tables
-        return float(strain_energy(t.blend, q, t.first, t.kinds, t.constants))
+        return float(strain_energy(t.formulations, q, t.first, t.kinds, t.constants))

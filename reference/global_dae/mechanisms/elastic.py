@@ -58,7 +58,9 @@ class Elastic:
         f = np.zeros(len(q))
         if self.model is not None:
             p = self.parts
-            elastic_forces(p.blend, self._nodal(q), p.first, p.kinds, p.constants, self.buffer, self.found)
+            elastic_forces(
+                p.formulations, self._nodal(q), p.first, p.kinds, p.constants, self.buffer, self.found
+            )
             f[: self.layout.bending] = self.found.reshape(-1)[self.layout.numbers]
         return f
 
@@ -67,7 +69,7 @@ class Elastic:
         if self.model is None:
             return 0.0
         p = self.parts
-        return float(strain_energy(p.blend, self._nodal(q), p.first, p.kinds, p.constants))
+        return float(strain_energy(p.formulations, self._nodal(q), p.first, p.kinds, p.constants))
 
     @property
     def damped(self) -> bool:
@@ -82,7 +84,7 @@ class Elastic:
             self.rates.reshape(-1)[self.layout.numbers] = v[: self.layout.bending]
             self.found[:] = 0.0
             power = resist(
-                p.blend, self._nodal(q), self.rates, p.first, p.kinds, p.constants,
+                p.formulations, self._nodal(q), self.rates, p.first, p.kinds, p.constants,
                 self.model.bodies.damping, self.buffer, self.found,
             )  # fmt: skip
             f[: self.layout.bending] = self.found.reshape(-1)[self.layout.numbers]
