@@ -321,7 +321,7 @@ def elastic_forces(
 
 
 @kernel
-def resist(
+def damping_forces(
     formulations: tuple[int, ...],
     q: Array,
     v: Array,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import (
     Bodies,
     Tables,
-    resist,
+    damping_forces,
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
@@ -154,7 +154,7 @@ def add_damping_forces(q, f, dead, tables, loads, load_values, damping):  # type
             f[k, i] = dead[k, i]
             force[k, i] = 0.0
     set_loads(q, f, dead, loads, load_values)
-    resist(formulations, q, damping.v, first, kinds, constants, damping.of, buffer, force)
+    damping_forces(formulations, q, damping.v, first, kinds, constants, damping.of, buffer, force)
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] += force[k, i]

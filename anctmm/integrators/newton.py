@@ -205,11 +205,11 @@ def _newton(full, state, coefficients, tables, links, factors, loads, load_value
 def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyped-def]
     """Forward sweep of the residual f − F_elastic − M w, window by window: what has arrived at each node."""
     first, formulations, kinds, constants, masses, buffer = tables
-    unit, L, _, wide, work, _, places, _ = factors
-    d, body, nodes, place = len(unit), FIRST_BODY, q.shape[1], 0
+    size, L, _, wide, work, _, places, _ = factors
+    d, body, nodes, place = len(size), FIRST_BODY, q.shape[1], 0
     last = 12 * BLOCK
     buffer[last:] = 0.0
-    start_sweep(unit, loops, work)
+    start_sweep(size, loops, work)
     for start in range(0, nodes, BLOCK):
         end = min(start + BLOCK, nodes)
         window_forces(formulations, q, start, end, body, first, kinds, constants, buffer)
@@ -229,14 +229,14 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
                     at = k * BLOCK + i - start
                     work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
                     buffer[last + k] = buffer[at + 6 * BLOCK]
-                pass_outboard(unit, L, wide, loops, i, work)
+                pass_outboard(size, L, wide, loops, i, work)
                 for k in range(d):
                     arrived[i, k] = work[4 * d * d + k]
             begin = stop
             if stop == places.at[place]:
-                part_outboard(unit, places, loops, place, work)
+                part_outboard(size, places, loops, place, work)
                 place += 1
-    turn_back(unit, loops, work)
+    turn_back(size, loops, work)
 
 
 @embedded
@@ -245,11 +245,11 @@ def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyp
 
     Returns the largest component, positions relative to `scale`; infinity if one is not finite.
     """
-    unit, L, G, wide, work, _, places, _ = factors
-    d, largest, odd = len(unit), 0.0, 0.0
+    size, L, G, wide, work, _, places, _ = factors
+    d, largest, odd = len(size), 0.0, 0.0
     nodes = q.shape[1]
     for place in range(len(places.at) - 1, -1, -1):
-        meet_inboard(unit, places, loops, place, arrived, work)
+        meet_inboard(size, places, loops, place, arrived, work)
         begin = places.at[place - 1] if place > 0 else 0
         for i in range(places.at[place] - 1, begin - 1, -1):
             if nodes > LONG:
@@ -260,7 +260,7 @@ def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyp
                     prefetch_columns(w, max(i - 2 * AHEAD, 0))
             for k in range(d):
                 work[4 * d * d + k] = arrived[i, k]
-            find_unknowns(unit, L, G, wide, loops, i, work)
+            find_unknowns(size, L, G, wide, loops, i, work)
             for k in range(d):
                 x = work[4 * d * d + 2 * d + k]
                 arrived[i, k] = x

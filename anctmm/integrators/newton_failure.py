@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import (
+    damping_forces,
     elastic_forces,
     mass_product,
-    resist,
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
@@ -100,7 +100,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
             if damping is not None:
                 new = ((1.0 - c.alpha_f) * w + c.alpha_f * state.w_before - c.alpha_m * a) / (1.0 - c.alpha_m)
                 v = state.v + c.h * ((1.0 - c.gamma) * a + c.gamma * new)
-                resist(
+                damping_forces(
                     tables.formulations,
                     q,
                     v,

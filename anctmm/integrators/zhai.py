@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables, resist
+from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import is_found, once, own
 from anctmm.forces.actuation import (
@@ -281,7 +281,7 @@ def advance(
             set_loads(q, f, state.dead, loads, load_table[step - begin])
             add_connectors(loads.connectors, q, v, load_table[step - begin], f)
         if damping is not None:
-            lost = resist(formulations, q, v, first, kinds, constants, damping.of, buffer, f)
+            lost = damping_forces(formulations, q, v, first, kinds, constants, damping.of, buffer, f)
             if step > 0:
                 out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
             damping.power[0] = lost

@@ -108,17 +108,17 @@ def _solve(loops):  # type: ignore[no-untyped-def]
 @embedded
 def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
     """Add to u the changes of all nodes, a, that those of the kept unknowns, `moved`, bring: a backward sweep."""
-    unit, L, _, wide, work, _, places, _ = factors
-    d = len(unit)
+    size, L, _, wide, work, _, places, _ = factors
+    d = len(size)
     for k in range(len(loops.x)):
         loops.x[k] = loops.moved[k]
     for k in range(d):
         work[4 * d * d + 2 * d + k] = 0.0
     for place in range(len(places.at) - 1, -1, -1):
-        meet_inboard(unit, places, loops, place, a.T, work)
+        meet_inboard(size, places, loops, place, a.T, work)
         begin = places.at[place - 1] if place > 0 else 0
         for i in range(places.at[place] - 1, begin - 1, -1):
-            follow_unknowns(unit, L, wide, loops, i, work)
+            follow_unknowns(size, L, wide, loops, i, work)
             for k in range(d):
                 a[k, i] = work[4 * d * d + 2 * d + k]
                 u[k, i] += a[k, i]

@@ -157,12 +157,12 @@ def hold_on_lines(turned, q, w, c):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def turn_node(unit, c, s, work):  # type: ignore[no-untyped-def]
+def turn_node(size, c, s, work):  # type: ignore[no-untyped-def]
     """Turn the place of a node, in matrices 1 (symmetric, its lower triangle) and 2 of the scratch, by an angle.
 
     With the cosine and the sine of a line its first component is that along the line, the second that across.
     """
-    d = len(unit)
+    d = len(size)
     A = d * d
     xx, xy, yy = work[A], work[A + d], work[A + d + 1]
     work[A] = c * c * xx + 2.0 * c * s * xy + s * s * yy
@@ -175,10 +175,10 @@ def turn_node(unit, c, s, work):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def turn_back_node(unit, c, s, work):  # type: ignore[no-untyped-def]
+def turn_back_node(size, c, s, work):  # type: ignore[no-untyped-def]
     """The same by the opposite angle, and in matrix 3."""
-    turn_node(unit, c, -s, work)
-    d = len(unit)
+    turn_node(size, c, -s, work)
+    d = len(size)
     for m in range(d):
         turn_pair(c, -s, 3 * d * d + d * m, work)
 

@@ -163,27 +163,27 @@ def start_stretch(loops, port, d, work):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def eliminate_coupled(unit, loops, port, known, i, work):  # type: ignore[no-untyped-def]
+def eliminate_coupled(size, loops, port, known, i, work):  # type: ignore[no-untyped-def]
     """Pass an element as `riccati` does, and the coupling with the start of the stretch, which begins here at a port
     unless that is −1. Returns the number of negative pivots.
     """
     if port >= 0:
-        start_stretch(loops, port, len(unit), work)
-    negative = _eliminate(unit, loops, known, 0, i, work)
+        start_stretch(loops, port, len(size), work)
+    negative = _eliminate(size, loops, known, 0, i, work)
     keep_coupling(loops, port, i)
     return negative
 
 
 @embedded
-def release_coupled(unit, loops, known, i, work):  # type: ignore[no-untyped-def]
+def release_coupled(size, loops, known, i, work):  # type: ignore[no-untyped-def]
     """Pass a pin as `riccati` does, and the coupling. Returns the number of negative pivots."""
-    d = len(unit)
+    d = len(size)
     K, L = 2 * d * d, 3 * d * d
     for m in range(d):
         for k in range(d):
             work[K + d * m + k] = work[d * max(m, k) + min(m, k)] if m < 2 <= k else 0.0
             loops.passed[m, k] = loops.coupling[m, k] if m < 2 else 0.0
-    negative = _eliminate(unit, loops, known, 2, i, work)
+    negative = _eliminate(size, loops, known, 2, i, work)
     for m in range(2):
         work[L + d * m + m] = -1.0
     keep_coupling(loops, -1, i)
@@ -191,9 +191,9 @@ def release_coupled(unit, loops, known, i, work):  # type: ignore[no-untyped-def
 
 
 @embedded
-def turn_coupled(unit, loops, i, work):  # type: ignore[no-untyped-def]
+def turn_coupled(size, loops, i, work):  # type: ignore[no-untyped-def]
     """Pass a weld whose L is in the scratch: the coupling turns."""
-    d = len(unit)
+    d = len(size)
     for m in range(d):
         for p in range(d):
             total = 0.0
@@ -207,13 +207,13 @@ def turn_coupled(unit, loops, i, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _eliminate(unit, loops, known, least, i, work):  # type: ignore[no-untyped-def]
+def _eliminate(size, loops, known, least, i, work):  # type: ignore[no-untyped-def]
     """Eliminate a node component by component from `least` on.
 
     Matrix 1 of the scratch, symmetric, becomes −G, 2 and 3 become L; D of the next node, its coupling and S lose their
     parts. Returns the number of negative pivots.
     """
-    d = len(unit)
+    d = len(size)
     A, K, column = d * d, 2 * d * d, 4 * d * d
     C, S, P = loops.coupling, loops.condensed, loops.passed
     negative = 0
@@ -263,9 +263,9 @@ def keep_coupling(loops, port, i):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def end_stretch(unit, loops, place, work):  # type: ignore[no-untyped-def]
+def end_stretch(size, loops, place, work):  # type: ignore[no-untyped-def]
     """Add what arrives at a kept junction to its matrix; nothing goes on."""
-    d = len(unit)
+    d = len(size)
     end, start, values = loops.end[place], loops.start[place], loops.matrix.values
     W, product = loops.maps[end], 2 * d * d
     for p in range(d):

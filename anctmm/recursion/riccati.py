@@ -80,7 +80,7 @@ class BlockFactors(NamedTuple):
 
     Parameters
     ----------
-    unit : tuple of `rows` zeros
+    size : tuple of `rows` zeros
         Its type tells the compiler the size d of the blocks.
     L : ndarray of float64 or float32, shape (nodes, d²)
         Row by row.
@@ -96,7 +96,7 @@ class BlockFactors(NamedTuple):
         None where there are none: then nothing of them is compiled.
     """
 
-    unit: tuple[int, ...]
+    size: tuple[int, ...]
     L: NDArray[np.floating]
     G: NDArray[np.floating]
     wide: Array
@@ -289,10 +289,10 @@ def factorize(
 @embedded
 def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops, turned):  # type: ignore[no-untyped-def]
     """The same; only of arguments that are None the compiler leaves out what needs them."""
-    unit, L, G, _, work, buffer, places, _ = factors
+    size, L, G, _, work, buffer, places, _ = factors
     first, formulations, kinds, constants, masses, _ = tables
     link, turn, known, _ = links
-    d = len(unit)
+    d = len(size)
     negative, place, port, site, line = 0, 0, -1, 0, 0
     work[:] = 0.0
     local = loads.local
@@ -303,11 +303,11 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
         last = first[b + 1] - 1
         for i in range(first[b], last + 1):
             if i == places.at[place]:
-                port = _pass_place(unit, places, loops, place, work)
+                port = _pass_place(size, places, loops, place, work)
                 place += 1
             here = site
             while site < len(local.nodes) and local.nodes[site] == i:
-                add_block_here(unit, local.blocks[site], work)
+                add_block_here(size, local.blocks[site], work)
                 site += 1
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
@@ -316,57 +316,57 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                         formulations, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer
                     )
                 _add_element(
-                    unit, components(formulations, kinds[b]), mass, masses[b], stiffness, buffer, j, work
+                    size, components(formulations, kinds[b]), mass, masses[b], stiffness, buffer, j, work
                 )
                 for n in range(here, site):
-                    add_block_beyond(unit, local.blocks[n], work)
+                    add_block_beyond(size, local.blocks[n], work)
                 if turned is not None and turned.node[line] == i:
-                    turn_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
                 if loops is None:
-                    negative += _eliminate(unit, known, i, work)
+                    negative += _eliminate(size, known, i, work)
                 else:
-                    negative += eliminate_coupled(unit, loops, port, known, i, work)
+                    negative += eliminate_coupled(size, loops, port, known, i, work)
                     port = -1
                 if turned is not None and turned.node[line] == i:
-                    turn_back_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    turn_back_node(size, turned.along[line, 0], turned.along[line, 1], work)
                     line += 1
-                _store(unit, i, work, L, G)
+                _store(size, i, work, L, G)
                 continue
             if i == first[b]:  # a body of one node
                 for k in range(d):
                     work[d * k + k] += mass * masses[b][k // 2, k // 2]
             if link[b] == WELD:
-                _turn(unit, turn[b, 0], turn[b, 1], i, work, L, G)
+                _turn(size, turn[b, 0], turn[b, 1], i, work, L, G)
                 if loops is not None:
-                    turn_coupled(unit, loops, i, work)
+                    turn_coupled(size, loops, i, work)
             else:
                 pinned = link[b] == PIN
                 for k in range(d * d):
                     work[d * d + k] = work[k]
                 if turned is not None and turned.node[line] == i:
-                    turn_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
                 if loops is not None and pinned:
-                    negative += release_coupled(unit, loops, known, i, work)
+                    negative += release_coupled(size, loops, known, i, work)
                 else:
-                    negative += _invert(unit, known, 2 if pinned else 0, i, work)
-                    _release(unit, pinned, work)
+                    negative += _invert(size, known, 2 if pinned else 0, i, work)
+                    _release(size, pinned, work)
                 if turned is not None and turned.node[line] == i:
-                    turn_back_node(unit, turned.along[line, 0], turned.along[line, 1], work)
+                    turn_back_node(size, turned.along[line, 0], turned.along[line, 1], work)
                     line += 1
-                _store(unit, i, work, L, G)
-                _forget(unit, pinned, work)
+                _store(size, i, work, L, G)
+                _forget(size, pinned, work)
     if loops is not None:
-        _pass_place(unit, places, loops, place, work)
+        _pass_place(size, places, loops, place, work)
         fill(loops.rows, loops.matrix, q, stiffness)
         negative += factorize_kept(loops.matrix)
     return negative
 
 
 @inlined
-def _pass_place(unit, places, loops, place, work):  # type: ignore[no-untyped-def]
+def _pass_place(size, places, loops, place, work):  # type: ignore[no-untyped-def]
     """Where condensed matrices part and meet. Returns the port at which a stretch begins, or −1."""
     if loops is not None and loops.end[place] >= 0:
-        end_stretch(unit, loops, place, work)
+        end_stretch(size, loops, place, work)
     pass_branch(place, places.to, places.take, places.matrices, work, 0)
     return loops.begin[place] if loops is not None else -1
 
@@ -388,35 +388,35 @@ def sweep(factors: BlockFactors, b: Array, a: Array) -> None:
 
 @embedded
 def _sweep(factors, loops, b, a):  # type: ignore[no-untyped-def]
-    unit, L, G, wide, work, _, places, _ = factors
-    d, at = len(unit), places.at
-    start_sweep(unit, loops, work)
+    size, L, G, wide, work, _, places, _ = factors
+    d, at = len(size), places.at
+    start_sweep(size, loops, work)
     begin = 0
     for place in range(len(at)):
         for i in range(begin, at[place]):
             for k in range(d):
                 work[4 * d * d + k] = b[k, i]
-            pass_outboard(unit, L, wide, loops, i, work)
+            pass_outboard(size, L, wide, loops, i, work)
             for k in range(d):
                 b[k, i] = work[4 * d * d + k]
-        part_outboard(unit, places, loops, place, work)
+        part_outboard(size, places, loops, place, work)
         begin = at[place]
-    turn_back(unit, loops, work)
+    turn_back(size, loops, work)
     for place in range(len(at) - 1, -1, -1):
-        meet_inboard(unit, places, loops, place, a.T, work)
+        meet_inboard(size, places, loops, place, a.T, work)
         begin = at[place - 1] if place > 0 else 0
         for i in range(at[place] - 1, begin - 1, -1):
             for k in range(d):
                 work[4 * d * d + k] = b[k, i]
-            find_unknowns(unit, L, G, wide, loops, i, work)
+            find_unknowns(size, L, G, wide, loops, i, work)
             for k in range(d):
                 a[k, i] = work[4 * d * d + 2 * d + k]
 
 
 @inlined
-def start_sweep(unit, loops, work):  # type: ignore[no-untyped-def]
+def start_sweep(size, loops, work):  # type: ignore[no-untyped-def]
     """Nothing has come yet to the first node of a forward sweep, nor to what is kept."""
-    d = len(unit)
+    d = len(size)
     for k in range(d):
         work[4 * d * d + d + k] = 0.0
     if loops is not None:
@@ -424,18 +424,18 @@ def start_sweep(unit, loops, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def part_outboard(unit, places, loops, place, work):  # type: ignore[no-untyped-def]
+def part_outboard(size, places, loops, place, work):  # type: ignore[no-untyped-def]
     """Forward at a place: what comes (vector 1 of the scratch) leaves the row, and what waits here comes."""
-    d = len(unit)
+    d = len(size)
     if loops is not None:
         leave_stretch(loops, place, work, 4 * d * d + d)
     pass_branch(place, places.to, places.take, places.vectors, work, 4 * d * d + d)
 
 
 @inlined
-def turn_back(unit, loops, work):  # type: ignore[no-untyped-def]
+def turn_back(size, loops, work):  # type: ignore[no-untyped-def]
     """Between the sweeps: the kept unknowns are found, and beyond the last node there is none."""
-    d = len(unit)
+    d = len(size)
     for k in range(d):
         work[4 * d * d + 2 * d + k] = 0.0
     if loops is not None:
@@ -443,9 +443,9 @@ def turn_back(unit, loops, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def meet_inboard(unit, places, loops, place, found, work):  # type: ignore[no-untyped-def]
+def meet_inboard(size, places, loops, place, found, work):  # type: ignore[no-untyped-def]
     """Backward at a place: the unknowns (vector 2) of the node that the one before passed on to, among those found."""
-    d = len(unit)
+    d = len(size)
     if places.node[place] >= 0:
         for k in range(d):
             work[4 * d * d + 2 * d + k] = found[places.node[place], k]
@@ -454,9 +454,9 @@ def meet_inboard(unit, places, loops, place, found, work):  # type: ignore[no-un
 
 
 @inlined
-def pass_outboard(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
+def pass_outboard(size, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
     """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
-    d = len(unit)
+    d = len(size)
     load, come = 4 * d * d, 4 * d * d + d
     M, r = in_double(L, i, wide, 0)
     for k in range(d):
@@ -472,9 +472,9 @@ def pass_outboard(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-def
 
 
 @inlined
-def find_unknowns(unit, L, G, wide, loops, i, work):  # type: ignore[no-untyped-def]
+def find_unknowns(size, L, G, wide, loops, i, work):  # type: ignore[no-untyped-def]
     """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
-    d = len(unit)
+    d = len(size)
     load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
     M, r = in_double(L, i, wide, 0)
     S, n = in_double(G, i, wide, 1)
@@ -492,9 +492,9 @@ def find_unknowns(unit, L, G, wide, loops, i, work):  # type: ignore[no-untyped-
 
 
 @inlined
-def follow_unknowns(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
+def follow_unknowns(size, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
     """Backward at node i without loads: unknowns (vector 2) −L^T a from those of the node outboard."""
-    d = len(unit)
+    d = len(size)
     x, out = 4 * d * d + 2 * d, 4 * d * d + 3 * d
     M, r = in_double(L, i, wide, 0)
     for k in range(d):
@@ -509,11 +509,11 @@ def follow_unknowns(unit, L, wide, loops, i, work):  # type: ignore[no-untyped-d
 
 
 @embedded
-def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
+def _add_element(size, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
     """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the
     symmetric ones. An element with fewer components, `own`, than the nodes leaves the others without stiffness.
     """
-    d = len(unit)
+    d = len(size)
     A, K = d * d, 2 * d * d
     for k in range(d):
         for n in range(d):
@@ -535,13 +535,13 @@ def _add_element(unit, own, mass, m, stiffness, buffer, j, work):  # type: ignor
 
 
 @embedded
-def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
+def _invert(size, known, start, i, work):  # type: ignore[no-untyped-def]
     """Matrix 1 ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere; lower triangle.
 
     The symmetric form of Gauss-Jordan's method ("sweep operator") without exchange of rows: the matrix is positive
     definite in every stable state. Returns the number of negative pivots.
     """
-    d = len(unit)
+    d = len(size)
     A, column = d * d, 3 * d * d
     negative = 0
     for k in range(d):
@@ -570,9 +570,9 @@ def _invert(unit, known, start, i, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _store(unit, i, work, L, G):  # type: ignore[no-untyped-def]
+def _store(size, i, work, L, G):  # type: ignore[no-untyped-def]
     """Keep G, minus matrix 1, and L, matrix 3."""
-    d = len(unit)
+    d = len(size)
     for k in range(d):
         for m in range(d):
             L[i, d * k + m] = work[3 * d * d + d * k + m]
@@ -581,13 +581,13 @@ def _store(unit, i, work, L, G):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _eliminate(unit, known, i, work):  # type: ignore[no-untyped-def]
+def _eliminate(size, known, i, work):  # type: ignore[no-untyped-def]
     """Pass an element: matrix 1 ← −inverse of itself, L ← K_OI G, D ← K_OO − L K_IO, component by component.
 
     Not by products with the inverse: of a slender element with an r_y that has a condition of (l/h)², and what bends D
     would be a difference of numbers that are wrong by as much. Returns the number of negative pivots.
     """
-    d = len(unit)
+    d = len(size)
     A, K, L, column = d * d, 2 * d * d, 3 * d * d, 4 * d * d
     negative = 0
     for k in range(d):
@@ -620,9 +620,9 @@ def _eliminate(unit, known, i, work):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _release(unit, pinned, work):  # type: ignore[no-untyped-def]
+def _release(size, pinned, work):  # type: ignore[no-untyped-def]
     """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
-    d = len(unit)
+    d = len(size)
     A, L = d * d, 3 * d * d
     for k in range(d * d):
         work[L + k] = 0.0
@@ -641,9 +641,9 @@ def _release(unit, pinned, work):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
+def _forget(size, pinned, work):  # type: ignore[no-untyped-def]
     """Keep of D what goes on beyond a body: behind a pin that of r, else nothing."""
-    d = len(unit)
+    d = len(size)
     for m in range(d):
         for k in range(m + 1):
             if not pinned or m > 1:
@@ -651,9 +651,9 @@ def _forget(unit, pinned, work):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
+def _turn(size, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
-    d = len(unit)
+    d = len(size)
     K, W = 2 * d * d, 3 * d * d
     for k in range(d * d):
         work[d * d + k] = work[W + k] = 0.0
@@ -673,22 +673,22 @@ def _turn(unit, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
             for n in range(d):
                 t -= work[K + d * m + n] * work[W + d * k + n]
             work[d * m + k] = t
-    _store(unit, i, work, L, G)
+    _store(size, i, work, L, G)
 
 
 @inlined
-def add_block_here(unit, block, work):  # type: ignore[no-untyped-def]
+def add_block_here(size, block, work):  # type: ignore[no-untyped-def]
     """Add a matrix of a node and the next one to D: the node's own part."""
-    d = len(unit)
+    d = len(size)
     for m in range(d):
         for k in range(m + 1):
             work[d * m + k] += block[m, k]
 
 
 @inlined
-def add_block_beyond(unit, block, work):  # type: ignore[no-untyped-def]
+def add_block_beyond(size, block, work):  # type: ignore[no-untyped-def]
     """Add the other parts: to matrix 2, and to D of the next node."""
-    d = len(unit)
+    d = len(size)
     for m in range(d):
         for k in range(d):
             work[2 * d * d + d * m + k] += block[d + m, k]

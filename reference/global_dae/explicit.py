@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import elastic_forces, resist
+from anctmm.discretise.assembly import damping_forces, elastic_forces
 from anctmm.jit.compiling import inlined, kernel
 from reference.global_dae.assemble import fill_dense, solve_dense
 from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
@@ -154,7 +154,7 @@ def march(
         for i in range(size):
             right[i] = dead[i] - right[i]
         if damping is not None:
-            lost = resist(formulations, q, m.v, first, kinds, constants, damping, buffer, force)
+            lost = damping_forces(formulations, q, m.v, first, kinds, constants, damping, buffer, force)
             m.work[0] -= 0.5 * scheme.h * (power[0] + lost) if n > 0 else 0.0
             power[0] = lost
         add_loads(loads, values, at, flat_q, right)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
-from anctmm.discretise.assembly import elastic_forces, mass_product, resist
+from anctmm.discretise.assembly import damping_forces, elastic_forces, mass_product
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.jit.compiling import inlined, kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
@@ -139,7 +139,9 @@ def resisting(damping: Damping, parts: Parts, q: Array, v: Array, buffer: Array,
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             force[k, i] = 0.0
-    resist(parts.formulations, q, v, parts.first, parts.kinds, parts.constants, damping.of, buffer, force)
+    damping_forces(
+        parts.formulations, q, v, parts.first, parts.kinds, parts.constants, damping.of, buffer, force
+    )
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] += force[k, i]
@@ -460,7 +462,7 @@ def _accelerate(
     if damping is not None:
         p = model.parts
         damping.force[:] = 0.0
-        resist(
+        damping_forces(
             p.formulations, m.q, m.v, p.first, p.kinds, p.constants, damping.of, m.buffer, damping.force[0]
         )
         s.force[:] += damping.force[0]

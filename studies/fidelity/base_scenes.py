@@ -31,7 +31,11 @@ TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 #: Damping of the run that shows what it costs, s.
 TAU = 1e-5
 #: Features and the function that only they need.
-FEATURES = (("damping", "resist"), ("rigid bodies", "constrain_motion"), ("shear elements", "shear_kernel"))
+FEATURES = (
+    ("damping", "damping_forces"),
+    ("rigid bodies", "constrain_motion"),
+    ("shear elements", "shear_kernel"),
+)
 #: What the types of an explicit kernel say of features: damping, rigid bodies, shear elements alone or with cables.
 TYPES_OF_FEATURES = ("Damping", "Rigid", "UniTuple(int64 x 2)", "UniTuple(int64 x 3)")
 #: Verdict of a rule where the measured distance is not told from 0.

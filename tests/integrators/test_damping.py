@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from samples import INTEGRATORS, KINDS, SQUARE, bar, chain_of, deformed, gap, row_scene
 
-from anctmm.discretise.assembly import resist
+from anctmm.discretise.assembly import damping_forces
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
@@ -92,7 +92,7 @@ def test_compiled_forces_are_the_readable_ones(element):
     for i, mesh in enumerate(bodies.meshes):
         v[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = 0.0
     found, expected, power = np.zeros_like(q), np.zeros_like(q), 0.0
-    lost = resist(bodies.formulations, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
+    lost = damping_forces(bodies.formulations, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
                   bodies.buffer(), found)  # fmt: skip
     for i, mesh in enumerate(bodies.meshes):
         k = 2 * mesh.vectors

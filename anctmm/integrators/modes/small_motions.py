@@ -9,7 +9,7 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import resist
+from anctmm.discretise.assembly import damping_forces
 from anctmm.discretise.joined import Joined
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.equilibrium_stability import least_shift
@@ -70,14 +70,16 @@ class SmallMotions:
             return np.asarray(self.join.spread(x.real) + 1j * self.join.spread(x.imag))
         return self.join.spread(x)
 
-    def resist(self, x: Array) -> Array:
+    def damping_forces(self, x: Array) -> Array:
         """C x, with what a turning frame adds."""
         u, system = self.join.spread(x), self.system
         total = np.zeros_like(u)
         if self.damping is not None:
             lost = np.zeros_like(u)  # damping forces, linear in the velocities
             t = system.tables
-            resist(t.formulations, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost)
+            damping_forces(
+                t.formulations, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost
+            )
             total -= lost
         if self.dampers is not None:
             size = float(np.abs(u).max(initial=0.0))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from anctmm.discretise.assembly import elastic_forces, resist, strain_energy
+from anctmm.discretise.assembly import damping_forces, elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.mechanisms.layout import Layout
@@ -83,7 +83,7 @@ class Elastic:
             p = self.parts
             self.rates.reshape(-1)[self.layout.numbers] = v[: self.layout.bending]
             self.found[:] = 0.0
-            power = resist(
+            power = damping_forces(
                 p.formulations, self._nodal(q), self.rates, p.first, p.kinds, p.constants,
                 self.model.bodies.damping, self.buffer, self.found,
             )  # fmt: skip
