@@ -6,6 +6,8 @@ from math import log10
 from reprlib import Repr
 from typing import Never
 
+from anctmm.raised import line_of
+
 
 class AnctmmError(Exception):
     """Base of everything this package raises on purpose."""
@@ -134,13 +136,14 @@ def listed(names: Iterable[object]) -> str:
 
 
 def reason(error: BaseException) -> str:
-    """Class and message of an exception as one short line, whatever its `str` does."""
+    """Class and message of an exception in one short line, whatever its `str` does; and the user's line of it."""
     try:
         text = str(error)
     except Exception:
         text = ""
-    name = type(error).__name__
-    return one_line(f"{name}: {text}" if text else name)
+    name, line = type(error).__name__, line_of(error)
+    told = one_line(f"{name}: {text}" if text else name)
+    return told if line is None else f"{told} ({line})"
 
 
 def one_line(text: str) -> str:

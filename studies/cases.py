@@ -30,9 +30,8 @@ def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
     found = defined_in(Path(path), DECLARED, CaseError, "file")
     cases = tuple(found) if isinstance(found, list | tuple) else ()
     if not cases or not all(isinstance(case, Case) for case in cases):
-        raise CaseError(
-            f"file {path} defines {DECLARED} = {told(found)}; a list of at least one anctmm.Case is needed"
-        )
+        what = f"no {DECLARED}" if found is None else f"{DECLARED} = {told(found)}"
+        raise CaseError(f"file {path} defines {what}; a list of at least one anctmm.Case is needed")
     names = [case.name for case in cases]
     if twice := next((n for n in names if names.count(n) > 1), None):
         raise CaseError(

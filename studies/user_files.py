@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from anctmm.errors import AnctmmError
+from anctmm.raised import line_of
 from anctmm.solvers.foreign_code import contained
 
 
@@ -30,8 +31,7 @@ def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> An
     Raises
     ------
     AnctmmError
-        `error`, naming the file, if it is not there or does not run; errors of this package that it raises itself are
-        passed on.
+        `error`, naming the file, if it is not there or does not run; then also the line, and what it raised.
     """
     if not path.is_file():
         what = "no file" if path.exists() else "no such file"
@@ -41,10 +41,23 @@ def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> An
     try:
         with contained():
             defined = runpy.run_path(str(path))
-    except AnctmmError:
-        raise
     except Exception as raised:
-        raise error(f"{said} {path} does not run: {type(raised).__name__}: {raised}") from raised
+        raise error(f"{said} {path}{_where(raised, path)} does not run: {_what(raised)}") from raised
     finally:
         sys.path[:] = places
     return defined.get(name)
+
+
+def _where(raised: Exception, path: Path) -> str:
+    """The line of the file, or of one that it imports, for a message; nothing if none is known."""
+    line = line_of(raised)
+    if line is None:
+        return ""
+    own = Path(line.file).resolve() == path.resolve()
+    return f", {line.within}," if own else f", {line},"
+
+
+def _what(raised: Exception) -> str:
+    """What was raised; of a text that is no Python without the line, which is told already."""
+    text = raised.msg if isinstance(raised, SyntaxError) and raised.msg else raised
+    return f"{type(raised).__name__}: {text}"

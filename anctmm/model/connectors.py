@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, Any, Protocol, final
 
-from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, shown, unknown_kind
+from anctmm.errors import PropertyError, RepeatedJointError, UnknownKindError, reason, shown, unknown_kind
 from anctmm.model.accepted import ConnectorKind, PairLike
 from anctmm.model.drives import breaks_of, value_at
 from anctmm.model.places import Place, Written, place_text, written
@@ -267,7 +267,7 @@ def law_value(name: str, law: Law, elongation: float, rate: float, time: float) 
     try:
         answer: Any = law(elongation, rate, time)
     except (Exception, SystemExit) as error:  # a user's function may do anything
-        raise PropertyError(f"{asked} raises {type(error).__name__}: {error}; {needed}") from error
+        raise PropertyError(f"{asked} raises {reason(error)}; {needed}") from error
     try:
         found = reals(answer).reshape(())
     except (TypeError, ValueError):

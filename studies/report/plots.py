@@ -48,7 +48,8 @@ SOLVER_COLOURS = {
 }
 #: Begins the id of a group whose markers have texts.
 TIPS = "tips:"
-MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+#: One of each known solver, and the last of all others.
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.2, 1.6)), (0, (7, 2, 1.2, 2)))
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -141,7 +142,7 @@ def solver_colour(name: str) -> str:
 def solver_marker(name: str) -> str:
     """The marker a solver has in every picture."""
     known = list(SOLVER_COLOURS)
-    return MARKERS[known.index(name)] if name in known else MARKERS[len(known)]
+    return MARKERS[known.index(name)] if name in known else MARKERS[-1]
 
 
 # --- histories and shapes ----------------------------------------------------------------------------------
