@@ -30,10 +30,7 @@ announce()
 
 def kernel(function: Callable[..., Any], allocates: bool = False) -> Any:
     """Compile a function in nopython mode on first use, kept on disk; only with `allocates` may it take memory."""
-    compiled: Any = _compiled(function, _nrt=allocates)
-    if isinstance(compiled, Kernel):
-        compiled._cache = KernelFiles(function)
-    return compiled
+    return _kept(function, _nrt=allocates)
 
 
 def allocating_kernel(function: Callable[..., Any]) -> Any:
@@ -42,13 +39,21 @@ def allocating_kernel(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Make a function part of the kernels that call it, before types are known: it is never compiled by itself."""
-    return _compiled(function, inline="always")
+    """Make a function part of the kernels that call it, before types are known: by itself it is compiled for Python."""
+    return _kept(function, inline="always")
 
 
 def embedded(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it, once compiled by itself: quicker, if it is large."""
     return _compiled(function, forceinline=True)
+
+
+def _kept(function: Callable[..., Any], **options: Any) -> Any:
+    """A kernel that is kept on disk."""
+    compiled: Any = _compiled(function, **options)
+    if isinstance(compiled, Kernel):
+        compiled._cache = KernelFiles(function)
+    return compiled
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:

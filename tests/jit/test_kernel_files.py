@@ -51,6 +51,22 @@ def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_does(tmp_path
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
+def test_what_is_inlined_in_kernels_is_kept_where_python_calls_it(tmp_path):
+    source = SOURCE.replace("import kernel", "import inlined, kernel").replace(
+        "@kernel\ndef outer", "@inlined\ndef outer"
+    )
+    (tmp_path / "edited.py").write_text(source)
+    environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
+    command = [sys.executable, "-c", "import edited; edited.report()"]
+    found = [
+        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
+        for _ in range(2)
+    ]
+    assert found == [["7.0", "0", "1"], ["7.0", "1", "0"]]
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
 def test_files_of_another_layout_are_replaced_without_a_word(tmp_path):
     environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
     environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
