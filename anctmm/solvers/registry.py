@@ -3,8 +3,9 @@
 A package that cannot be loaded, or answers with nonsense, gives an error that names it; the others go on.
 """
 
-from collections.abc import Callable
-from functools import wraps
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from functools import lru_cache, wraps
 from importlib import import_module
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any
@@ -27,14 +28,25 @@ OWN = "anctmm"
 Solver = Callable[..., Solution]
 
 
+def _registered() -> Sequence[EntryPoint]:
+    """Entry points of all solvers."""
+    return _read(entry_points, tuple(sys.path))
+
+
+@lru_cache(maxsize=4)
+def _read(read: Callable[..., Iterable[EntryPoint]], path: tuple[str, ...]) -> Sequence[EntryPoint]:
+    """The same; a study asks for them at each run, and to read them takes some 10 ms."""
+    return tuple(read(group=GROUP))
+
+
 def names() -> list[str]:
     """Names of all registered solvers, sorted."""
-    return sorted({e.name for e in entry_points(group=GROUP)})
+    return sorted({e.name for e in _registered()})
 
 
 def origins() -> list[tuple[str, str]]:
     """Names of the registered solvers with the package and function each comes from; both, if two have one name."""
-    return sorted((e.name, f"{_package(e)}: {e.value}") for e in entry_points(group=GROUP))
+    return sorted((e.name, f"{_package(e)}: {e.value}") for e in _registered())
 
 
 def solver(name: str) -> Solver:
@@ -52,7 +64,7 @@ def solver(name: str) -> Solver:
 
 def load(name: str) -> Solver:
     """The solver of a name as its package made it, its answers unchecked; errors as for `solver`."""
-    found = [e for e in entry_points(group=GROUP) if e.name == name]
+    found = [e for e in _registered() if e.name == name]
     if not found:
         raise UnknownSolverError(f"solver {name!r} is not registered; known are {', '.join(names())}")
     entry = next((e for e in found if _package(e) == OWN), found[0])
