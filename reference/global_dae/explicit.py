@@ -192,7 +192,7 @@ class Zhai(Marcher):
         self.dense = dense
 
     def prepare(self) -> None:
-        """Set the state to t = 0 and factor the constant matrix."""
+        """Factor the constant matrix, and set the state to t = 0."""
         model = self.model
         scale = typical(model.scalar_mass)
         self.rows = model.rows(scale)
@@ -205,6 +205,10 @@ class Zhai(Marcher):
             self.factors = factorise(matrix, model.places(2))
         else:
             self.factors = factorise(full, model.places(1))
+        self.begin()
+
+    def begin(self) -> None:
+        """Set the state to t = 0."""
         self.state, self.power = self._start(), np.zeros(1)
 
     def _start(self) -> State:

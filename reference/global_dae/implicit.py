@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import SuperLU, splu
 
 from anctmm.discretise.assembly import damping_forces, elastic_forces, mass_product
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
@@ -354,17 +354,22 @@ class GeneralizedAlpha(Marcher):
         self.dense = dense
 
     def prepare(self) -> None:
-        """Set the state to t = 0, with accelerations and multipliers, and choose order and pivots."""
-        model, c = self.model, self.scheme
-        q = model.bodies.reference()
+        """Factor the mass, choose order and pivots, and set the state to t = 0."""
+        model = self.model
+        q, (values, _) = model.bodies.reference(), self._tables(0, 0)
         bare = system_of(model, 1.0)
-        self.state = _start(model, bare, self.dense)
-        values, angles = self._tables(0, 0)
-        assemble_into(self.state.data, bare, c, model, self.stiff, values[0], q, self.state)
-        scale = typical(matrix_of(bare, self.state.data)[: model.dofs, : model.dofs])
+        state = _start(model, bare, self.dense)
+        assemble_into(state.data, bare, self.scheme, model, self.stiff, values[0], q, state)
+        scale = typical(matrix_of(bare, state.data)[: model.dofs, : model.dofs])
         self.rows, self.system = model.rows(scale), bare._replace(joints=scale * bare.joints)
-        _accelerate(model, self.rows, self.damping, values, angles, self.state)
+        self.mass = splu(kkt(model.mass, model.constraints, typical(model.scalar_mass)))
+        self.begin()
         self._choose_pivots(values[0], q)
+
+    def begin(self) -> None:
+        """Set the state to t = 0, with accelerations and multipliers."""
+        self.state = _start(self.model, self.system, self.dense)
+        _accelerate(self.model, self.rows, self.damping, *self._tables(0, 0), self.mass, self.state)
 
     def _choose_pivots(self, value: Array, q: Array) -> None:
         places, data = self.model.places(1), self.state.data
@@ -452,9 +457,12 @@ def _start(model: Model, system: System, dense: bool) -> State:
 
 
 def _accelerate(
-    model: Model, rows: Rows, damping: Damping | None, values: Array, angles: Array, s: State
+    model: Model, rows: Rows, damping: Damping | None, values: Array, angles: Array, mass: SuperLU, s: State
 ) -> None:
-    """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0."""
+    """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0.
+
+    `mass`: factors of that matrix, its Φ scaled by the typical mass.
+    """
     m, size = s.motion, model.size
     prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
     project(rows, m.flat_v, m.rate)
@@ -470,7 +478,7 @@ def _accelerate(
     add_loads(model.loads, values, 0, m.flat_q, s.right)
     scale = typical(model.scalar_mass)
     s.right[size:] = scale * m.acceleration.reshape(-1)
-    s.left[s.places] = splu(kkt(model.mass, model.constraints, scale)).solve(s.right[s.places])
+    s.left[s.places] = mass.solve(s.right[s.places])
     s.acceleration[:] = s.left[:size]
     s.auxiliary[:] = s.left[:size]
     s.multiplier[:] = s.left[size:] * (scale / rows.scale)

@@ -14,6 +14,9 @@ from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque,
 from anctmm.model.sections import Circle, Rectangle
 from anctmm.results.metrics import compare
 from reference import global_dae
+from reference.global_dae import history
+from reference.global_dae.explicit import Zhai
+from reference.global_dae.implicit import GeneralizedAlpha
 from reference.global_dae.model import Model
 from reference.global_dae.stability import highest_frequency, limit, null_space
 
@@ -296,6 +299,23 @@ def test_largest_frequency_is_that_of_the_dense_and_the_sparse_eigenvalue_solver
     dense = highest_frequency(model)
     monkeypatch.setattr("reference.global_dae.stability.DENSE", 0)
     assert highest_frequency(model) == pytest.approx(dense, rel=1e-7)
+
+
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+@pytest.mark.parametrize("solve", [global_dae.solve, global_dae.solve_dense])
+def test_what_is_set_up_is_no_cost_of_steps(solve, integrator, monkeypatch):
+    """By a clock that ticks at set-up alone: ANC-TMM's chains stand beside its steps, too."""
+    clock = [0.0]
+    for kind in (GeneralizedAlpha, Zhai):
+
+        def ticks(self, prepare=kind.prepare):
+            prepare(self)
+            clock[0] += 1.0
+
+        monkeypatch.setattr(kind, "prepare", ticks)
+    monkeypatch.setattr(history, "process_time", lambda: clock[0])
+    cost = solve(bar([Pin("bar.start")]), mesh=2, dt=1e-4, t_end=1e-3, integrator=integrator).cost
+    assert (clock, cost.cpu_s, cost.steps) == ([1.0], 0.0, 10)
 
 
 def test_bad_input_is_refused_by_name():

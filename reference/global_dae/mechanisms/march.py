@@ -71,9 +71,9 @@ class Marcher:
         self.begin()  # compiles
         system.restart()
         self.account = Account(system)
+        state = self.begin()
         start = process_time(), perf_counter()
         status, taken = Status(), 0
-        state = self.begin()
         times = run.times(np.arange(run.steps + 1))
 
         def so_far(status: Status) -> Solution:
