@@ -30,8 +30,9 @@ CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
 SHEAR_SOLVERS = "anctmm", "global-dae", "exudyn-reissner"
 #: Who makes them with frames of its own, which tend to what cables tend to; they know no quadrature of ours.
 FRAME_SOLVERS = ("opensees",)
-#: No further sample of a run is taken in the sweep after that long, s: what is near the front runs again anyway.
-SAMPLED = 0.1
+#: No further sample of a run is taken in the sweep after that long, s: one tells what is near the front, and that runs
+#: again.
+SAMPLED = 0.0
 #: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
 FINE_STEP = {False: 6.25e-5, True: 2.5e-4}
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import count, product
 from typing import Any
 
 import pandas as pd
@@ -12,7 +12,7 @@ from studies.cases import assumptions_of
 from studies.engine.choices import written
 from studies.engine.dynamics import Sweep, check_mesh, sweep
 from studies.engine.pareto_front import NEAR, excess
-from studies.engine.runner import Outcome, Runner, Sample, Trial, row, sample_rows
+from studies.engine.runner import Outcome, Runner, Sample, Trial, label_of, row, sample_rows
 from studies.engine.running.turns import at_work
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
@@ -36,7 +36,7 @@ from studies.trade.tables import (
 )
 
 #: Rounds in which settings near the front are timed again; by whether the run is quick.
-ROUNDS = {False: 7, True: 2}
+ROUNDS = {False: 5, True: 2}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
     "newton_tolerance", "own", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error",
@@ -121,12 +121,18 @@ def time_again(
     chosen = near.index[near].sort_values()
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
+    began, total = count(), (1 + rounds) * len(cases)
+
     def sampler(case: Trial) -> Callable[[], Sample]:
         solver = runner.resolve(case.solver)
 
         def sample() -> Sample:
+            label, k = f"times in turn: {label_of(case)}", next(began)
+            runner.on_start(label, k, total)
             with at_work() as interval:
-                return Sample(case.solve(solver).cost, interval)
+                found = Sample(case.solve(solver).cost, interval)
+            runner.on_job(label, k + 1, total)
+            return found
 
         return sample
 
