@@ -84,7 +84,12 @@ STYLE: Any = {
 
 
 def picture(
-    name: str, caption: str, draw: Callable[[Figure], None], size: tuple[float, float] = (7.0, 3.6)
+    name: str,
+    caption: str,
+    draw: Callable[[Figure], None],
+    size: tuple[float, float] = (7.0, 3.6),
+    alone: bool = False,
+    source: str | None = None,
 ) -> Picture:
     """Draw on a new figure and keep it as SVG.
 
@@ -98,12 +103,16 @@ def picture(
         Draws on the figure it is given.
     size : (float, float)
         inch.
+    alone : bool
+        Letters as outlines, for pictures that are shown where no font is known; else as text, which a page can search.
+    source : str, optional
+        What it was made of, kept in its metadata.
     """
-    with mpl.rc_context(STYLE | {"svg.hashsalt": name}):
+    with mpl.rc_context(STYLE | {"svg.hashsalt": name, "svg.fonttype": "path" if alone else "none"}):
         figure = Figure(figsize=size)
         draw(figure)
         stream = io.StringIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None})
+        figure.savefig(stream, format="svg", metadata={"Date": None, "Source": source})
     # matplotlib leaves blanks at line ends, which every version control tool complains about
     svg = re.sub(r"[ \t]+$", "", stream.getvalue(), flags=re.MULTILINE)
     return Picture(name, caption, _titled(svg))
