@@ -2,6 +2,7 @@
 
 import re
 import runpy
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,18 @@ def test_the_readme_is_short_and_its_scene_runs_as_it_says():
     assert made["ours"].status.ok
     assert made["at"].compare(made["ours"], made["dae"], probes=["right.end", ("left", 0.5)]).error < 1e-10
     assert all(f"`{name}`" in readme for name in (*KINDS, *INTEGRATORS))
+
+
+def test_the_citation_is_of_this_version_and_of_the_papers_method():
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    fields = dict(re.findall(r"^([a-z-]+): (.+)$", citation, re.MULTILINE))
+    assert fields["version"] == project["version"]
+    assert fields["title"] == project["name"]
+    assert fields["license"] == project["license"]["text"]
+    (doi,) = re.findall(r"doi: (.+)", citation)
+    assert doi in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"## [{project['version']}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
 
 
 def test_the_scenes_to_watch_are_declared_as_the_page_shows(tmp_path):
