@@ -82,13 +82,14 @@ def exact_reference(base: BaseScene, model: str) -> Reference:
 def static_sweep(
     bases: Iterable[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
 ) -> StaticSweep:
-    """Run scenes × schemes, each solver measured against the continuum it says it tends to.
+    """Run scenes × schemes of the element asked for, each solver measured against the continuum it says it tends to.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
     whose element it offers in statics, on the full quadrature.
     """
     cases: list[Trial] = []
     references: list[Reference] = []
+    schemes = [scheme for scheme in schemes if options.element in (None, scheme.element)]
     for base in bases:
         exact = {limit: exact_reference(base, limit) for limit in LIMITS}
         for scheme in schemes:

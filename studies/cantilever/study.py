@@ -9,7 +9,7 @@ from studies.cantilever.shear_limits import WARNING, shear_limits
 from studies.cantilever.statics import StaticScheme, StaticSweep, rates, static_sweep
 from studies.convergence.step_convergence import step_rates, step_sweep
 from studies.engine import tables
-from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, cases_of, quick_plan, samples, sweep
 from studies.engine.runner import Mesh, Runner, mesh_label
 from studies.engine.study import Options, Result
 from studies.report import error_pictures
@@ -138,29 +138,33 @@ STEP_SCHEMES = {
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study."""
+    """Run the study; equilibria have no integrator, and stand beside the falls of any."""
+    fall_base, plan = cantilever_fall(), quick_plan(QUICK, FULL, options) if options.quick else FULL
+    cases_of(fall_base, plan, options)  # refuses what it does not know, before any work
     bases = [cantilever_tip_force(load) for load in TIP_FORCES] + [cantilever_end_moment()]
     if options.quick:
         rest = static_sweep([bases[2], bases[4]], QUICK_STATIC_SCHEMES, options, runner)
     else:
         rest = static_sweep(bases, STATIC_SCHEMES, options, runner)
-    fall_base = cantilever_fall()
-    fallen = sweep(fall_base, QUICK if options.quick else FULL, options, runner)
+    fallen = sweep(fall_base, plan, options, runner)
     timed = step_sweep(
         fall_base, STEP_MESH, STEP_FINE[options.quick], STEP_SCHEMES[options.quick], options, runner
     )
-    limits, orders, cost = shear_limits(options, runner), rates(rest.frame), force_cost(runner, 5)
+    orders = rates(rest.frame)
+    of_shear = (
+        [shear_limits(options, runner), force_cost(runner, 5)] if options.element in (None, "shear") else []
+    )
     rows = rest.rows + fallen.rows
     static_note = "Static rows: one load case each, |u − u_exact| / |u_exact|, the largest over the probes."
     return Result(
         name="cantilever",
         title="The cantilever",
         question="Do the elements tend to what theory says, how fast, and what does a fall cost?",
-        findings=tuple(findings(rest.frame, orders.frame, limits.frame, fallen.frame, cost.frame)),
+        findings=tuple(findings(rest.frame, orders.frame, fallen.frame, *(t.frame for t in of_shear))),
         assumptions=tuple(dict.fromkeys(a for b in (*bases, fall_base) for a in b.assumptions)),
         tables=(
-            tables.accuracy(rows, (static_note, WARNING, PEER_NOTE)), tables.cpu_time(rows, (WARNING,)), orders, limits,
-            cost, step_rates(timed),
+            tables.accuracy(rows, (static_note, WARNING, PEER_NOTE)), tables.cpu_time(rows, (WARNING,)), orders,
+            *of_shear, *([step_rates(timed)] if timed.outcomes else ()),
             samples(rest.outcomes + fallen.outcomes),
         ),
         pictures=tuple(pictures(bases, rest, fallen, timed)),
@@ -182,8 +186,9 @@ def films(fallen: Sweep) -> tuple[Film, ...]:
 
 
 def findings(
-    rest: pd.DataFrame, orders: pd.DataFrame, limits: pd.DataFrame, fallen: pd.DataFrame, cost: pd.DataFrame
-) -> list[str]:
+    rest: pd.DataFrame, orders: pd.DataFrame, fallen: pd.DataFrame,
+    limits: pd.DataFrame | None = None, cost: pd.DataFrame | None = None,
+) -> list[str]:  # fmt: skip
     """Sentences from the tables."""
     said = []
     for element in ("cable", "shear"):
@@ -195,25 +200,36 @@ def findings(
                 f"to {mine['order'].max():.2f}; smallest error {errors['error'].iloc[0]:.1e} with "
                 f"{errors['elements'].iloc[0]} elements."
             )
+    said += _of_limits(limits) if limits is not None else []
+    said += _of_cost(cost) if cost is not None else []
+    if failures := len(tables.failed(fallen)):
+        said.append(f"{failures} of {len(fallen)} falls did not end well; their rows say why.")
+    return said
+
+
+def _of_limits(limits: pd.DataFrame) -> list[str]:
+    """What the shear element tends to."""
+    said = []
     for case, lines in limits[limits["measured"] > 0].groupby("case", sort=False):
         last = lines.iloc[-1]
         said.append(
             f"Shear element, {case}: tip over {last['tip_over']} is {last['measured']:.4f} "
             f"with {last['elements']} elements; theory ({last['theory']}) says {last['predicted']:.4f}."
         )
-    said.append(WARNING)
+    return [*said, WARNING]
+
+
+def _of_cost(cost: pd.DataFrame) -> list[str]:
+    """What the shear element's forces cost."""
     ns = {
         line["evaluation"]: line["ns_per_element"]
         for line in cost.to_dict("records")
         if line["form"] == "compiled"
     }
-    said.append(
+    return [
         f"The paper's invariant matrices take {ns['invariant matrices']:.3g} ns an element force, "
         f"the quadrature {ns['quadrature, 5 points']:.3g} ns."
-    )
-    if failures := len(tables.failed(fallen)):
-        said.append(f"{failures} of {len(fallen)} falls did not end well; their rows say why.")
-    return said
+    ]
 
 
 def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sweep) -> list[Picture]:
@@ -232,11 +248,9 @@ def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sw
         drawn += [cantilever_pictures.tip_errors(curves, reference)] if curves else []
     frame = fallen.frame
     if (frame["error"] > 0).any():
-        drawn += [
-            error_pictures.over_mesh(frame),
-            error_pictures.over_step(timed.frame, mesh_label(STEP_MESH)),
-        ]
-        drawn += [error_pictures.against_cost(frame)]
+        drawn.append(error_pictures.over_mesh(frame))
+        drawn += [error_pictures.over_step(timed.frame, mesh_label(STEP_MESH))] if timed.outcomes else []
+        drawn.append(error_pictures.against_cost(frame))
     return drawn
 
 

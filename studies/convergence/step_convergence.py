@@ -1,9 +1,11 @@
 """The error of the time step alone: on one mesh, against the explicit integrator's finest step there."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 
-from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, sweep
+from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, of_kinds, sweep
 from studies.engine.runner import Mesh, Runner
 from studies.engine.study import Options
 from studies.engine.tables import Table
@@ -34,12 +36,21 @@ def step_sweep(
         Meshes and steps asked for by the user are left to the other sweep.
     runner : Runner
         Runs them.
+
+    Returns
+    -------
+    Sweep
+        Empty if no scheme is of the element and the integrator asked for.
     """
+    narrow = replace(options, meshes=None, steps=None)
     on_mesh = tuple(
-        Scheme(s.element, s.quadrature, s.integrator, s.solvers, (mesh,), s.steps) for s in schemes
+        Scheme(s.element, s.quadrature, s.integrator, s.solvers, (mesh,), s.steps)
+        for s in of_kinds(schemes, narrow)
     )
+    if not on_mesh:
+        return Sweep(base, (), {})
     references = {e: Fine(("anctmm", "global-dae"), mesh, None, dt, 2 * dt) for e, dt in fine.items()}
-    return sweep(base, Plan(on_mesh, references), Options(options.quick, solvers=options.solvers), runner)
+    return sweep(base, Plan(on_mesh, references), narrow, runner)
 
 
 def step_rates(swept: Sweep) -> Table:

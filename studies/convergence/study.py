@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from math import isfinite, nan
+from math import inf, isfinite, nan
 from typing import Any
 
 import pandas as pd
@@ -10,11 +10,13 @@ import pandas as pd
 from anctmm.elements.kinds import KINDS
 from studies.cases import assumptions_of
 from studies.convergence.answers import answers
+from studies.convergence.given import given_levels
 from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
 from studies.engine.digits import Reading, at_probes, values_of
 from studies.engine.pictures import Film, Picture
-from studies.engine.refinement import STEP_ORDER, Part, Refined, Refinement, Setup
+from studies.engine.refinement import STEP_ORDER, Refined, Refinement, Setup
+from studies.engine.richardson import Part
 from studies.engine.runner import Runner, mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
@@ -45,15 +47,17 @@ def run(options: Options, runner: Runner) -> Result:
     Raises
     ------
     StudyError
-        If meshes or steps are asked for: the study chooses its own.
+        If meshes or steps are asked for that do not fit the cases, or do not converge to anything.
     """
     check_taken(options, "convergence")
     cases = options.cases or tuple(moving_scenes())
-    target = options.error or TARGETS[options.quick]
+    levels = [given_levels(case, options) for case in cases]
+    target = options.error or (inf if options.meshes and options.steps else TARGETS[options.quick])
     found = []
-    for case in cases:
+    for case, (own_meshes, own_steps) in zip(cases, levels, strict=True):
         runner.heading = f"{case.name}: "
-        found += [Refinement(case, setup, runner).refined(target) for setup in setups(options)]
+        for setup in setups(options):
+            found.append(Refinement(case, setup, runner, own_meshes, own_steps).refined(target))
     meshes = _table(
         "mesh", "Error over the mesh", (r for f in found for r in mesh_levels(f)), LEVELS, _mesh_notes()
     )
@@ -144,6 +148,9 @@ def finding(found: Refined) -> str:
     order = f"observed order {' and '.join(orders)}; " if orders else ""
     step = f", step {found.step.error:.1g}" if levels.refines_step else ""
     parts = f"mesh {found.mesh.error:.1g}{step}"
+    if not levels.estimates:  # of one mesh, or one step, nothing is known
+        given, other = ("mesh", "step") if len(levels.meshes) == 1 else ("step", "mesh")
+        parts = f"of the {other} alone; the {given} is the one given"
     told = f"{about}: {order}{found.label} has an estimated error of {found.error:.1g} ({parts})"
     return f"{told}." if found.reached else f"{told}, above the target {found.target:g}, as {found.reason}."
 
@@ -151,11 +158,11 @@ def finding(found: Refined) -> str:
 def _levels(
     finest: Refined, runs: Sequence[tuple[int, int]], part_of: Callable[[int, int], Part]
 ) -> Iterator[dict[str, Any]]:
-    """Rows of runs from coarse to fine: distances to the finest, of which the estimate of what is left is told."""
-    levels = finest.levels
+    """Rows of runs from coarse to fine: the distance to the finest, and the estimate of what is left on that."""
+    levels, rest = finest.levels, part_of(*runs[-1]).error
     for i, j in runs:
         solution, trial, part = levels.solution(i, j), levels.trial(i, j), part_of(i, j)
-        error = part.error if (i, j) == runs[-1] else levels.difference(solution, finest.solution)
+        error = rest if (i, j) == runs[-1] else rest + levels.difference(solution, finest.solution)
         yield {
             **_about(finest), "elements": mesh_label(trial.mesh), "dofs": solution.dofs, "dt": trial.dt,
             "error": error if isfinite(error) else nan, "order": part.order, "status": str(solution.status),
@@ -178,9 +185,9 @@ def _table(
 
 def _mesh_notes() -> tuple[str, ...]:
     return (
-        "error: distance to the finest mesh by the same step; of the finest, Richardson's estimate of what is left, "
-        "1.5 times, or, where the order is not that of theory, twice its difference to the mesh before. order: log2 "
-        "of the ratio of two differences of meshes that follow each other.",
+        "error: distance to the finest mesh by the same step, and what is left there: Richardson's estimate, 1.5 "
+        "times, or, where the order is not that of theory, twice the difference to the mesh before. order: of two "
+        "differences of meshes that follow each other; log2 of their ratio where elements are halved.",
     )
 
 

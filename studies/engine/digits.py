@@ -14,13 +14,12 @@ from anctmm.model.case import Case
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution
-from studies.engine.refinement import SAFETY, UNSURE, Refined
+from studies.engine.refinement import Refined
+from studies.engine.richardson import left_in
 from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
 SHARE = 0.1
-#: Ratio of two differences that is believed at most: that of a second order.
-MOST_RATIO = 4.0
 #: Digits of a value whose uncertainty is not known.
 DIGITS = 6
 
@@ -118,38 +117,14 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
         return [value for value, _ in own]
     place = found.i, found.j
     ways = [
-        (_numbers(runs, case, read), part.sure)
+        (_numbers(runs, case, read), part)
         for runs, part in ((levels.mesh_runs(*place), found.mesh), (levels.step_runs(*place), found.step))
     ]
     values = []
     for k, (value, size) in enumerate(own):
-        apart = sum(left([numbers[k] for numbers in way], sure) for way, sure in ways)
+        apart = sum(left_in([numbers[k] for numbers in way], part) for way, part in ways)
         values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size)))
     return values
-
-
-def left(numbers: Sequence[float], sure: bool) -> float:
-    """What refinement still has to change in a number, from its values on levels from fine to coarse.
-
-    Two differences of one sign show the order at which the number itself converges. It is believed where the whole
-    history's is near that of theory; elsewhere the last difference is taken, or a quarter of the one before, if that is
-    more: two runs may agree by chance.
-
-    Parameters
-    ----------
-    numbers : sequence of float
-    sure : bool
-        Whether the whole history's order is near that of theory.
-    """
-    if len(numbers) < 2:
-        return 0.0
-    last = numbers[0] - numbers[1]
-    before = numbers[1] - numbers[2] if len(numbers) > 2 else last
-    size = max(abs(last), abs(before) / MOST_RATIO)
-    if not sure:
-        return UNSURE * size
-    regular = last * before > 0.0 and abs(before) >= 2.0 * abs(last)
-    return SAFETY * size / (min(before / last, MOST_RATIO) - 1.0 if regular else 1.0)
 
 
 def values_table(values: Sequence[Value]) -> Table:

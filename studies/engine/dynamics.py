@@ -1,6 +1,6 @@
 """One dynamic scene over solvers, elements, integrators, meshes and steps, a reference for each element."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -134,6 +134,30 @@ class Sweep:
         return max(cut, key=lambda s: float(s.t[-1]), default=None)
 
 
+def of_kinds(schemes: Iterable[Scheme], options: Options) -> tuple[Scheme, ...]:
+    """The schemes of the element and the integrator that are asked for."""
+    return tuple(
+        scheme for scheme in schemes
+        if options.element in (None, scheme.element) and options.integrator in (None, scheme.integrator)
+    )  # fmt: skip
+
+
+def quick_plan(quick: Plan, full: Plan, options: Options) -> Plan:
+    """A quick plan; if it has none of the kinds that are asked for, the beginning of the full plan's schemes of them.
+
+    Their two coarsest meshes are run, by the longest of their steps.
+    """
+    if of_kinds(quick.schemes, options):
+        return quick
+    short = (
+        replace(s, meshes=s.meshes[:2], steps=lambda mesh, s=s: s.steps(mesh)[:1])  # type: ignore[misc]
+        for s in of_kinds(full.schemes, options)
+    )
+    return replace(
+        quick, schemes=(*quick.schemes, *short), references={**full.references, **quick.references}
+    )
+
+
 def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
@@ -158,10 +182,7 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
         check_mesh(base.scene, mesh)
     cases = []
     listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
-    schemes = [
-        scheme for scheme in plan.schemes
-        if options.element in (None, scheme.element) and options.integrator in (None, scheme.integrator)
-    ]  # fmt: skip
+    schemes = of_kinds(plan.schemes, options)
     if not schemes:
         asked = " ".join(filter(None, (options.element, options.integrator)))
         kinds = "; ".join(dict.fromkeys(f"{scheme.element} {scheme.integrator}" for scheme in plan.schemes))

@@ -1,17 +1,12 @@
 """Meshes and steps chosen by the program: both are refined until an estimate of the error is small enough.
 
-The estimate is Richardson's. An error that falls as h^p makes the runs on h and h/2 differ by d = e (2^p − 1), e being
-the error that is left on h/2. The order p is observed on three levels, log2 of the ratio of two differences. Where it
-is near that of theory, d / (2^p − 1) is taken 1.5 times, and p is never taken to be higher than theory says; the factor
-of the grid convergence index (Roache 1994, doi:10.1115/1.2910291), 1.25, was seen to be too small by a few hundredths
-where steps excite a scene's highest frequencies. Elsewhere another part of the error may be about to show, which falls
-more slowly: then 2 d is taken.
+Meshes or steps may be given instead, from coarse to fine; what is left is estimated from those.
 """
 
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import ceil, inf, isfinite, log2, nan
+from math import ceil, inf, isfinite, nan
 
 import numpy as np
 
@@ -23,6 +18,7 @@ from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
+from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import STATIC, Mesh, Outcome, Reference, Runner, Trial, mesh_label
 from studies.engine.setting import stable_step
 
@@ -32,12 +28,13 @@ COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
 FEWEST_STEPS = 50
 #: Orders in time of both integrators.
 STEP_ORDER = 2.0
-#: Factor of Richardson's estimate, and of a difference where the order is not that of theory, to so much.
-SAFETY, UNSURE, NEAR = 1.5, 2.0, 0.7
 #: Elements times steps of a run at most, some ten seconds; halvings of mesh or step at most.
 MOST_WORK, MOST_HALVINGS = 4e6, 20
-#: Statuses that no mesh and no step changes.
-FINAL = ("unsupported", "refused", "interrupted")
+#: An equilibrium is taken to be so many steps of a motion.
+STATIC_STEPS = 100.0
+#: Statuses that neither a finer mesh nor a shorter step changes: finer elements only make a scene softer, and rounding
+#: worse.
+FINAL = ("unsupported", "refused", "interrupted", "unstable", "singular", "imprecise")
 
 
 @dataclass(frozen=True)
@@ -69,28 +66,6 @@ class Setup:
         return f"{self.solver}, {self.element}, {self.integrator}"
 
 
-@dataclass(frozen=True)
-class Part:
-    """What a mesh or a step adds to the error of a run.
-
-    Parameters
-    ----------
-    error : float
-        Estimated, with its safety factor; infinite where no coarser run is whole, zero where nothing is refined.
-    difference : float
-        From the run on the next coarser mesh or step; NaN without one.
-    order : float
-        Observed; NaN where it cannot be.
-    sure : bool
-        Whether it is near that of theory.
-    """
-
-    error: float = 0.0
-    difference: float = nan
-    order: float = nan
-    sure: bool = False
-
-
 class Refinement:
     """Runs of a case over levels of mesh and step, each level half of the one before.
 
@@ -99,12 +74,12 @@ class Refinement:
     case : Case
     setup : Setup
     runner : Runner
-    mesh : tuple of int, optional
-        Of all runs; without it meshes are chosen.
-    dt : float, optional
-        Step of all runs, s; without it steps are chosen.
+    meshes : sequence of tuple of int
+        Of its levels, from coarse to fine, one or more; without any, meshes are chosen.
+    steps : sequence of float
+        Of its levels, from long to short, s, one or more; without any, steps are chosen.
     most_work : float
-        Elements times steps of a run at most.
+        Elements times steps of a run at most, where mesh or step is chosen.
     """
 
     def __init__(
@@ -112,24 +87,34 @@ class Refinement:
         case: Case,
         setup: Setup,
         runner: Runner,
-        mesh: Mesh | None = None,
-        dt: float | None = None,
+        meshes: Sequence[Mesh] = (),
+        steps: Sequence[float] = (),
         most_work: float = MOST_WORK,
     ) -> None:
         self.case, self.setup, self.runner = case, setup, runner
-        self.mesh, self.dt, self.most_work = mesh, dt, most_work
+        self.meshes, self.steps, self.most_work = tuple(meshes), tuple(steps), most_work
         self._outcomes: dict[tuple[int, int], Outcome] = {}
         self._limits: dict[int, float] = {}
 
     @property
+    def chooses_mesh(self) -> bool:
+        """Whether meshes are chosen."""
+        return not self.meshes and bool(self.case.scene.beams) and not KINDS[self.setup.element].rigid
+
+    @property
+    def chooses_step(self) -> bool:
+        """Whether steps are chosen."""
+        return not self.steps and not self.case.static
+
+    @property
     def refines_mesh(self) -> bool:
-        """Whether there is a mesh to choose."""
-        return self.mesh is None and bool(self.case.scene.beams) and not KINDS[self.setup.element].rigid
+        """Whether there are meshes to compare."""
+        return self.chooses_mesh or len(self.meshes) > 1
 
     @property
     def refines_step(self) -> bool:
-        """Whether there is a step to choose."""
-        return self.dt is None and not self.case.static
+        """Whether there are steps to compare."""
+        return self.chooses_step or len(self.steps) > 1
 
     @property
     def runs(self) -> int:
@@ -138,21 +123,21 @@ class Refinement:
 
     @property
     def estimates(self) -> bool:
-        """Whether the whole error is estimated: neither mesh nor step, where there is one to choose, was given."""
-        return self.mesh is None and (self.dt is None or self.case.static)
+        """Whether the whole error is estimated: neither mesh nor step, where there is one, is the same in all runs."""
+        return len(self.meshes) != 1 and (len(self.steps) != 1 or self.case.static)
 
     def mesh_at(self, i: int) -> Mesh:
         """Mesh of a level."""
-        if self.mesh is not None:
-            return self.mesh
+        if self.meshes:
+            return self.meshes[i]
         return tuple(n * 2**i for n in coarsest_mesh(self.case, self.setup.element))
 
     def dt_at(self, i: int, j: int) -> float:
         """Step of a level, s: on finer meshes that of an explicit integrator is shorter."""
         if self.case.static:
             return nan
-        if self.dt is not None:
-            return self.dt
+        if self.steps:
+            return self.steps[j]
         if i not in self._limits:
             self._limits[i] = self._longest_step(i)
         return self._limits[i] / 2**j
@@ -166,9 +151,11 @@ class Refinement:
         )  # fmt: skip
 
     def work(self, i: int, j: int) -> float:
-        """Elements times steps of a level."""
+        """Elements times steps of a level, or what an equilibrium takes of them."""
         elements = sum(self.mesh_at(i)) * (len(self.case.scene.beams) if len(self.mesh_at(i)) == 1 else 1)
-        return max(elements, 1) * (1.0 if self.case.static else self.case.duration / self.dt_at(i, j))
+        return max(elements, 1) * (
+            STATIC_STEPS if self.case.static else self.case.duration / self.dt_at(i, j)
+        )
 
     def outcome(self, i: int, j: int) -> Outcome:
         """The run of a level, done once."""
@@ -198,11 +185,13 @@ class Refinement:
 
     def mesh_part(self, i: int, j: int) -> Part:
         """What the mesh adds to the error."""
-        return self._part(self.mesh_runs(i, j), KINDS[self.setup.element].order)
+        spacing = Spacing(*(self._finer_mesh(k) for k in (i, i - 1)))
+        return self._part(self.mesh_runs(i, j), KINDS[self.setup.element].order, spacing)
 
     def step_part(self, i: int, j: int) -> Part:
         """What the step adds to the error."""
-        return self._part(self.step_runs(i, j), STEP_ORDER)
+        spacing = Spacing(*(self.dt_at(i, k - 1) / self.dt_at(i, k) if k > 0 else 2.0 for k in (j, j - 1)))
+        return self._part(self.step_runs(i, j), STEP_ORDER, spacing)
 
     def refined(self, target: float) -> "Refined":
         """Refine mesh and step until the estimated error is no larger than a target.
@@ -212,11 +201,13 @@ class Refinement:
         target : float
             Relative, as the error of `anctmm.compare`.
         """
-        i, j = int(self.refines_mesh), int(self.refines_step)
+        i = len(self.meshes) - 1 if self.meshes else int(self.chooses_mesh)
+        j = len(self.steps) - 1 if self.steps else int(self.chooses_step)
         best: Refined | None = None
         reason = ""
         for _ in range(2 * MOST_HALVINGS):
-            if self.work(i, j) > self.most_work:
+            chosen = self.chooses_mesh or self.chooses_step
+            if chosen and self.work(i, j) > self.most_work:
                 reason = f"a run of more than {self.most_work:.2g} elements times steps would be needed"
                 break
             found = self._at(i, j, target)
@@ -226,7 +217,7 @@ class Refinement:
                 break
             finer = self._finer(found)
             if finer == (i, j):
-                reason = "neither mesh nor step may be refined further"
+                reason = "no other mesh or step than those given may be taken"
                 break
             i, j = finer
         if best is None:  # the first run is too long already
@@ -253,25 +244,25 @@ class Refinement:
         i, j, half = found.i, found.j, 0.5 * found.target
         mesh, step = found.mesh.error, found.step.error
         if not found.solution.status.ok:  # a shorter step helps where Newton's iteration fails
-            return (i, j + 1) if self.refines_step else (i + self.refines_mesh, j)
-        coarser_mesh = self.refines_mesh and (mesh > half or mesh >= step)
-        coarser_step = self.refines_step and (step > half or step > mesh)
+            return (i, j + 1) if self.chooses_step else (i + self.chooses_mesh, j)
+        coarser_mesh = self.chooses_mesh and (mesh > half or mesh >= step)
+        coarser_step = self.chooses_step and (step > half or step > mesh)
         return i + coarser_mesh, j + coarser_step
 
-    def _part(self, runs: Sequence[Solution], theory: float) -> Part:
+    def _finer_mesh(self, i: int) -> float:
+        """How many times finer the mesh of a level is than the one before, of the beam that is refined least."""
+        if i <= 0 or not self.meshes:
+            return 2.0
+        return min(n / before for n, before in zip(self.meshes[i], self.meshes[i - 1], strict=True))
+
+    def _part(self, runs: Sequence[Solution], theory: float, spacing: Spacing) -> Part:
         """The error of the first of runs on levels from fine to coarse."""
         if not runs:
             return Part()
         if len(runs) < 2:
             return Part(inf)
-        d = self.difference(runs[1], runs[0])
-        order = nan
-        if len(runs) > 2 and 0.0 < d < inf:
-            before = self.difference(runs[2], runs[1])
-            order = log2(before / d) if isfinite(before) and before > 0.0 else nan
-        sure = abs(order - theory) <= NEAR
-        factor = SAFETY / (2.0 ** min(order, theory) - 1.0) if sure else UNSURE
-        return Part(factor * d, d if isfinite(d) else nan, order, sure)
+        before = self.difference(runs[2], runs[1]) if len(runs) > 2 else nan
+        return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
 
     def difference(self, one: Solution, other: Solution) -> float:
         """Relative difference of two runs at the case's probes; infinite where one is not whole."""

@@ -46,18 +46,33 @@ STUDIES = {
 
 #: Studies of the report on the built-in scenes; that of convergence is in two of them already.
 REPORTED = tuple(name for name in STUDIES if name != "convergence")
-#: Options as they are typed; and what studies of cases take of them.
+#: Options as they are typed; and what studies take of them.
 TYPED = {
     "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
     "integrator": "--integrator", "error": "--error",
 }  # fmt: skip
 RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
-    "convergence": ("cases", "element", "integrator", "error", "solvers"),
+    "convergence": ("cases", "element", "integrator", "error", *RANGES),
     "trade": ("cases", "error", "element", "integrator", *RANGES),
+    "four-bar": ("element", "integrator", *RANGES),
+    "cantilever": ("element", "integrator", *RANGES),
     "agreement": ("element", "integrator", *RANGES),
-    "fidelity": ("cases", "error", *RANGES),  # these it refuses itself
-    "extremes": ("cases", *RANGES),
+    "fidelity": ("cases", "error"),
+    "extremes": ("cases",),
+    "published": (),
+}
+#: Why a study takes none of some options, and what to ask instead.
+REASONS = {
+    "fidelity": "it compares kinds of elements, each on the mesh and by the step that its error needs; `anctmm study "
+    "trade` takes solvers, elements, meshes and steps",
+    "extremes": "it goes to the limits of a refined run, of cables and by both integrators; `anctmm study convergence` "
+    "and `anctmm run` take solvers, elements, meshes and steps",
+    "published": "each of its problems has the mesh, step and elements of its source; `anctmm run` and `anctmm study "
+    "convergence` take a scene, and these options",
+    "four-bar": "its scene is the paper's, with a reference of its own; `anctmm study convergence` takes both",
+    "cantilever": "its scenes have exact solutions and references of their own; `anctmm study convergence` takes both",
+    "agreement": "it compares all solvers on the built-in scenes; `anctmm run my.py --solvers a,b` does on yours",
 }
 
 
@@ -131,37 +146,19 @@ class Result:
         return next(t for t in self.tables if t.name == name)
 
 
-def refuse(options: Options, study: str, *names: str) -> None:
-    """Refuse options that a study does not take: what it does not use must not seem to be used.
-
-    Parameters
-    ----------
-    options : Options
-    study : str
-        Name of the study.
-    *names : str
-        Those of "meshes", "steps" and "solvers" that it does not take.
-
-    Raises
-    ------
-    StudyError
-    """
-    for name in names:
-        if getattr(options, name) is not None:
-            raise StudyError(f"study {study!r} has {name} of its own; {TYPED[name]} is not allowed")
-
-
 def check_taken(options: Options, study: str) -> None:
-    """Refuse what a study does not take: a scene, and options that belong to one; of some studies others, too.
+    """Refuse what a study does not take: what it does not use must not seem to be used.
 
     Raises
     ------
     StudyError
+        Naming the option, the reason, and what takes it.
     """
     taken = TAKEN.get(study, RANGES)
     for name, typed in TYPED.items():
         if name not in taken and getattr(options, name) is not None:
-            raise StudyError(f"study {study!r} takes no {typed}; {_takers(name)}")
+            why = f": {REASONS[study]}" if study in REASONS else f"; {_takers(name)}"
+            raise StudyError(f"study {study!r} takes no {typed}{why}")
 
 
 def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Options]]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, check_taken, refuse
+from studies.engine.study import Options, Result, check_taken
 from studies.extremes.damping import damping
 from studies.extremes.deformation import deformation
 from studies.extremes.length import length
@@ -31,7 +31,6 @@ PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
 def run(options: Options, runner: Runner) -> Result:
     """Run the study, of cases or else of its own scenes; meshes, steps and solvers are its own."""
     check_taken(options, "extremes")
-    refuse(options, "extremes", "meshes", "steps", "solvers")
     if options.cases is not None:
         return of_cases.run(options, runner)
     parts = [part(options.quick, runner) for part in PARTS]

@@ -18,7 +18,7 @@ from anctmm.model.scene import Beam
 from anctmm.results.metrics import compare
 from anctmm.validation import FrozenMapping
 from studies.engine.runner import Mesh, Outcome, Reference, Runner, Trial, mesh_label, row
-from studies.engine.study import Options, Result, refuse
+from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import ACCURACY, Table, cpu_time
 from studies.fidelity.steps import MARGIN, stable_step, step_under
 from studies.report.plots import PALETTE, Picture, floor, log_ticks, picture
@@ -101,7 +101,7 @@ def settings(quick: bool) -> tuple[Setting, ...]:
 
 def run(options: Options, runner: Runner) -> Result:
     """Run the study; meshes, steps and solvers are its own."""
-    refuse(options, "fidelity", "meshes", "steps", "solvers")
+    check_taken(options, "fidelity")
     chosen = settings(options.quick)
     studied = [_study(s, runner) for s in chosen]
     frame = pd.concat([s.frame for s in studied], ignore_index=True)

@@ -341,7 +341,7 @@ def _alone_text(line: Mapping[Any, Any]) -> str:
         return f"{line['kind']} cannot be ({line['status']})"
     enough = line["enough_for"]
     verdict = f"enough for {enough:g}" if enough == enough else "too far for any target error"
-    return f"as {line['kind']} it is {line['distance']:.1g} away, {verdict}"
+    return f"as {line['kind']} the result differs by {line['distance']:.1g}, {verdict}"
 
 
 def _notes() -> tuple[str, ...]:

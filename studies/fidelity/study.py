@@ -1,7 +1,7 @@
 """Model only what a scene requires: kinds of element by body, how far each choice is from the richest, and its cost."""
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, check_taken, refuse
+from studies.engine.study import Options, Result, StudyError, check_taken
 from studies.fidelity import base_scenes, of_cases
 
 
@@ -14,8 +14,10 @@ def run(options: Options, runner: Runner) -> Result:
         If meshes, steps or solvers are asked for, which are its own, or a case has no beam.
     """
     check_taken(options, "fidelity")
-    refuse(options, "fidelity", "meshes", "steps", "solvers")
     if options.cases is None:
-        refuse(options, "fidelity", "error")
+        if options.error is not None:
+            raise StudyError(
+                f"--error is {options.error:g} without a scene; the base scenes have target errors of their own"
+            )
         return base_scenes.run(options, runner)
     return of_cases.run(options, runner)

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from studies.engine.dynamics import Fine, Plan, Scheme, sweep
+from studies.engine.dynamics import Fine, Plan, Scheme, of_kinds, sweep
 from studies.engine.runner import Mesh, Runner
 from studies.engine.study import Options
 from studies.engine.tables import BUILD, Table
@@ -34,10 +34,12 @@ NOTES = (
 )
 
 
-def half_turn(base: BaseScene, options: Options, runner: Runner) -> Table:
-    """Errors and times of `SOLVERS`, or of those asked for."""
+def half_turn(base: BaseScene, options: Options, runner: Runner) -> Table | None:
+    """Errors and times of `SOLVERS`, or of those asked for; None if another element or integrator is asked for."""
     quick = options.quick
     scheme = Scheme("cable", "full", "generalized-alpha", SOLVERS, MESHES[quick], lambda mesh: STEPS[quick])
+    if not of_kinds([scheme], options):
+        return None
     swept = sweep(replace(base, t_end=T_END), Plan((scheme,), {"cable": FINE[quick]}), options, runner)
     frame = swept.frame.reindex(columns=COLUMNS)
     return Table("half_turn", "The four-bar over half a turn", frame, NOTES)

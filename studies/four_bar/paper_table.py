@@ -55,7 +55,11 @@ def paper_table(
 ) -> Table | None:
     """Time the contestants in turn and set the published times beside theirs; None if the user left none."""
     stretch = 0.04 if options.quick else 0.2
-    wanted = [c for c in CONTESTANTS if options.solvers is None or c.solver in options.solvers]
+    wanted = [
+        c for c in CONTESTANTS
+        if (options.solvers is None or c.solver in options.solvers)
+        and options.element in (None, c.element) and options.integrator in (None, c.integrator)
+    ]  # fmt: skip
     if not wanted:
         return None
     cases = {c: _case(base, c, stretch if c.stretched else base.duration) for c in wanted}

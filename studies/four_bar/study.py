@@ -8,7 +8,7 @@ import pandas as pd
 from anctmm.results.solution import Solution
 from studies.convergence.step_convergence import step_rates, step_sweep
 from studies.engine import tables
-from studies.engine.dynamics import REISSNER, Fine, Plan, Scheme, Sweep, samples, sweep
+from studies.engine.dynamics import REISSNER, Fine, Plan, Scheme, Sweep, quick_plan, samples, sweep
 from studies.engine.runner import Mesh, Runner, mesh_label
 from studies.engine.study import Options, Result
 from studies.engine.tables import Table
@@ -123,7 +123,8 @@ STEP_SCHEMES = {
 def run(options: Options, runner: Runner) -> Result:
     """Run the study."""
     base = four_bar()
-    swept = sweep(base, QUICK if options.quick else FULL, options, runner)
+    plan = quick_plan(QUICK, FULL, options) if options.quick else FULL
+    swept = sweep(base, plan, options, runner)
     paper = paper_table(base, swept.references, options, runner)
     timed = step_sweep(
         base, STEP_MESH, STEP_FINE[options.quick], STEP_SCHEMES[options.quick], options, runner
@@ -133,9 +134,9 @@ def run(options: Options, runner: Runner) -> Result:
         "The element kinds are two models with own limits: each is measured against its own reference.",
         REISSNER,
     )
-    found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows), step_rates(timed)]
-    found.append(half_turn(base, options, runner))
-    found += [paper] if paper else []
+    found = [tables.accuracy(swept.rows, notes), tables.cpu_time(swept.rows)]
+    found += [step_rates(timed)] if timed.outcomes else []
+    found += [table for table in (half_turn(base, options, runner), paper) if table]
     return Result(
         name="four-bar",
         title="The four-bar of the paper",
@@ -222,11 +223,9 @@ def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
         caption = "Configurations of the mechanism (Fig. 8 of the paper); triangles: ground pivots."
         drawn.append(configurations(whole[-1], "configurations", SNAPSHOTS, caption))
     if (frame["error"] > 0).any():
-        drawn += [
-            error_pictures.over_mesh(frame),
-            error_pictures.over_step(timed.frame, mesh_label(STEP_MESH)),
-        ]
-        drawn += [error_pictures.against_cost(frame)]
+        drawn.append(error_pictures.over_mesh(frame))
+        drawn += [error_pictures.over_step(timed.frame, mesh_label(STEP_MESH))] if timed.outcomes else []
+        drawn.append(error_pictures.against_cost(frame))
     return drawn
 
 

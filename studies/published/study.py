@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pandas as pd
 
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, refuse
+from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
 from studies.published import motions, statics
 from studies.published.problem import Published
@@ -26,7 +26,7 @@ MISSING = (
 
 def run(options: Options, runner: Runner) -> Result:
     """Run the study."""
-    refuse(options, "published", "meshes", "steps", "solvers")
+    check_taken(options, "published")
     found = tuple(problems(options.quick))
     frame = pd.DataFrame([line for problem in found for line in lines(problem)], columns=list(COLUMNS))
     notes = (

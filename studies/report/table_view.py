@@ -20,6 +20,9 @@ LABELS = {
     "dt": "Δt (s)",
     "t": "t (s)",
     "t_end": "t end (s)",
+    "stable_dt": "stable Δt (s)",
+    "growth_rate": "growth rate (1/s)",
+    "us_per_element_step": "µs per element and step",
     "target_error": "target error",
 }
 #: Told once above a table where they are the same in all of its rows.

@@ -9,6 +9,7 @@ from rich.table import Table as RichTable
 from studies.engine.console import say, show_table
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, text
+from studies.report.table_view import label
 
 #: Below it whole numbers are written out.
 MOST_WHOLE = 1e6
@@ -44,12 +45,12 @@ def _shown(table: Table, console: Console) -> None:
         shown = RichTable(box=None, padding=(0, 2, 0, 0))
         for column in columns:
             numeric = is_numeric_dtype(rows[column])
-            shown.add_column(str(column), justify="right" if numeric else "left", header_style="dim")
+            shown.add_column(label(str(column)), justify="right" if numeric else "left", header_style="dim")
         for cells in rows[columns].itertuples(index=False, name=None):
             shown.add_row(*map(_cell, cells))
         show_table(console, shown)
         for column in constant:
-            say(console, f"{column}: {rows[column].iloc[0]}", "dim")
+            say(console, f"{label(str(column))}: {rows[column].iloc[0]}", "dim")
         console.print()
     for status in dict.fromkeys(failed(table.frame)["status"]) if "status" in table.frame else ():
         say(console, status, "yellow")

@@ -70,7 +70,8 @@ class SingleRun:
         """Mesh and step in words."""
         trial, case = self.found.trial, self.case
         step = "static equilibrium" if case.static else f"{trial.integrator}, Δt = {trial.dt:.4g} s"
-        return f"{trial.solver}, {mesh_label(trial.mesh)} {trial.element} elements, {step}"
+        beams = f", {mesh_label(trial.mesh)} {trial.element} elements" if case.scene.beams else ""
+        return f"{trial.solver}{beams}, {step}"
 
     @property
     def error(self) -> str:
@@ -85,7 +86,7 @@ class SingleRun:
             case True, False:
                 told = f"estimated error of the {mesh}{'' if self.case.static else '; that of the step is not known'}"
             case False, True:
-                known = "; that of the mesh is not known" if levels.mesh is not None else ""
+                known = "; that of the mesh is not known" if levels.meshes else ""
                 told = f"estimated error of the {step}{known}"
             case _:
                 return "its error was not estimated, as mesh and step were given; --error does it"
@@ -95,9 +96,9 @@ class SingleRun:
     def effort(self) -> str:
         """What it took, in words."""
         runs, cost = self.found.levels.runs, self.solution.cost
-        steps = f"{cost.steps} steps, {cost.newton_iterations} Newton corrections"
+        steps = f"{_count(cost.steps, 'step')}, {_count(cost.newton_iterations, 'Newton correction')}"
         time = f", {cost.cpu_s:.2g} s of CPU time" if isfinite(cost.cpu_s) else ""
-        return f"{steps}{time}; {runs} {'run' if runs == 1 else 'runs'} in all"
+        return f"{steps}{time}; {_count(runs, 'run')} in all"
 
 
 def run_case(
@@ -145,13 +146,16 @@ def run_case(
         check_mesh(case.scene, mesh)
     if dt is not None and case.static:
         raise CaseError(f"dt is {dt:g} s for case {case.name!r}, a static equilibrium; it has no step")
-    levels = Refinement(case, setup, runner, mesh, dt)
+    levels = Refinement(case, setup, runner, [mesh] if mesh else (), [dt] if dt else ())
     if dt is not None:
         levels.trial(0, 0).run()  # refuses a step that does not fit
     runner.heading = f"{case.name}: "
     found = levels.refined(ERROR if error is None else error)
     compared = tuple(_other(found, name, runner) for name in others)
-    return SingleRun(case, found, tuple(values_of(found)), compared)
+    read = (
+        found.solution.status.ok or len(found.solution.t) > 1
+    )  # of what fails at once nothing is but the start
+    return SingleRun(case, found, tuple(values_of(found)) if read else (), compared)
 
 
 def write_run(run: SingleRun, folder: Path) -> list[Path]:
@@ -188,6 +192,10 @@ def write_run(run: SingleRun, folder: Path) -> list[Path]:
     if len(solution.t) > 1:
         written.append(solution.animate(folder / "animation.html"))
     return written
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
 def _other(found: Refined, name: str, runner: Runner) -> Other:

@@ -12,25 +12,32 @@ from studies.trade.plan import TARGETS, Ladder
 SMALLEST = {False: 1e-5, True: 1e-3}
 #: Part of the smallest target error that a reference may be uncertain by.
 SHARE = 0.3
+#: Each is a model of its own.
+ELEMENTS = "cable", "shear"
 #: Steps, and elements of the solver with a dense matrix, at most.
 MOST_STEPS, MOST_DENSE = 6, 24
 
 
 def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
-    """Refine a case with each element, and take the levels on the way as what is tried.
+    """Refine a case with each element that is asked for, and take the levels on the way as what is tried.
 
     Parameters
     ----------
     case : Case
     options : Options
-        Its `error` is the smallest target error.
+        Its `error` is the smallest target error, its `element` the only one wanted.
     runner : Runner
 
     Raises
     ------
     StudyError
-        If the case is static: no step trades error for time there.
+        If the case is static: no step trades error for time there; or if the element has no mesh that could.
     """
+    if options.element not in (None, *ELEMENTS):
+        raise StudyError(
+            f"--element is {options.element!r}; a trade is measured with {' or '.join(ELEMENTS)}, each against a "
+            f"refined run of its own: `anctmm study fidelity` tells what rigid beams cost and save"
+        )
     if case.static:
         raise StudyError(
             f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
@@ -38,21 +45,24 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         )
     smallest = options.error or SMALLEST[options.quick]
     runner.heading = f"{case.name}, reference: "
-    cable, shear = (
-        Refinement(case, Setup(element=element), runner).refined(SHARE * smallest)
-        for element in ("cable", "shear")
-    )
+    found = {
+        element: Refinement(case, Setup(element=element), runner).refined(SHARE * smallest)
+        for element in ELEMENTS
+        if options.element in (None, element)
+    }
     runner.heading = f"{case.name}: "
-    cable_meshes = meshes(cable, halfway=not options.quick)
-    steps = tuple(cable.levels.dt_at(cable.i, j) for j in range(cable.j + 1))[-MOST_STEPS:]
+    of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
+    stepped = next(iter(found.values()))
+    steps = tuple(stepped.levels.dt_at(stepped.i, j) for j in range(stepped.j + 1))[-MOST_STEPS:]
+    cables = of.get("cable", ())
     return Ladder(
         case,
-        cable_meshes,
-        meshes(shear, halfway=False),
-        tuple(m for m in cable_meshes if sum(m) <= MOST_DENSE)[-2:],
+        cables,
+        of.get("shear", ()),
+        tuple(m for m in cables if sum(m) <= MOST_DENSE)[-2:],
         ("global-dae", "exudyn-cable"),
-        {"cable": cable.reference, "shear": shear.reference},
-        fine_step=min(found.trial.dt for found in (cable, shear)),
+        {element: run.reference for element, run in found.items()},
+        fine_step=min(run.trial.dt for run in found.values()),
         steps=steps,
         quick_steps=steps,
         targets=(*(target for target in TARGETS if target > 1.01 * smallest), smallest),

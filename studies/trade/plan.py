@@ -147,8 +147,22 @@ class Ladder:
                 self.cable[:1],
                 self._stable("cable", "reduced", 1e6),
             ),
-            _scheme("shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], steps[:1], LOOSE),
+            *self._few_of_shear(),
         )
+
+    def _few_of_shear(self) -> list[Scheme]:
+        """Few runs that are compared with cables; where there are none, as many as of cables."""
+        if self.cable:
+            return [
+                _scheme("shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], self.quick_steps[:1], LOOSE)
+            ]
+        return [
+            *self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.quick_steps),
+            *self._controlled("shear", "full", self.shear[1:2], (3e-3,)),
+            Scheme(
+                "shear", "full", EXPLICIT, ("anctmm",), self.shear[:1], self._stable("shear", "full", 1e6)
+            ),
+        ]
 
 
 def _scheme(

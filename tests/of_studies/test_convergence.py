@@ -72,14 +72,33 @@ def test_in_the_terminal(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["convergence", THROWN_CHAIN, "--elements", "4"], "'convergence' takes no --elements; "),
-        (["convergence", THROWN_CHAIN, "--dt", "1e-3"], "takes no --dt"),
+        (
+            ["convergence", THROWN_CHAIN, "--elements", "4", "--dt", "1e-3"],
+            "is 4/4/4 alone, and --dt one step: nothing",
+        ),
+        (
+            ["convergence", THROWN_CHAIN, "--elements", "4/4,8"],
+            "has '4/4'; scene 'thrown-chain' needs 1 or 3",
+        ),
+        (
+            ["convergence", THROWN_CHAIN, "--elements", "4,4/8/8"],
+            "more elements of each beam of 'thrown-chain'",
+        ),
+        (["convergence", THROWN_CHAIN, "--elements", "4,8", "--dt", "3e-3"], "3"),
+        (
+            ["convergence", THROWN_CHAIN, "--elements", "4,8", "--dt", "1e-3", "--error", "1e-3"],
+            "--error is 0.001 beside --elements and --dt",
+        ),
+        (
+            ["convergence", PORTAL_FRAME, "--case", "portal-frame-at-rest", "--dt", "1e-3"],
+            "'portal-frame-at-rest', a static equilibrium, which has no step",
+        ),
         (["convergence", THROWN_CHAIN, "--element", "cabel"], "element is 'cabel'; allowed are"),
         (["convergence", THROWN_CHAIN, "--error", "-1"], "--error has '-1'"),
         (["convergence", THROWN_CHAIN, "--case", "arm"], "'arm' and is unknown"),
         (["convergence", "--case", "arm"], "--case is 'arm' without a file"),
         (["convergence", "nowhere.py"], "no such file"),
-        (["agreement", THROWN_CHAIN], "study 'agreement' takes no scene; convergence, trade do"),
+        (["agreement", THROWN_CHAIN], "study 'agreement' takes no scene: it compares all"),
         (["extremes", "--error", "1e-3"], "takes no --error"),
     ],
 )
@@ -88,6 +107,35 @@ def test_what_is_wrong_is_named(arguments, said):
     assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
 
 
-def test_the_function_refuses_meshes():
-    with pytest.raises(StudyError, match="takes no --elements"):
-        studied([find_case(THROWN_CHAIN)], meshes=((4,),))
+def test_meshes_and_steps_are_those_asked_for():
+    """Of any spacing: 1-2-5 steps, and meshes that are not doubled."""
+    case = [find_case(THROWN_CHAIN)]
+    meshes, steps = ((2,), (3,), (5,)), (1e-3, 4e-4, 2e-4)
+    found = studied(case, element="cable", meshes=meshes, steps=steps)
+    assert found.table("mesh").frame["elements"].tolist() == ["2/2/2", "3/3/3", "5/5/5"]
+    assert found.table("step").frame["dt"].tolist() == [1e-3, 4e-4, 2e-4]
+    assert found.table("values").frame["uncertainty"].notna().all()
+    fine = at.solve(case[0].scene, mesh=16, dt=2.5e-5, t_end=0.3, output_dt=0.01)
+    for row in found.table("values").frame.to_dict("records"):
+        if row["quantity"].startswith(("x", "y")):
+            exact = fine.position(row["probe"])[-1, "xy".index(row["quantity"][0])]
+            assert abs(row["value"] - exact) <= row["uncertainty"]
+
+
+def test_one_mesh_asked_for_leaves_the_step_to_be_refined():
+    found = studied([find_case(DOUBLE_PENDULUM)], element="cable", meshes=((4,),), error=1e-2)
+    assert found.table("mesh").frame.empty
+    assert len(found.table("step").frame) > 1
+    assert "of the step alone; the mesh is the one given" in found.findings[0]
+    assert found.table("values").frame["uncertainty"].isna().all()  # nothing is known of the mesh
+
+
+def test_errors_do_not_grow_from_coarse_to_fine(frame):
+    for table in ("mesh", "step"):
+        for _, rows in frame.table(table).frame.groupby("scene"):
+            assert (np.diff(rows["error"]) <= 0.0).all()
+
+
+def test_the_function_refuses_what_nothing_converges_over():
+    with pytest.raises(StudyError, match="nothing converges"):
+        studied([find_case(THROWN_CHAIN)], meshes=((4,),), steps=(1e-3,))

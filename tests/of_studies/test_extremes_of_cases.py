@@ -163,7 +163,7 @@ def test_laws_in_si_units_are_said_not_to_apply():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "extremes", DOUBLE_PENDULUM, "--dt", "1e-3"], "--dt is not allowed"),
+        (["study", "extremes", DOUBLE_PENDULUM, "--dt", "1e-3"], "takes no --dt: it goes to the limits"),
         (["study", "extremes", DOUBLE_PENDULUM, "--error", "1e-3"], "takes no --error"),
         (["study", "extremes", PORTAL_FRAME, "--case", "nothing"], "'nothing' and is unknown"),
     ],

@@ -66,13 +66,13 @@ def test_orders_are_those_of_theory():
 
 def test_what_is_given_is_not_refined():
     case, runner = find_case(DOUBLE_PENDULUM), Runner(None, repeats=1)
-    found = Refinement(case, Setup(), runner, mesh=(3,)).refined(1e-2)
+    found = Refinement(case, Setup(), runner, meshes=[(3,)]).refined(1e-2)
     assert found.trial.mesh == (3,)
     assert found.mesh.error == 0.0 < found.step.error <= 1e-2
-    found = Refinement(case, Setup(), runner, dt=5e-3).refined(1e-1)
+    found = Refinement(case, Setup(), runner, steps=[5e-3]).refined(1e-1)
     assert found.trial.dt == 5e-3
     assert found.step.error == 0.0 < found.mesh.error <= 1e-1
-    both = Refinement(case, Setup(), runner, mesh=(3,), dt=5e-3).refined(1e-2)
+    both = Refinement(case, Setup(), runner, meshes=[(3,)], steps=[5e-3]).refined(1e-2)
     assert both.levels.runs == 1
     assert all(isnan(value.uncertainty) for value in values_of(both))
 

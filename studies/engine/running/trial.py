@@ -149,7 +149,8 @@ def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solutio
 
 def label_of(case: Trial) -> str:
     """A run in a few words, for whoever waits for it."""
-    mesh = f"{mesh_label(case.mesh)} {case.element}"
+    kinds = [case.element] if isinstance(case.element, str) else list(case.element.values())
+    mesh = f"{mesh_label(case.mesh)} {'/'.join(kinds)}"
     return f"{case.scene.name} · {case.solver} {mesh} {case.integrator}"
 
 

@@ -66,6 +66,6 @@ def _learned(base: Base, rows: list[dict[str, Any]]) -> str:
         )
     soft, stiff = told[0], told[-1]
     return (
-        f"{name}, stiffness: with {soft['factor']:g} times its modulus it is {soft['measured']:.1g} from rigid bars, "
-        f"with {stiff['factor']:g} times {stiff['measured']:.1g}."
+        f"{name}, stiffness: with {soft['factor']:g} times its modulus the result differs by {soft['measured']:.1g} "
+        f"from that of rigid bars, with {stiff['factor']:g} times by {stiff['measured']:.1g}."
     )
