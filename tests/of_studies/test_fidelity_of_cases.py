@@ -169,8 +169,11 @@ def test_combinations_hold_the_poorest_beams_that_sum_up_to_the_target():
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["study", "fidelity", DOUBLE_PENDULUM, "--elements", "8"], "takes no --elements: it compares kinds of elements"),
-        (["study", "fidelity", "--error", "1e-3"], "--error is 0.01 without a scene"),
+        (
+            ["study", "fidelity", DOUBLE_PENDULUM, "--elements", "8"],
+            "takes no --elements: it compares kinds of elements",
+        ),
+        (["study", "fidelity", "--error", "1e-3"], "--error is 0.001 without a scene"),
         (["study", "fidelity", "five-bar"], "'five-bar' and is unknown"),
         (["study", "fidelity", DOUBLE_PENDULUM, "--element", "cable"], "takes no --element"),
     ],
