@@ -1,7 +1,7 @@
 """ANC-TMM: absolute nodal coordinate transfer matrix method for planar large-deformation flexible beams."""
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.methods import GeneralizedAlpha, Zhai
+from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.integrators.modes import Campbell, Modes, campbell, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
@@ -41,6 +41,7 @@ __all__ = [
     "Cost",
     "Discretisation",
     "Energy",
+    "Esdirk",
     "Force",
     "GeneralizedAlpha",
     "History",

@@ -49,7 +49,7 @@ Target = Annotated[
     str | None, typer.Option("--error", help="Target error, relative: 1e-3.", metavar="NUMBER")
 ]
 Element = Annotated[str | None, typer.Option(help="Element: cable, shear, rigid.")]
-Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai.")]
+Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
     str | None,

@@ -41,7 +41,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops"],
     "forces": ["acting"],
-    "integrators": ["static_start"],
+    "integrators": ["esdirk", "static_start"],
     "model": ["inputs", "mechanisms"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained"],

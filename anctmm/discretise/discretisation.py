@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.methods import METHODS, GeneralizedAlpha, Method, Zhai
+from anctmm.discretise.methods import METHODS, Coefficients, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import QUADRATURES, kind_of
 from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown, unknown_option
 from anctmm.model.scene import Beam, Scene, checked_scene
@@ -41,9 +41,9 @@ class Discretisation:
         "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
-    integrator : Zhai, GeneralizedAlpha or str
-        A method with its parameters, or its name, "zhai" (explicit) or "generalized-alpha" (implicit), beside them;
-        kept as the name.
+    integrator : Zhai, GeneralizedAlpha, Esdirk or str
+        A method with its parameters, or its name, "zhai" (explicit), "generalized-alpha" (implicit) or "esdirk"
+        (implicit, of fourth order), beside them; kept as the name.
     dt, t_end : float
         Step (1e-3 without it) and run length, s; `t_end` a whole number of steps.
     output_dt : float, optional
@@ -90,7 +90,7 @@ class Discretisation:
             if name != "mesh" or self.mesh is not None:
                 set_(self, name, _by_body(name, getattr(self, name), check))
         set_(self, "quadrature", one_of("quadrature", self.quadrature, QUADRATURES))
-        if isinstance(self.integrator, Zhai | GeneralizedAlpha):
+        if isinstance(self.integrator, Method):
             self._take(self.integrator)
         set_(self, "integrator", one_of("integrator", self.integrator, INTEGRATORS))
         for method in METHODS.values():
@@ -129,6 +129,13 @@ class Discretisation:
         return self._made(_method(self.integrator))
 
     @property
+    def coefficients(self) -> Coefficients:
+        """Coefficients of the implicit solves of a step; an explicit method takes generalized-α's where it starts."""
+        method = self.method
+        implicit = GeneralizedAlpha(self.spectral_radius) if isinstance(method, Zhai) else method
+        return implicit.of_step(self.exact_dt)
+
+    @property
     def explicit(self) -> bool:
         """Whether steps are explicit: bound by stability, and without iteration."""
         return _method(self.integrator).explicit
@@ -139,10 +146,13 @@ class Discretisation:
         object.__setattr__(self, "tolerance", tolerance)
         if not isinstance(self.dt, _NotGiven):
             raise StepError(f"dt is {self.dt!r} s beside tolerance {tolerance!r}; one of them is allowed")
-        if self.explicit:
+        if self.integrator != GeneralizedAlpha.name:
+            why = (
+                "stability bounds an explicit step, not accuracy" if self.explicit else "its steps are fixed"
+            )
             raise StepError(
                 f"tolerance is {tolerance!r} with integrator {self.integrator!r}; "
-                f"'generalized-alpha' is needed: stability bounds an explicit step, not accuracy"
+                f"'generalized-alpha' is needed: {why}"
             )
         return self.t_end / 200 if self.output_dt is None else self.output_dt
 

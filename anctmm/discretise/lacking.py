@@ -1,6 +1,6 @@
 """What ANC-TMM cannot do yet, by feature of `anctmm.model.needs.MECHANISMS`: it refuses scenes that need it."""
 
-from anctmm.model.needs import MECHANISMS
+from anctmm.model.needs import MECHANISMS, WITH
 
 #: What it does.
 DONE = {
@@ -21,4 +21,6 @@ DONE = {
     "driven-welds",
     "free-stretch",
 }
-LACKING = frozenset(MECHANISMS) - DONE
+#: What brings constraints that are driven or not linear: the method of fourth order would be one of second there.
+CONSTRAINED = ("rigid-bodies", "driven-guides", "moving-guides", "driven-welds", "free-stretch")
+LACKING = frozenset(MECHANISMS) - DONE | {WITH.join(("esdirk", feature)) for feature in CONSTRAINED}

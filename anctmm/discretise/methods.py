@@ -4,7 +4,11 @@ A method is data: the steps themselves stand in `anctmm.integrators`.
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError
 from anctmm.validation import number, within
@@ -29,6 +33,7 @@ class Zhai:
     phi: float = 0.5
     name: ClassVar[str] = "zhai"
     explicit: ClassVar[bool] = True
+    order: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
         for parameter in ("psi", "phi"):
@@ -55,6 +60,7 @@ class GeneralizedAlpha:
     spectral_radius: float = 0.9
     name: ClassVar[str] = "generalized-alpha"
     explicit: ClassVar[bool] = False
+    order: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
         radius = within("spectral_radius", self.spectral_radius, 0.0, 1.0, "[]", DiscretisationError)
@@ -105,6 +111,56 @@ class Coefficients(NamedTuple):
 NO_STEP = Coefficients(h=0.0, alpha_m=0.0, alpha_f=0.0, beta=0.0, gamma=0.0, to_w=1.0, to_q=0.0)
 
 
-Method = Zhai | GeneralizedAlpha
+@dataclass(frozen=True)
+class Esdirk:
+    """A Runge-Kutta method of fourth order with five implicit stages, for small errors.
+
+    ESDIRK4(3)6L[2]SA of Kennedy & Carpenter (2003, doi:10.1016/S0168-9274(02)00138-1, table of the implicit part):
+    L-stable, all stages with one matrix; the first is the end of the last step. See
+    `anctmm.integrators.esdirk`. It has no parameters.
+    """
+
+    name: ClassVar[str] = "esdirk"
+    explicit: ClassVar[bool] = False
+    order: ClassVar[float] = 4.0
+
+    def of_step(self, h: float) -> "Coefficients":
+        """Coefficients of each stage of a step of h (s): a step of γh by the implicit Euler method."""
+        part = float(_DIAGONAL) * h
+        return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0)
+
+
+class Stages(NamedTuple):
+    """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights.
+
+    A: for velocities, A²: for positions, (stages, stages); c: (stages,).
+    """
+
+    A: NDArray[np.float64]
+    square: NDArray[np.float64]
+    c: NDArray[np.float64]
+
+
+_DIAGONAL = Fraction(1, 4)
+_STAGES = (
+    (),
+    ("1/4",),
+    ("8611/62500", "-1743/31250"),
+    ("5012029/34652500", "-654441/2922500", "174375/388108"),
+    ("15267082809/155376265600", "-71443401/120774400", "730878875/902184768", "2285395/8070912"),
+    ("82889/524892", "0", "15625/83664", "69875/102672", "-2260/8211"),
+)
+
+
+def stages() -> Stages:
+    """Coefficients of `Esdirk`."""
+    A = np.zeros((len(_STAGES), len(_STAGES)))
+    for i, row in enumerate(_STAGES):
+        A[i, :i] = [float(Fraction(x)) for x in row]
+        A[i, i] = float(_DIAGONAL) if row else 0.0
+    return Stages(A, A @ A, np.array([0.0, 1 / 2, 83 / 250, 31 / 50, 17 / 20, 1.0]))
+
+
+Method = Zhai | GeneralizedAlpha | Esdirk
 #: Methods by name, as a discretisation names them. A new one is a class here, and a case in `anctmm.solve`.
-METHODS: dict[str, type[Zhai] | type[GeneralizedAlpha]] = {m.name: m for m in (Zhai, GeneralizedAlpha)}
+METHODS: dict[str, type[Method]] = {m.name: m for m in (Zhai, GeneralizedAlpha, Esdirk)}

@@ -77,7 +77,7 @@ class ElementKind:
     turned: str
     quadratures: tuple[str, ...] = ()
     rigid: bool = False
-    integrators: tuple[str, ...] = ("zhai", "generalized-alpha")
+    integrators: tuple[str, ...] = ("zhai", "generalized-alpha", "esdirk")
     statics: bool = True
     optional: bool = False
     continuum: str = ""
@@ -120,7 +120,7 @@ _SHEAR = ElementKind(
 )  # fmt: skip
 _RIGID = ElementKind(
     "rigid", "rigid bodies", RigidElement, CABLE, ("r", "r_x"), "r_x",
-    rigid=True, optional=True,
+    rigid=True, optional=True, integrators=("zhai", "generalized-alpha"),
 )  # fmt: skip
 
 #: All kinds, by name.

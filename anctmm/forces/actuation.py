@@ -12,7 +12,7 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import components, element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
-from anctmm.forces.loads import Loads, loads_of, loads_work
+from anctmm.forces.loads import Loads, loads_of, loads_power, loads_work
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import free_name, name_of
@@ -194,3 +194,13 @@ def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values
             clamps.memory[0, h, k], clamps.memory[1, h, k] = force, place
     work += loads_work(moving, q, loads, values)
     return work
+
+
+@kernel
+def power_of(q: Array, v: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
+    """Power of driven clamps and varying loads, and of connectors beside their energy, at velocities v, W."""
+    power = 0.0
+    for h in range(len(clamps.nodes)):
+        for k in range(q.shape[0]):
+            power += clamps.reaction[h, k] * clamps.motion[1, h, k]
+    return power + loads_power(q, v, loads, values)  # type: ignore[no-any-return]

@@ -284,6 +284,27 @@ def connectors_work(connectors, moving):  # type: ignore[no-untyped-def]
 
 
 @embedded
+def connectors_power(connectors, q, v, values):  # type: ignore[no-untyped-def]
+    """Power of connectors beside the rate of their energy, W, at q and v, which are accepted.
+
+    With x = m − l: −N ṁ + dE/dt, where dE/dt = (k x + preload) ẋ.
+    """
+    power = 0.0
+    if connectors is not None:
+        t = time_of(values)
+        for n in range(len(connectors.kinds)):
+            m, ax, ay, bx, by = measure(connectors, n, q)
+            ux, uy = rate_at(connectors.first, n, v)
+            wx, wy = rate_at(connectors.second, n, v)
+            free, rate = free_measure(connectors, n, values)
+            turn = ax * ux + ay * uy + bx * wx + by * wy
+            kept = connectors.numbers[n, 0] * (m - free) + connectors.part[0] * connectors.numbers[n, 2]
+            power += kept * (turn - rate) - force_of(connectors, n, m - free, turn - rate, t) * turn
+            connectors.memory[n, 1] = m
+    return power
+
+
+@embedded
 def connectors_energy(connectors):  # type: ignore[no-untyped-def]
     """Energy of all connectors at the last evaluation, J."""
     total = 0.0

@@ -10,9 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, push, sum_along, vector_at
+from anctmm.discretise.maps import (
+    Map,
+    Maps,
+    direction_of,
+    maps,
+    position_of,
+    push,
+    rate_at,
+    sum_along,
+    vector_at,
+)
 from anctmm.errors import unknown_kind
-from anctmm.forces.connectors import Connectors, connectors_of, connectors_work
+from anctmm.forces.connectors import Connectors, connectors_of, connectors_power, connectors_work
 from anctmm.forces.stiffness import Border, Local, follower_at, stiffness_of
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
@@ -161,3 +171,14 @@ def loads_work(moving, q, loads, values):  # type: ignore[no-untyped-def]
         loads.memory[0, n, 0], loads.memory[0, n, 1] = fx, fy
         loads.memory[1, n, 0], loads.memory[1, n, 1] = x, y
     return work
+
+
+@embedded
+def loads_power(q, v, loads, values):  # type: ignore[no-untyped-def]
+    """Power of loads, and of connectors beside the rate of their energy, at velocities v, W."""
+    power = connectors_power(loads.connectors, q, v, values)
+    for n in range(len(loads.kinds)):
+        fx, fy = load_at(loads, n, q, values[n, 0], values[n, 1])
+        x, y = rate_at(loads.targets, n, v)
+        power += fx * x + fy * y
+    return power

@@ -24,7 +24,7 @@ from anctmm.discretise.assembly import (
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
-from anctmm.discretise.methods import NO_STEP, Coefficients, GeneralizedAlpha
+from anctmm.discretise.methods import NO_STEP, Coefficients
 from anctmm.forces.actuation import (
     DrivenClamps,
     clamp_reactions,
@@ -93,10 +93,10 @@ def integrate(chain: Chain) -> Solution:
     """
     run = chain.run
     actuation, record = once(chain, actuation_of), Record(chain)
-    system = own(chain, _system)
+    system = own(chain, new_system)
     state, newton, clamps = system.state, system.newton, system.clamps
     out, single = record.arrays(), system.factors.L.dtype == np.float32
-    of_step = once(chain, _coefficients)
+    of_step = once(chain, coefficients_of)
 
     def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
@@ -124,8 +124,14 @@ def integrate(chain: Chain) -> Solution:
     if failed < 0:
         return so_far(len(record.q), Status(), run.steps)
     when = float(run.times(np.array([failed]))[0])
+    return so_far(1 + (failed - 1) // run.stride, why_it_ended(chain, system, failed, when), failed)
+
+
+def why_it_ended(chain: Chain, system: System, failed: int, when: float) -> Status:
+    """Status of a run whose step `failed` was not found, at a time in it, s."""
+    state = system.state
     status = locked(chain, state.q, rows_in(system.factors.loops), when, failed)
-    return so_far(1 + (failed - 1) // run.stride, status or stalled(chain, failed, state, newton), failed)
+    return status or stalled(chain, failed, state, system.newton, when)
 
 
 def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts:
@@ -140,7 +146,12 @@ def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts
     return [*outside, *aside], here
 
 
-def _system(chain: Chain) -> System:
+def coefficients_of(chain: Chain) -> Coefficients:
+    """Coefficients of the implicit solves of a step."""
+    return chain.run.coefficients
+
+
+def new_system(chain: Chain) -> System:
     """What the steps of a run start from."""
     actuation = once(chain, actuation_of)
     return System(
@@ -153,10 +164,6 @@ def _system(chain: Chain) -> System:
         new_newton(chain),
         new_damping(chain),
     )
-
-
-def _coefficients(chain: Chain) -> Coefficients:
-    return GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
 
 
 @kernel

@@ -15,7 +15,7 @@ from anctmm.discretise.assembly import (
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
-from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
+from anctmm.discretise.methods import Coefficients
 from anctmm.forces.loads import set_loads
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
@@ -71,7 +71,7 @@ def new_state(chain: Chain) -> State:
 
 def new_damping(chain: Chain) -> Damping | None:
     """Damping of a scene that has some, for steps of the discretisation's length."""
-    bodies, c = chain.bodies, GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
+    bodies, c = chain.bodies, chain.run.coefficients
     if bodies.damping is None:
         return None
     v = bodies.initial_velocity()

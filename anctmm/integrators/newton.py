@@ -16,7 +16,7 @@ from anctmm.discretise.assembly import (
     window_inertia,
 )
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
+from anctmm.discretise.methods import Coefficients
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import Loads, set_loads
@@ -95,7 +95,7 @@ def single_will_do(chain: Chain) -> bool:
     """
     if chain.bodies.nodes <= LONG or chain.plan.kept or chain.scene.connectors:
         return False
-    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
+    c = chain.run.coefficients
     condition = 1.0 + element_bound(chain, stiffened_bodies(chain.bodies, c)) ** 2 / c.to_w
     return float(np.finfo(np.float32).eps) * condition <= ROUNDED
 
@@ -132,7 +132,7 @@ def solve_step(state, coefficients, tables, links, factors, clamps, loads, load_
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
             _drag(q, w, clamps.nodes, clamps.motion, coefficients)
             hold_on_lines(links.turned, q, w, coefficients)
-            solved = _newton(
+            solved = iterate(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
             )
     return solved
@@ -149,7 +149,7 @@ def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _newton(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
+def iterate(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
     q, v, a, w, _, w_before, f, dead, arrived, flat = state
     _, flat_v, flat_a, flat_w, _, had = flat

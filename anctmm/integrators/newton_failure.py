@@ -10,7 +10,6 @@ from anctmm.discretise.assembly import (
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
-from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.forces.actuation import (
     Actuation,
     turn_clamps,
@@ -38,10 +37,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def stalled(chain: Chain, step: int, state: State, newton: Newton) -> Status:
-    """What is known of the step that ended a run."""
+def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> Status:
+    """What is known of the step that ended a run; t: where in it the iteration failed, s."""
     residuals: tuple[float, ...] = ()
-    t = float(chain.run.times(np.array([step]))[0])
     if not newton.history.any():  # the step was found, and is none that can be
         body, element = worst_element(chain, gradient_size(state.q))
         what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s (step {step})"
@@ -79,7 +77,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     if chain.plan.kept and chain.kept.constraints.names:
         return ()
     bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.parts, chain.bodies)
-    c = GeneralizedAlpha(chain.run.spectral_radius).of_step(chain.run.exact_dt)
+    c = chain.run.coefficients
     now, clamps, loads = np.array([t]), actuation.clamps(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
     force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.connectors import Spring
@@ -130,7 +131,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     explicit = run.explicit
     scene = solution.scene
     vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
-    keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else run.spectral_radius == 1.0
+    keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else _keeps_energy(run)
     damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
         c.damping > 0.0 or c.law is not None for c in scene.connectors
     )
@@ -199,9 +200,16 @@ def _advice(run: Discretisation) -> str:
     return f"the steps are too long for the motion; a smaller dt than {run.dt:g} s may do"
 
 
+def _keeps_energy(run: Discretisation) -> bool:
+    """Whether implicit steps have no numerical dissipation."""
+    return isinstance(run.method, GeneralizedAlpha) and run.spectral_radius == 1.0
+
+
 def _advice_on_dissipation(run: Discretisation) -> str:
     """Why energy may vanish, and what to try."""
-    if run.spectral_radius == 1.0:
+    if not isinstance(run.method, GeneralizedAlpha):
+        return f"the method takes what the steps do not resolve; a smaller dt than {run.dt:g} s may do"
+    if _keeps_energy(run):
         return _advice(run)
     taken = (
         f"numerical dissipation (spectral_radius {run.spectral_radius:g}) takes what the steps do not resolve"

@@ -16,6 +16,7 @@ FEATURES = {
     "stability": "the status of an equilibrium that is not stable says so",
     "zhai": "explicit steps",
     "generalized-alpha": "implicit steps",
+    "esdirk": "implicit steps of fourth order",
     "joints": "pins and welds between bodies",
     "branches": "joints of more than two ends, and ends in several joints",
     "loops": "bodies that close a loop which does not pass through the ground",
@@ -26,6 +27,8 @@ FEATURES = {
     **MECHANISMS,
     "energy": "energies of the history; NaN where lacking",
 }
+#: Integrators, one of which a solver has, and those that it may have beside them.
+STEPPING, HIGH_ORDER = ("generalized-alpha", "zhai"), ("esdirk",)
 #: Bounds of Newton's last correction that studies of cost try: from one that stops as soon as a step's error allows to
 #: one near rounding.
 NEWTON_TOLERANCES = (1e-3, 1e-5, 1e-7)
@@ -44,6 +47,8 @@ class Offer:
     lacks : iterable of str
         What is not offered: features, of `FEATURES`, and combinations of features that are offered one by one, such as
         "rigid + generalized-alpha" of a solver that moves rigid bodies in explicit steps only.
+    extras : iterable of str
+        What no solver is taken to have that does not say so: of `HIGH_ORDER`.
     element : str
         The one element it uses whatever a discretisation asks for; empty where it uses what is asked.
     limits : mapping of str to str
@@ -65,26 +70,32 @@ class Offer:
     element: str = ""
     limits: Mapping[str, str] = field(default_factory=lambda: dict(LIMITS))
     choices: tuple[Mapping[str, Any], ...] = tuple({"newton_tolerance": t} for t in NEWTON_TOLERANCES)
+    extras: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lacks", _lacks(self.lacks))
+        extras = frozenset(one_of("an Offer's extra", extra, HIGH_ORDER) for extra in self.extras)
+        object.__setattr__(self, "extras", extras - self.lacks)
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
         object.__setattr__(self, "choices", _choices(self.choices))
-        if not self.integrators:
+        if not set(STEPPING) - self.lacks:
             raise DiscretisationError("an Offer lacks 'zhai' and 'generalized-alpha'; one of them is needed")
 
     @property
     def integrators(self) -> tuple[str, ...]:
-        """Integrators it has, implicit steps first."""
-        return tuple(i for i in ("generalized-alpha", "zhai") if i not in self.lacks)
+        """Integrators it has, implicit steps of second order first, and those of higher order last."""
+        return tuple(i for i in STEPPING if i not in self.lacks) + tuple(
+            i for i in HIGH_ORDER if i in self.extras
+        )
 
     def lacking(self, features: Iterable[str]) -> list[str]:
         """What of `lacks` stands in the way of features that are needed together, sorted."""
         needed = set(features)
         needed |= {NEEDED[feature] for feature in needed if feature in NEEDED}
-        return sorted(lack for lack in self.lacks if needed.issuperset(features_of(lack)))
+        lacks = self.lacks | (frozenset(HIGH_ORDER) - self.extras)
+        return sorted(lack for lack in lacks if needed.issuperset(features_of(lack)))
 
     def element_of(self, asked: str) -> str:
         """Name of the element it uses for one asked for."""
@@ -95,9 +106,7 @@ def uncombined() -> frozenset[str]:
     """Combinations of features that ANC-TMM lacks, as its kinds of element say."""
     found = set()
     for kind in KINDS.values():
-        lacking = {"zhai", "generalized-alpha"} - set(kind.integrators) | (
-            set() if kind.statics else {"statics"}
-        )
+        lacking = {*STEPPING, *HIGH_ORDER} - set(kind.integrators) | (set() if kind.statics else {"statics"})
         found |= {WITH.join((kind.name, feature)) for feature in lacking if kind.optional}
     return frozenset(found)
 

@@ -31,7 +31,7 @@ History = Callable[[float], float]
 
 #: The models have mechanisms in implicit runs and in statics; Exudyn's explicit solvers have no algebraic joints. All
 #: their clamps and welds hold the stretch.
-LACKS = frozenset(f"{name} + zhai" for name in MECHANISMS) | {"free-stretch"}
+LACKS = frozenset(f"{name} + zhai" for name in MECHANISMS) | {"free-stretch", "esdirk"}
 
 
 def add_body(model: Model, body: RigidBody | PointMass) -> None:

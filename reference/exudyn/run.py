@@ -201,6 +201,11 @@ def _check_integrator(scene: Scene, run: Discretisation) -> None:
             return
         case "zhai":
             _check_explicit(scene, run)
+        case "esdirk":
+            raise UnsupportedError(
+                f"integrator is {run.integrator!r}; Exudyn's implicit steps are of second order, and those of higher "
+                f"order explicit and without constraints: 'generalized-alpha' is needed"
+            )
         case _:
             raise unknown_option("integrator", run.integrator, INTEGRATORS)
 

@@ -9,12 +9,14 @@ from typing import Any
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
 from anctmm.errors import UnsupportedError, unknown_option
+from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
 from reference.global_dae.explicit import Zhai
+from reference.global_dae.gauss import Gauss
 from reference.global_dae.history import Marcher
 from reference.global_dae.implicit import GeneralizedAlpha
 from reference.global_dae.mechanisms import is_mechanism, motion, rest
@@ -24,7 +26,11 @@ from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
-OFFER = Offer()
+#: Steps of high order are those of beams with linear joints, without damping.
+OFFER = Offer(
+    lacks=frozenset(f"esdirk + {feature}" for feature in (*MECHANISMS, "damping", "rigid")),
+    extras=frozenset({"esdirk"}),
+)
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
 #: orders), and a dense matrix for each pair.
 EXPLICIT, IMPLICIT, DENSE = 1_100.0, 5_000.0, 24.0
@@ -57,6 +63,10 @@ def solve(
         Of explicit runs: "projection" of positions and velocities onto the constraints after each step, or "none",
         which lets rounding and truncation drift. Implicit runs fulfil Φ q = b at each step anyhow.
 
+    Integrator "esdirk" stands for implicit steps of high order. Here these are collocation at Gauss's points, of order
+    6, on independent coordinates, by NumPy and SciPy: another method than ANC-TMM's, so that references are found by
+    two roads. It is slower, and no contestant of the trade.
+
     Returns
     -------
     Solution
@@ -74,6 +84,7 @@ def solve(
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
     check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
+    refuse(scene, OFFER.lacks, "the global solver", run.integrator)
     if is_mechanism(scene, run):
         if stabilization != "projection":
             raise UnsupportedError(
@@ -132,5 +143,12 @@ def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:
             return Zhai(model, dense, stabilization == "projection")
         case "generalized-alpha":
             return GeneralizedAlpha(model, dense)
+        case "esdirk":
+            if model.bodies.damping is not None:
+                raise UnsupportedError(
+                    f"integrator is 'esdirk' for scene {model.scene.name!r}, which has damping; the global solver's "
+                    f"steps of high order know forces of coordinates and time only: 'generalized-alpha' is needed"
+                )
+            return Gauss(model, dense)
         case _:
             raise unknown_option("integrator", run.integrator, INTEGRATORS)

@@ -45,7 +45,7 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
     {"newton_tolerance": 1e-3, "beam": "elastic-lumped"},
 )
 OFFER = Offer(
-    lacks=frozenset({"zhai", "damping", "rigid", "stability", *MECHANISMS}),
+    lacks=frozenset({"zhai", "esdirk", "damping", "rigid", "stability", *MECHANISMS}),
     element="frame",
     limits={"cable": "elastica"},
     choices=CHOICES,
@@ -161,6 +161,10 @@ def _check_scene(scene: Scene, run: Discretisation, mode: str) -> None:
             raise UnsupportedError(
                 f"integrator is {mode!r}; OpenSees' explicit steps need a mass for every coordinate, and its beams "
                 f"give rotations none that is diagonal: 'generalized-alpha' is needed"
+            )
+        case "esdirk":
+            raise UnsupportedError(
+                f"integrator is {mode!r}; OpenSees' implicit steps are of second order: 'generalized-alpha' is needed"
             )
         case _:
             raise unknown_option("integrator", mode, INTEGRATORS)

@@ -50,6 +50,7 @@ OFFER = Offer(
     lacks=frozenset(
         {
             "generalized-alpha",
+            "esdirk",
             "joints",
             "drives",
             "varying-loads",
@@ -355,7 +356,7 @@ def _check_run(run: Discretisation) -> None:
     match run.integrator:
         case "zhai":
             pass
-        case "generalized-alpha":
+        case "generalized-alpha" | "esdirk":
             raise UnsupportedError(
                 f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
             )

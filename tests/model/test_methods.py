@@ -13,6 +13,7 @@ from anctmm.errors import DiscretisationError
         (at.Zhai(psi=0.6, phi=0.6), {"integrator": "zhai", "psi": 0.6, "phi": 0.6}),
         (at.GeneralizedAlpha(), {}),
         (at.GeneralizedAlpha(0.5), {"spectral_radius": 0.5}),
+        (at.Esdirk(), {"integrator": "esdirk"}),
     ],
 )
 def test_a_method_is_its_name_and_parameters(method, options):
@@ -43,6 +44,10 @@ def test_a_parameter_beside_another_method_stays():
         (
             lambda: at.Discretisation(mesh=1, integrator=at.Zhai(), tolerance=1e-3),
             ["tolerance", "'zhai'", "'generalized-alpha'"],
+        ),
+        (
+            lambda: at.Discretisation(mesh=1, integrator=at.Esdirk(), tolerance=1e-3),
+            ["tolerance", "'esdirk'", "'generalized-alpha'", "fixed"],
         ),
     ],
 )

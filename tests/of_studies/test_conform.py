@@ -378,6 +378,12 @@ def test_offers_lack_combinations():
     offer = Offer(lacks={"rigid+statics", "rigid +  generalized-alpha", "drives"})
     assert offer.lacks == {"rigid + statics", "generalized-alpha + rigid", "drives"}
     assert offer.integrators == ("generalized-alpha", "zhai")
+    assert offer.lacking(["esdirk"]) == ["esdirk"]  # what no solver is taken to have that does not say so
+    high = Offer(extras={"esdirk"})
+    assert high.integrators == ("generalized-alpha", "zhai", "esdirk")
+    assert high.lacking(["esdirk"]) == []
+    with pytest.raises(UnknownOptionError, match="an Offer's extra is 'fast'"):
+        Offer(extras={"fast"})
     assert offer.lacking(["rigid"]) == offer.lacking(["generalized-alpha", "joints"]) == []
     assert offer.lacking(["generalized-alpha", "drives", "rigid"]) == ["drives", "generalized-alpha + rigid"]
     assert Offer(lacks={"joints"}).lacking(["loops"]) == ["joints"]

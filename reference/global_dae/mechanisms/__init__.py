@@ -6,7 +6,7 @@ dense, whatever the linear algebra is called: made to check, not to be fast.
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.elements.kinds import kind_of
-from anctmm.errors import unknown_option
+from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.needs import needs
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
@@ -34,6 +34,11 @@ def motion(scene: Scene, run: Discretisation, solver: str) -> Solution:
             return Zhai(system).march(solver)
         case "generalized-alpha":
             return GeneralizedAlpha(system).march(solver)
+        case "esdirk":
+            raise UnsupportedError(
+                f"integrator is 'esdirk' for scene {scene.name!r}, which has rigid bodies, guides, connectors or other "
+                f"loads; the global solver's steps of high order have none of them: 'generalized-alpha' is needed"
+            )
         case _:
             raise unknown_option("integrator", run.integrator, INTEGRATORS)
 

@@ -1,0 +1,323 @@
+"""The method of fourth order: its coefficients, order and level of error, stages, energy, and what it refuses."""
+
+from itertools import pairwise
+from math import pi
+
+import numpy as np
+import pytest
+from samples import SOFT, SQUARE, bar
+from scipy.integrate import solve_ivp
+
+import anctmm as at
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.methods import stages
+from anctmm.errors import StepError, UnsupportedError
+from anctmm.model.drives import Pulse, Quintic
+from reference import global_dae
+from reference.global_dae.loads import drive_table, load_table
+from reference.global_dae.model import Model
+from reference.global_dae.reduced import Reduced
+
+GRAVITY = (0.0, -9.81)
+
+
+def beam(name, start, end):
+    return at.Beam(name, start, end, SQUARE, SOFT)
+
+
+def falling():
+    return bar([at.Clamp("bar.start")], gravity=GRAVITY)
+
+
+def linkage():
+    """A driven crank, a coupler with a load that varies, a third beam to the ground: a loop through it."""
+    bodies = [
+        beam("crank", (0, 0), (0.3, 0)),
+        beam("coupler", (0.3, 0), (0.9, 0.3)),
+        beam("last", (0.9, 0.3), (0.8, 0)),
+    ]
+    joints = [
+        at.Clamp("crank.start", angle=Quintic(pi / 3, 0.4)),
+        at.Pin("crank.end", "coupler.start"),
+        at.Pin("coupler.end", "last.start"),
+        at.Pin("last.end"),
+    ]
+    loads = [
+        at.Torque("coupler.end", Pulse(0.02, 0.4)),
+        at.Force("coupler.end", lambda t: (0.1 * t, 0.2 * t * t)),
+    ]
+    return at.Scene("linkage", bodies, joints, loads, GRAVITY)
+
+
+def triangle():
+    """A welded triangle that swings: a loop that does not pass through the ground."""
+    a, b, c = (0.0, 0.0), (0.4, 0.0), (0.1, -0.3)
+    bodies = [beam("one", a, b), beam("two", b, c), beam("three", c, a)]
+    joints = [at.Pin("one.start", "three.end", grounded=True), at.Weld("one.end", "two.start")]
+    joints.append(at.Weld("two.end", "three.start"))
+    return at.Scene("triangle", bodies, joints, gravity=GRAVITY)
+
+
+SCENES = {"falling": (falling, 2), "linkage": (linkage, 1), "triangle": (triangle, 1)}
+every_scene = pytest.mark.parametrize("name", SCENES)
+
+
+def coordinates(found):
+    """All coordinates of a solution, (outputs, dofs)."""
+    return np.concatenate([f.coordinates.reshape(len(found.t), -1) for f in found.fields.values()], axis=1)
+
+
+class Dense:
+    """The same equations of a scene for SciPy: ÿ = M⁻¹ F(y, t), all matrices dense."""
+
+    def __init__(self, scene, run):
+        self.reduced, self.scene = Reduced(Model.of(scene, run)), scene
+        model = self.reduced.model
+        self.y = self.reduced.independent(model.bodies.reference().reshape(-1)[self.reduced.places])
+        v = model.bodies.initial_velocity().reshape(-1)[self.reduced.places]
+        self.v = self.reduced.independent(v)
+
+    def at(self, t):
+        times = np.array([t])
+        return self.reduced.prescribed(drive_table(self.scene, times)[0]), load_table(self.scene, times)[0]
+
+    def accelerations(self, t, y):
+        p, values = self.at(t)
+        return self.reduced.accelerations(y, p, values)
+
+    def coordinates(self, t, y):
+        return self.reduced.basis @ y + self.at(t)[0][0]
+
+    def by_scipy(self, times):
+        """DOP853, explicit and of order 8."""
+        n = len(self.y)
+        found = solve_ivp(
+            lambda t, x: np.concatenate([x[n:], self.accelerations(t, x[:n])]),
+            (0.0, times[-1]), np.concatenate([self.y, self.v]), "DOP853", times, rtol=1e-10, atol=1e-12,
+        )  # fmt: skip
+        assert found.success
+        return np.array([self.coordinates(t, x[:n]) for t, x in zip(times, found.y.T, strict=True)])
+
+    def by_stages(self, h, steps):
+        """The method as it is written in a textbook, for the system of first order, by full Newton's iteration."""
+        A, _, c = stages()
+        y, v, found = self.y, self.v, [self.coordinates(0.0, self.y)]
+        w, mass = self.accelerations(0.0, y), self.reduced.mass.toarray()
+        for n in range(steps):
+            rates, seconds = [v], [w]
+            for i in range(1, len(c)):
+                t, g = (n + c[i]) * h, A[i, i] * h
+                known_y = y + h * sum(A[i, j] * rates[j] for j in range(i))
+                known_v = v + h * sum(A[i, j] * seconds[j] for j in range(i))
+                p, values = self.at(t)
+                for _ in range(12):
+                    place = known_y + g * (known_v + g * w)
+                    K = self.reduced.stiffness(place, p, values).toarray()
+                    w = w + np.linalg.solve(
+                        mass + g * g * K, self.reduced.residual(place, p, values) - mass @ w
+                    )
+                seconds.append(w)
+                rates.append(known_v + g * w)
+            y, v = known_y + g * rates[-1], rates[-1]
+            found.append(self.coordinates((n + 1) * h, y))
+        return np.array(found)
+
+
+# --- coefficients ------------------------------------------------------------------------------------------
+
+
+def test_conditions_of_order_four():
+    """All eight of them, and stages of second order (Hairer, Nørsett & Wanner, II.2)."""
+    A, square, c = stages()
+    b, ones = A[-1], np.ones(len(c))
+    for weights, value in [
+        (ones, 1), (c, 1 / 2), (c**2, 1 / 3), (A @ c, 1 / 6), (c**3, 1 / 4), (c * (A @ c), 1 / 8), (A @ c**2, 1 / 12),
+        (A @ A @ c, 1 / 24),
+    ]:  # fmt: skip
+        assert b @ weights == pytest.approx(value, abs=1e-15)
+    assert np.abs(A @ ones - c).max() < 1e-15
+    assert np.abs(A @ c - c**2 / 2).max() < 1e-15
+    assert np.abs(square - A @ A).max() == 0.0
+    assert set(np.diag(A)) == {0.0, 0.25}
+
+
+def growth(z):
+    """R(z) = 1 + z bᵀ(1 − z A)⁻¹ 1."""
+    A = stages().A
+    return 1.0 + z * A[-1] @ np.linalg.solve(np.eye(len(A)) - z * A, np.ones(len(A)))
+
+
+def test_it_is_l_stable_and_hardly_damps_what_it_resolves():
+    frequencies = np.geomspace(1e-3, 1e6, 400)
+    sizes = np.array([abs(growth(1j * x)) for x in frequencies])
+    assert sizes.max() <= 1.0 + 1e-13
+    assert sizes[-1] < 1e-5
+    assert abs(growth(-1e8)) < 1e-7
+    x = 0.1
+    assert abs(np.angle(growth(1j * x)) - x) == pytest.approx(8.5e-4 * x**5, rel=0.02)
+    assert 0.0 < 1.0 - abs(growth(1j * x)) < x**6
+
+
+# --- motion ------------------------------------------------------------------------------------------------
+
+
+@every_scene
+def test_steps_are_those_of_the_method_written_out_densely(name):
+    """Newton's iteration, recursion, driven coordinates: to rounding, whatever the step."""
+    make, mesh = SCENES[name]
+    scene = make()
+    run = Discretisation(mesh, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13)
+    found = at.solve(scene, run)
+    assert found.status.ok
+    assert np.abs(coordinates(found) - Dense(scene, run).by_stages(5e-3, 10)).max() < 2e-11
+
+
+#: Largest error of any coordinate in 0.03 s by steps of 0.5 ms.
+LEVELS = {"falling": 1e-6, "linkage": 2e-6, "triangle": 1e-6}
+
+
+@pytest.mark.compiled
+def test_compiled_kernels_take_the_same_steps():
+    run = Discretisation(2, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13)
+    found = at.solve(falling(), run)
+    assert np.abs(coordinates(found) - Dense(falling(), run).by_stages(5e-3, 10)).max() < 2e-11
+
+
+@every_scene
+def test_fourth_order_against_scipy(name):
+    """Half a step leaves a sixteenth of the error; its level is asserted, too."""
+    make, mesh = SCENES[name]
+    scene, errors, exact = make(), [], None
+    for dt in (5e-4, 2.5e-4):
+        run = Discretisation(
+            mesh, integrator="esdirk", dt=dt, t_end=0.03, output_dt=0.01, newton_tolerance=1e-13
+        )
+        found = at.solve(scene, run)
+        exact = Dense(scene, run).by_scipy(found.t) if exact is None else exact
+        errors.append(float(np.abs(coordinates(found) - exact).max()))
+    assert errors[0] < LEVELS[name], errors
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
+
+
+@every_scene
+def test_two_roads_tell_the_same_to_1e_9(name):
+    """Gauss's points with multipliers eliminated beside the recursion, each near its limit."""
+    make, mesh = SCENES[name]
+    scene, options = make(), {"t_end": 0.02, "output_dt": 0.01, "newton_tolerance": 1e-13}
+    ours, half, other = (
+        solver(scene, Discretisation(mesh, integrator="esdirk", dt=dt, **options))
+        for solver, dt in ((at.solve, 1.25e-4), (at.solve, 2.5e-4), (global_dae.solve, 2e-4))
+    )
+    assert {x.status.code for x in (ours, half, other)} == {"ok"}
+    limit = coordinates(ours) + (coordinates(ours) - coordinates(half)) / 15.0
+    assert np.abs(limit - coordinates(other)).max() < 1e-9
+    for name in ("kinetic", "strain", "potential", "work"):
+        one, two = getattr(ours.energy, name), getattr(other.energy, name)
+        assert np.abs(one - two).max() < 1e-7 * np.abs(ours.energy.kinetic).max()
+
+
+def acted_on():
+    """Damped material, a spring with a damper to the ground, one of a driven length, and a force that turns."""
+    bars = [at.Beam("bar", (0, 0), (0.6, 0), SQUARE, at.Material(E=1e6, density=1000.0, damping=2e-3))]
+    connectors = [
+        at.Spring("bar.end", (0.6, -0.4), stiffness=20.0, damping=0.5),
+        at.Spring(("bar", 0.5), (0.3, 0.4), stiffness=30.0, length=lambda t: (0.4 + 0.1 * t * t, 0.2 * t)),
+        at.RotationalSpring("bar.end", stiffness=0.1, damping=1e-3),
+    ]
+    loads = [at.Force("bar.end", (0.0, -0.3), follower=True)]
+    return at.Scene("acted on", bars, [at.Pin("bar.start")], loads, GRAVITY, connectors=connectors)
+
+
+def test_dampers_springs_and_followers_keep_the_order_and_the_balance_of_energy():
+    scene, found = acted_on(), []
+    for dt in (4e-3, 2e-3, 1e-3):
+        run = Discretisation(
+            2, integrator="esdirk", dt=dt, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
+        )
+        found.append(at.solve(scene, run))
+    differences = [np.abs(coordinates(a) - coordinates(b)).max() for a, b in pairwise(found)]
+    assert differences[0] < 1e-4
+    assert np.log2(differences[0] / differences[1]) == pytest.approx(4.0, abs=0.7)
+    balance = [np.abs(x.energy.balance).max() for x in found]
+    assert balance[2] < 1e-6 * np.abs(found[2].energy.work).max()
+    assert balance[2] < balance[1] / 8.0
+    usual = at.solve(scene, Discretisation(2, dt=2e-4, t_end=0.04, output_dt=0.02, spectral_radius=1.0))
+    assert np.abs(coordinates(usual) - coordinates(found[2])).max() < 1e-4
+
+
+def test_energy_of_a_long_swing_stays():
+    """400 steps, some eight periods: what the method takes is of sixth order in the step."""
+    scene = bar([at.Pin("bar.start")], gravity=GRAVITY)
+    lost = []
+    for dt in (2e-2, 1e-2):
+        run = Discretisation(1, integrator="esdirk", dt=dt, t_end=2.0, output_dt=0.1)
+        found = at.solve(scene, run)
+        assert found.status.ok
+        lost.append(np.abs(found.energy.balance).max() / found.energy.kinetic.max())
+    assert lost[1] < 1e-3
+    assert lost[1] < lost[0] / 4.0
+
+
+# --- what is refused, and how runs end ---------------------------------------------------------------------
+
+
+RIGID = at.RigidBody("plate", 1.0, 0.1, (1.0, 0.0), {"a": (0.6, 0.8)})
+REFUSED = {
+    "rigid-bodies": lambda s: at.Scene("s", [*s.bodies, RIGID], [*s.joints, at.Pin("bar.end", "plate.a")]),
+    "driven-guides": lambda s: at.Scene(
+        "s", s.bodies, [at.Slider("bar.end", (1.0, 0.0), position=lambda t: (0.1 * t * t, 0.2 * t, 0.2))]
+    ),
+    "free-stretch": lambda s: at.Scene("s", s.bodies, [at.Clamp("bar.start", stretch="free")]),
+}
+
+
+@pytest.mark.parametrize("feature", REFUSED)
+def test_what_would_lose_the_order_is_refused_by_name(feature):
+    scene = REFUSED[feature](falling())
+    with pytest.raises(UnsupportedError, match="with esdirk"):
+        at.solve(scene, mesh=1, integrator="esdirk", dt=1e-3, t_end=1e-2)
+
+
+def test_rigid_elements_tolerances_and_what_the_other_road_lacks_are_refused_by_name():
+    with pytest.raises(at.errors.DiscretisationError, match="integrator 'esdirk' needs 'cable' or 'shear'"):
+        at.solve(falling(), mesh=1, element="rigid", integrator="esdirk", dt=1e-3, t_end=1e-2)
+    with pytest.raises(StepError, match="'esdirk'; 'generalized-alpha' is needed: its steps are fixed"):
+        Discretisation(1, integrator="esdirk", tolerance=1e-3)
+    for scene in (acted_on(), bar([at.Pin("bar.start")], material=at.Material(1e6, 1000.0, damping=1e-3))):
+        with pytest.raises(UnsupportedError, match="esdirk"):
+            global_dae.solve(scene, mesh=2, integrator="esdirk", dt=1e-3, t_end=1e-2)
+
+
+def test_a_point_mass_a_slider_and_an_object_as_integrator():
+    """Constraints with constant coefficients cost no order; the object is its name."""
+    ball = at.PointMass("ball", 0.1, (0.6, 0.8))
+    bars = falling().bodies
+    joints = [at.Slider("bar.start", (1.0, 0.0)), at.Pin("bar.end", "ball.center")]
+    scene = at.Scene("sliding", [*bars, ball], joints, gravity=GRAVITY)
+    runs = [
+        at.solve(
+            scene, mesh=1, integrator=at.Esdirk(), dt=dt, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
+        )
+        for dt in (2e-3, 1e-3, 5e-4)
+    ]
+    one, two = (np.abs(coordinates(a) - coordinates(b)).max() for a, b in pairwise(runs))
+    assert np.log2(one / two) == pytest.approx(4.0, abs=0.6)
+    assert runs[0].run == Discretisation(
+        1, integrator="esdirk", dt=2e-3, t_end=0.04, output_dt=0.02, newton_tolerance=1e-13
+    )
+
+
+def test_a_stage_that_is_not_found_says_when():
+    scene = bar([at.Clamp("bar.start")], gravity=(0.0, -1e9))
+    found = at.solve(scene, mesh=1, integrator="esdirk", dt=0.1, t_end=1.0)
+    assert found.status.code == "diverged"
+    assert len(found.t) < 11
+    assert found.status.time is not None
+    assert "a smaller dt than 0.1 s" in found.status.message
+
+
+def test_a_preloaded_start_at_rest_stays():
+    scene = falling()
+    rest = at.solve_static(scene, mesh=2)
+    found = at.solve(scene, mesh=2, integrator="esdirk", dt=1e-2, t_end=0.1, start=rest)
+    assert np.abs(coordinates(found) - coordinates(found)[0]).max() < 1e-9
