@@ -374,6 +374,8 @@ def _growth_picture(rows: list[Row]) -> Picture:
             "not comparable above",
             (0.99, LOST),
             xycoords=("axes fraction", "data"),
+            xytext=(0, 3),
+            textcoords="offset points",
             ha="right",
             va="bottom",
             fontsize=7.5,

@@ -372,7 +372,7 @@ def _picture(frame: pd.DataFrame) -> Picture:
                 shown["cpu_s"], shown["error"], "o", color=PALETTE[0], markerfacecolor="none", markersize=5
             )
             axes.plot(best["cpu_s"], best["error"], "o-", color=PALETTE[1], markersize=5, linewidth=1.0)
-            axes.margins(x=0.12)
+            axes.margins(x=0.2)
             for point in best.to_dict("records"):
                 low = point["error"] < 3.0 * runs["reference_error"].max()  # there the floor has its own text
                 axes.annotate(
@@ -384,7 +384,7 @@ def _picture(frame: pd.DataFrame) -> Picture:
                 xscale="log",
                 yscale="log",
                 xlabel="CPU time (s)",
-                ylabel="distance to the richest",
+                ylabel="distance to the richest model",
                 title=str(scene),
             )
             if not shown.empty:

@@ -187,7 +187,10 @@ def _picture(base: Base, every: list[Grown]) -> Picture:
             axes.plot(
                 grown.t[there], grown.distance[there], color=PALETTE[k], linestyle=DASHES[k], label=grown.label
             )  # fmt: skip
-        axes.set(yscale="log", xlabel="t (s)", ylabel="distance / largest displacement")
+        axes.set(
+            yscale="log", xlabel="t (s)", ylabel="distance / largest displacement",
+            title=f"What becomes of a push of {DISTURBANCE:g}",
+        )  # fmt: skip
         legend_below(figure, [axes], 3)
 
     caption = f"{base.case.name}: what becomes of a push of {DISTURBANCE:g} by two solvers, and how far they are apart."

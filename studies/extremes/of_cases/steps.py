@@ -151,7 +151,7 @@ def _picture(base: Base, limits: list[dict[str, Any]]) -> Picture | None:
             axes.plot(
                 rows["t"], rows["of_start"], "os"[k] + "-", color=PALETTE[k], markersize=4, label=str(element)
             )
-        axes.set(xlabel="t (s)", ylabel="largest stable step / at the start")
+        axes.set(xlabel="t (s)", ylabel="that step / that at the start", title="Largest stable explicit step")
         axes.set_ylim(0.0, 1.1 * float(frame["of_start"].max()))
         legend_below(figure, [axes], 2)
 
