@@ -326,7 +326,9 @@ def _joints_picture(rows: list[Row]) -> Picture:
         axes = figure.subplots()
         if free is not None:
             t, drive, gaps, predicted = free["history"]
-            axes.plot(t, drive, color=PALETTE[1], linewidth=3.0, alpha=0.6, label="drive (rad), not stabilised")
+            axes.plot(
+                t, drive, color=PALETTE[1], linewidth=3.0, alpha=0.6, label="drive (rad), not stabilised"
+            )
             axes.plot(t, predicted, color=PALETTE[7], linewidth=1.0, label="drive (rad), theory")
             axes.plot(t, gaps, color=PALETTE[3], label="pins (m), not stabilised")
         axes.set(yscale="log", xlabel="t (s)", ylabel="drift")

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from studies.engine.pictures import Picture
 from studies.engine.storage.files import file_name
-from studies.report.plots import INK, PALETTE, floor, legend_below, log_ticks, picture
+from studies.report.plots import INK, PALETTE, PAPER, floor, legend_below, log_ticks, picture
 
 #: Characters of a label at most.
 LONGEST = 30
@@ -38,8 +38,8 @@ def cost_picture(scene: str, frame: pd.DataFrame, uncertainty: float) -> Picture
             text = str(point["model"])
             axes.annotate(
                 text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…", (point["cpu_s"], point["error"]),
-                xytext=(5, 5), textcoords="offset points", fontsize=8,
-                rotation=0, zorder=5 + place,
+                xytext=(4, 7), textcoords="offset points", fontsize=8, zorder=5 + place,
+                bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.8, "pad": 0.6},  # markers may lie below
             )  # fmt: skip
         axes.set(xscale="log", yscale="log", xlabel="CPU time (s)", ylabel="distance to the richest model")
         if uncertainty > 0.0:
