@@ -94,6 +94,10 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Tr
     dt = options.steps[0] if options.steps else STEP[options.quick]
     if options.element not in (None, *ELEMENTS):
         raise StudyError(f"--element is {options.element!r}; solvers are compared with {', '.join(ELEMENTS)}")
+    if options.integrator not in (None, "generalized-alpha", "zhai"):
+        raise StudyError(
+            f"--integrator is {options.integrator!r}; solvers are compared with generalized-alpha or zhai"
+        )
     cases = []
     for element, solver in product([options.element] if options.element else ELEMENTS, solvers):
         used = element_of(solver, element)

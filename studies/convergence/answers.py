@@ -33,15 +33,28 @@ def _digits(found: Refined, value: Value) -> Answer:
     trial = found.trial
     step = "at rest" if found.levels.case.static else f"{trial.integrator}, Δt = {1e3 * trial.dt:.3g} ms"
     run = f"{trial.solver}, {mesh_label(trial.mesh)} {trial.element} elements, {step}"
-    known = f"{value.probe}, {value.quantity}. By {run}: "
+    known = f"{_held(value)}{value.probe}, {value.quantity}. By {run}: "
     error = f"estimated error {found.error:.1g} ({', '.join(parts)})"
     short = "" if found.reached else f"; above the target {found.target:g}, as {found.reason}"
     return Answer(f"{found.levels.case.name}: how many digits hold?", value.text, f"{known}{error}{short}.")
+
+
+def _held(value: Value) -> str:
+    """How many digits of a value hold, in words."""
+    match value.digits:
+        case None:
+            return ""
+        case 0:
+            return "No digit holds. "
+        case 1:
+            return "Its first digit holds. "
+        case count:
+            return f"Its first {count} digits hold. "
 
 
 def _force(name: str, forces: Sequence[Value]) -> Answer:
     worst = max(forces, key=lambda v: abs(v.value))
     sure = isfinite(worst.uncertainty) and worst.uncertainty < 0.1 * abs(worst.value)
     doubt = "" if sure else " No more than its size is known: a smaller --error refines it."
-    take = f"In {worst.probe}, {worst.quantity.removeprefix('largest force, ')}.{doubt}"
+    take = f"{_held(worst)}In {worst.probe}, {worst.quantity.removeprefix('largest force, ')}.{doubt}"
     return Answer(f"{name}: what is the largest force in a joint?", worst.text, take)

@@ -15,7 +15,7 @@ from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
 from studies.engine.digits import Reading, at_probes, values_of
 from studies.engine.pictures import Film, Picture
-from studies.engine.refinement import STEP_ORDER, Refined, Refinement, Setup
+from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.richardson import Part
 from studies.engine.runner import Runner, mesh_label
 from studies.engine.storage.files import file_name
@@ -141,7 +141,7 @@ def finding(found: Refined) -> str:
         f"{name} {part.order:.2f} (theory {expected:g})"
         for name, part, expected in (
             ("in the mesh", found.mesh, theory),
-            ("in the step", found.step, STEP_ORDER),
+            ("in the step", found.step, found.levels.setup.step_order),
         )
         if isfinite(part.order)
     ]

@@ -20,6 +20,8 @@ from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
 SHARE = 0.1
+#: Digits that are counted at most.
+MOST_DIGITS = 12
 #: Digits of a value whose uncertainty is not known.
 DIGITS = 6
 
@@ -43,6 +45,16 @@ class Value:
     uncertainty: float = nan
 
     @property
+    def digits(self) -> int | None:
+        """How many digits hold: to half a unit of the last of them; None where that is not known."""
+        if not isfinite(self.uncertainty) or not self.value:
+            return None
+        if not self.uncertainty > 0.0:
+            return MOST_DIGITS
+        first = floor(log10(abs(self.value)))
+        return min(max(floor(first + 1 + log10(0.5 / self.uncertainty)), 0), MOST_DIGITS)
+
+    @property
     def text(self) -> str:
         """The value to its last sure digit, with its uncertainty and unit."""
         if not isfinite(self.uncertainty):
@@ -57,7 +69,7 @@ def rounded(value: float, uncertainty: float) -> str:
     """A value down to the first digit of its uncertainty; no more than twelve digits."""
     if not uncertainty > 0.0:
         return f"{value:.12g}"
-    place = -floor(log10(uncertainty))
+    place = -floor(log10(float(f"{uncertainty:.1g}")))  # 0.00096 is told as 0.001
     if abs(value) < 0.5 * uncertainty:  # no digit holds
         return f"{0.0:.{min(place, 11)}f}" if 0 <= place <= 6 else "0"
     first = floor(log10(abs(value))) if value else -place

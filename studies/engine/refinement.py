@@ -11,6 +11,7 @@ from math import ceil, inf, isfinite, nan
 import numpy as np
 
 from anctmm.discretise.discretisation import INTEGRATORS
+from anctmm.discretise.methods import METHODS
 from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
@@ -26,8 +27,6 @@ from studies.engine.setting import stable_step
 COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
 #: Steps of the coarsest run at least.
 FEWEST_STEPS = 50
-#: Orders in time of both integrators.
-STEP_ORDER = 2.0
 #: Elements times steps of a run at most, some ten seconds; halvings of mesh or step at most.
 MOST_WORK, MOST_HALVINGS = 4e6, 20
 #: An equilibrium is taken to be so many steps of a motion.
@@ -61,6 +60,11 @@ class Setup:
         one_of("element", self.element, KINDS)
         one_of("integrator", self.integrator, INTEGRATORS)
         one_of("quadrature", self.quadrature, QUADRATURES)
+
+    @property
+    def step_order(self) -> float:
+        """Order in time of the integrator."""
+        return float(METHODS[self.integrator].order)
 
     def __str__(self) -> str:
         return f"{self.solver}, {self.element}, {self.integrator}"
@@ -191,7 +195,7 @@ class Refinement:
     def step_part(self, i: int, j: int) -> Part:
         """What the step adds to the error."""
         spacing = Spacing(*(self.dt_at(i, k - 1) / self.dt_at(i, k) if k > 0 else 2.0 for k in (j, j - 1)))
-        return self._part(self.step_runs(i, j), STEP_ORDER, spacing)
+        return self._part(self.step_runs(i, j), self.setup.step_order, spacing)
 
     def refined(self, target: float) -> "Refined":
         """Refine mesh and step until the estimated error is no larger than a target.

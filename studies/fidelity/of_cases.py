@@ -12,6 +12,7 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
+from studies.engine.answers import Answer
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import STATIC, Mesh, Reference, Runner, Trial, mesh_label, row
 from studies.engine.storage.files import file_name
@@ -107,7 +108,7 @@ def run(options: Options, runner: Runner) -> Result:
         ),
         tables=tables,
         pictures=tuple(filter(None, (cost_picture(s.case.name, s.frame, s.reference.uncertainty) for s in studied))),
-        answers=findings[:1],
+        answers=tuple(_answer(s, cheapest) for s in studied),
         shown=("cheapest", "beams"),
     )  # fmt: skip
 
@@ -313,6 +314,17 @@ def cheapest_lines(studied: Studied) -> Iterator[dict[str, Any]]:
         best = good.sort_values("cpu_s").iloc[0]
         names = ("model", "integrator", "elements", "dt", "error", "cpu_s", "build_s", "gain")
         yield line | {name: best[name] for name in names} | {"status": "ok"}
+
+
+def _answer(studied: Studied, cheapest: pd.DataFrame) -> Answer:
+    """What the page begins with: the cheapest model for the smallest target error that one meets."""
+    name = studied.case.name
+    met = cheapest[(cheapest["scene"] == name) & cheapest["status"].eq("ok")]
+    figure = "none" if met.empty else str(met["model"].iloc[-1])
+    take = next(_findings(studied, cheapest)).removeprefix(f"{name}: ")
+    return Answer(
+        f"{name}: which beams may be modelled more simply?", figure, f"{take[:1].upper()}{take[1:]}"
+    )
 
 
 def _findings(studied: Studied, cheapest: pd.DataFrame) -> Iterator[str]:

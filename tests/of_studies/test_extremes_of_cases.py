@@ -4,6 +4,7 @@ import re
 from math import sqrt
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME
@@ -13,9 +14,11 @@ from studies.cases import cases_in, find_cases
 from studies.cli import app
 from studies.engine.runner import Runner
 from studies.engine.study import Options, find
+from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base
 from studies.extremes.of_cases.growth import growth
 from studies.extremes.of_cases.places import places
+from studies.extremes.of_cases.study import answers_of_case
 from studies.extremes.of_cases.units import Units
 from studies.report.folder import write
 
@@ -171,3 +174,23 @@ def test_laws_in_si_units_are_said_not_to_apply():
 def test_what_is_wrong_is_named(arguments, words):
     done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
     assert (done.exit_code, words in " ".join(done.output.split())) == (2, True), done.output
+
+
+def test_each_case_has_answers_of_its_own():
+    moving, resting = cases_in(PORTAL_FRAME)
+    limits = pd.DataFrame([
+        {"scene": moving.name, "stable_dt": 2e-4, "status": "ok"},
+        {"scene": moving.name, "stable_dt": 1e-4, "status": "ok"},
+        {"scene": "another", "stable_dt": 1e-9, "status": "ok"},
+    ])  # fmt: skip
+    learned = (
+        f"{moving.name}: a disturbance of 1e-10 grows 3 times.",
+        f"{moving.name}: the largest stable explicit step is 0.0001 s over all of the motion.",
+        f"{resting.name}, units and place: results differ by 7e-09 at most.",
+    )
+    tables = [Table("stable_step", "Steps", limits)]
+    step, growth = answers_of_case(moving, learned, tables)
+    assert (step.question, step.figure) == (f"{moving.name}: how long may an explicit step be?", "0.1 ms")
+    assert growth.take == "A disturbance of 1e-10 grows 3 times."
+    (rest,) = answers_of_case(resting, learned, tables)
+    assert rest.take == "Units and place: results differ by 7e-09 at most."

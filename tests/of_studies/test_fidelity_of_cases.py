@@ -83,7 +83,8 @@ def test_the_cheapest_model_meets_its_target_for_sure(pendulum):
 
 def test_texts_and_files_are_of_this_scene(pendulum, tmp_path):
     case, result = pendulum
-    assert result.answers[0].startswith(f"{case.name}: for a target error of 0.01 take ")
+    assert result.answers[0].question == f"{case.name}: which beams may be modelled more simply?"
+    assert result.answers[0].take.startswith("For a target error of 0.01 take ")
     texts = [*result.findings, *result.assumptions, *(n for t in result.tables for n in t.notes)]
     assert not [t for t in texts if re.search("crank|coupler|follower|four-bar|cantilever", t)]
     folder = write(result, tmp_path)

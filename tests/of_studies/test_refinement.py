@@ -1,7 +1,7 @@
 """Meshes and steps that the program chooses: estimates of errors hold against far finer runs."""
 
 from functools import cache
-from math import isinf, isnan
+from math import isinf, isnan, nan
 
 import pytest
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THROWN_CHAIN
@@ -123,6 +123,7 @@ def test_unknown_names_are_refused(wrong):
     [
         (0.123456, 3e-4, "0.1235"),
         (-123.456, 2.0, "-123"),
+        (0.363052, 9.6e-5, "0.3631"),
         (0.0, 1e-3, "0.000"),
         (1.0, 0.0, "1"),
         (3.2e-9, 1e-11, "3.20e-09"),
@@ -132,6 +133,23 @@ def test_unknown_names_are_refused(wrong):
 )
 def test_digits(value, uncertainty, text):
     assert rounded(value, uncertainty) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "uncertainty", "count"),
+    [
+        (3.39, 0.04, 2),
+        (0.2649, 5e-4, 3),
+        (-58.0, 4.0, 1),
+        (46.0, 40.0, 0),
+        (0.9, 1.0, 0),
+        (1.0, 0.0, 12),
+        (2.0, nan, None),
+    ],
+)
+def test_digits_that_hold_are_counted(value, uncertainty, count):
+    """As many as can be written down: rounded to them, a number is wrong by half a unit at most."""
+    assert Value("p", "x", "m", value, uncertainty).digits == count
 
 
 def test_a_value_without_uncertainty_says_so_by_having_none():

@@ -1,11 +1,12 @@
 """What a case stands: explicit steps, disturbances, many elements, other units and places, stiffness."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
+from studies.engine.answers import Answer
 from studies.engine.runner import Runner
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result
@@ -34,9 +35,33 @@ def run(options: Options, runner: Runner) -> Result:
         assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
         tables=tables,
         pictures=tuple(shown for part in parts for shown in part.pictures),
-        answers=learned[:1],
+        answers=tuple(answer for case in cases for answer in answers_of_case(case, learned, tables)),
         shown=tuple(table.name for table in tables),
     )
+
+
+def answers_of_case(case: Case, learned: Sequence[str], tables: Sequence[Table]) -> Iterator[Answer]:
+    """What the page begins with: the longest explicit step, how a disturbance grows; at rest what holds."""
+    mine = [
+        text.removeprefix(case.name).lstrip(",: ")
+        for text in learned
+        if text.startswith((f"{case.name}:", f"{case.name},"))
+    ]
+    mine = [f"{text[:1].upper()}{text[1:]}" for text in mine]
+    limits = next((t.frame for t in tables if t.name == "stable_step"), None)
+    if case.static or limits is None:
+        yield Answer(
+            f"{case.name}: what do other units, far places and many elements change?", "", " ".join(mine[:2])
+        )
+        return
+    rows = limits[(limits["scene"] == case.name) & limits["status"].eq("ok")]
+    said = [text for text in mine if "explicit step" in text]
+    if len(rows) and said:
+        step = f"{1e3 * rows['stable_dt'].min():.3g} ms"
+        yield Answer(f"{case.name}: how long may an explicit step be?", step, said[0])
+    grows = [text for text in mine if text.startswith("A disturbance")]
+    if grows:
+        yield Answer(f"{case.name}: until when can runs be compared?", "", grows[0])
 
 
 def _parts(case: Case, quick: bool, runner: Runner) -> Iterator[Part]:
