@@ -190,11 +190,13 @@ class Chain:
 
     @property
     def split(self) -> bool:
-        """Whether x and y, and r_y and the rest, do not mix in the mass, but for a few guides: no weld at an angle, and
-        no loop.
+        """Whether x and y, and r_y and the rest, do not mix in the mass, but for a few guides or a few kept unknowns:
+        no weld at an angle elsewhere.
         """
-        straight = (self.turn[:, 1] == 0.0).all() and (self.turn[:, 0] > 0.0).all()
-        return bool(straight and not self.plan.kept and len(self.guided) <= FEW_GUIDES)
+        turn = self.turn[[not isinstance(step.to, Kept) for step in self.plan.steps]]
+        straight = (turn[:, 1] == 0.0).all() and (turn[:, 0] > 0.0).all()
+        few = self.kept.few if self.plan.kept else len(self.guided) <= FEW_GUIDES
+        return bool(straight and few)
 
     @cached_property
     def guided(self) -> list[Guided]:
@@ -213,6 +215,18 @@ class Chain:
     def single(self) -> bool:
         """Whether all bodies stand in one chain."""
         return not self.plan.kept and bool((self.onward[:-1] == self.bodies.first[1:-1]).all())
+
+    @cached_property
+    def held(self) -> NDArray[np.bool_]:
+        """Components of ends that follow from kept unknowns, or with them from guides, (rows, nodes)."""
+        mask = np.zeros((self.bodies.rows, self.bodies.nodes), dtype=bool)
+        for step in self.plan.steps:
+            for end, to in ((step.inboard, step.start), (step.outboard, step.to)):
+                if isinstance(to, Kept):
+                    mask[: 2 if to.group is None else None, self.node(end)] = True
+        if self.plan.kept:
+            mask[:2, [self.node(guided.carrier) for guided in self.guided]] = True
+        return mask
 
     @cached_property
     def prescribed(self) -> NDArray[np.bool_]:

@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
+#: Independent motions of kept unknowns, and constraints between them, up to which an explicit step takes them one by
+#: one, each over all nodes; and nodes up to which their fields are found by a general sparse solver.
+FEW, NODES = 8, 20_000
+
 
 class Passed(Situated, Protocol):
     """What is asked of a scene in the order of elimination; `anctmm.discretise.chain.Chain` has it."""
@@ -105,6 +109,13 @@ class KeptUnknowns:
 
     def _gradients(self, group: Sequence[End]) -> int:
         return 2 * self.chain.bodies.mesh(group[0][0]).vectors - 2
+
+    @cached_property
+    def few(self) -> bool:
+        """Whether these are so few that an explicit step finds their independent motions one by one."""
+        still, lines = int(self.constraints.still.sum()), len(self.chain.guided)
+        left = len(self.constraints.names) - still
+        return max(self.size + lines - still, left) <= FEW and self.chain.bodies.nodes <= NODES
 
     @property
     def size(self) -> int:

@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.recursion.constrained import KEPT
 from anctmm.recursion.loops import Loops
-from anctmm.recursion.rows import Rows
+from anctmm.recursion.rows import KEPT, Rows
 from anctmm.results.solution import Status
 
 Array = NDArray[np.float64]
@@ -28,7 +27,7 @@ def locked(chain: Chain, q: Array, rows: Rows | None, t: float, step: int | None
     error = float(abs(rows.value[worst]))
     if error <= KEPT:
         return None
-    what, body = chain.kept.constraints.names[worst]
+    what, body = chain.kept.constraints.names[rows.constraint[worst]]
     kind = "rigid body" if body in chain.rigid else "body"
     when = f"at t = {t:.6g} s" if step is None else f"at t = {t:.6g} s (step {step})"
     return Status(

@@ -32,7 +32,7 @@ from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.jit.second_process import Parts
-from anctmm.recursion.constrained import KEPT, ask_correction, begin_newton, end_newton, take_correction
+from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
@@ -46,6 +46,7 @@ from anctmm.recursion.riccati import (
     start_sweep,
     turn_back,
 )
+from anctmm.recursion.rows import KEPT
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

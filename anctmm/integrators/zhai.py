@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.kept_chains import is_found, once, own
 from anctmm.forces.actuation import (
     DrivenClamps,
@@ -37,7 +38,7 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.stability import check_step, largest_step
-from anctmm.jit.compiling import kernel
+from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.second_process import Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks, by_scalars
@@ -46,6 +47,7 @@ from anctmm.recursion.constrained import (
     constrain_motion,
     take_accelerations,
 )
+from anctmm.recursion.kept_motions import constrain_few
 from anctmm.recursion.riccati import (
     BlockFactors,
     SplitFactors,
@@ -101,7 +103,11 @@ class State(NamedTuple):
 
 
 class System(NamedTuple):
-    """What `advance` takes, the output apart."""
+    """What `advance` takes, the output apart.
+
+    `block` is None where x and y do not mix in the mass (`Chain.split`), `damping` unless a material has some, `rows`
+    unless there are constraints: only the branches that a scene needs are compiled.
+    """
 
     numbers: Numbers
     state: State
@@ -139,7 +145,7 @@ def integrate(chain: Chain) -> Solution:
             once(chain, check_step)
         fixed = own(chain, _system)
         once(chain, lambda _: advance(*_call(chain, fixed, out, 0, 0)), what=advance)  # compiles
-    q, rows = fixed.state.q, fixed.rows
+    q = fixed.state.q
 
     def one(begin: int, end: int) -> int:
         return int(advance(*_call(chain, fixed, out, begin, end)))
@@ -151,7 +157,7 @@ def integrate(chain: Chain) -> Solution:
     kept = 1 + (failed - 1) // run.stride
     before = record.q[kept - 1] if kept else chain.start_coordinates()
     t = float(run.times(np.array([failed]))[0])
-    status = locked(chain, q, rows, t, failed) or _diverged(chain, failed, q, before)
+    status = locked(chain, q, fixed.rows, t, failed) or _diverged(chain, failed, q, before)
     return record.solution(kept, status, failed)
 
 
@@ -159,7 +165,7 @@ def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tu
     """Arguments of `advance`."""
     actuation, t = once(chain, actuation_of), chain.run.times(np.arange(begin, end))
     tables = drive_table(chain, actuation, t), actuation.load_table(t)
-    return begin, end, *system[:7], out, *system[7:], *tables
+    return begin, end, system, out, *tables
 
 
 def _parts(chain: Chain, out: Output) -> list[Task]:
@@ -171,11 +177,16 @@ def _parts(chain: Chain, out: Output) -> list[Task]:
     return [
         (turn_clamps, (clamps, drives)),
         (place_clamps, (q, q, clamps)),
-        *([] if chain.split else _block_parts(chain, q, tables, clamps, drives)),
+        *(_split_parts(chain, q, drives) if chain.split else _block_parts(chain, q, tables, clamps, drives)),
         (set_loads, (q, q, q, loads, values)),
         (keep, (0, 1, q, q, q, tables, loads.connectors, out)),
         (work_done, (True, q, clamps, loads, values)),
     ]
+
+
+def _split_parts(chain: Chain, q: Array, drives: Array) -> list[Task]:
+    kept = split_factors(chain).kept if chain.plan.kept else None
+    return [] if kept is None or kept.rows is None else [(constrain_few, (kept, kept.rows, 0, drives, q, q))]
 
 
 def _block_parts(chain: Chain, q: Array, tables: Tables, clamps: DrivenClamps, drives: Array) -> list[Task]:
@@ -189,23 +200,28 @@ def _block_parts(chain: Chain, q: Array, tables: Tables, clamps: DrivenClamps, d
 
 
 def _system(chain: Chain) -> System:
-    """What the steps of a run start from."""
+    """What the steps of a run start from.
+
+    Linear constraints between few kept unknowns are kept by their motions: velocities fit them from the start.
+    """
     run, bodies, actuation = chain.run, chain.bodies, once(chain, actuation_of)
-    q, v = chain.start_coordinates(), chain.initial_velocity()
+    few = chain.split and bool(chain.plan.kept)
+    q, v = chain.start_coordinates(), fitting_velocity(chain) if few else chain.initial_velocity()
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     scratch = np.zeros((1, 1)) if chain.split else np.zeros_like(q)
     flat = (q.ravel(), v.ravel(), even.ravel(), odd.ravel())
     block = None if chain.split else mass_factors(chain)
+    split = split_factors(chain) if chain.split else no_split_factors(chain)
     return System(
         Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),
         State(q, v, even, odd, dead.copy(), dead, scratch, flat),
         bodies.tables(),
-        split_factors(chain) if chain.split else no_split_factors(chain),
+        split,
         block,
         actuation.clamps(),
         actuation.loads(),
         None if bodies.damping is None else Damping(bodies.damping, np.zeros(1)),
-        None if block is None else rows_in(block.loops),
+        rows_in(block.loops) if block is not None else split.kept.rows if split.kept is not None else None,
     )
 
 
@@ -227,98 +243,39 @@ def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
 
 
 @kernel
-def advance(
-    begin: int,
-    end: int,
-    numbers: Numbers,
-    state: State,
-    tables: Tables,
-    split: SplitFactors,
-    block: BlockFactors | None,
-    clamps: DrivenClamps,
-    loads: Loads,
-    out: Output,
-    damping: Damping | None,
-    rows: Rows | None,
-    clamp_table: Array,
-    load_table: Array,
-) -> int:
-    """Steps `begin` … `end` − 1; the step at which the motion diverged, or −1.
-
-    `block` is None where x and y do not mix in the mass (`Chain.split`), `damping` unless a material has some, `rows`
-    unless there are constraints: only the branches that a scene needs are compiled.
+def advance(begin: int, end: int, system: System, out: Output, clamp_table: Array, load_table: Array) -> int:
+    """Steps `begin` … `end` − 1; the step at which the motion diverged or left its constraints, or −1.
 
     The two tables hold the values of drives, (steps, drives, 3), and of loads, (steps, loads, 2), from step `begin` on.
     """
-    q, v, f = state.q, state.v, state.f
-    # arrays leave their tuples here: taken out inside the loop, their references would be counted at each step
-    first, formulations, kinds, constants, masses, buffer = tables
-    _, of, _, motion, reaction, _ = clamps
-    L, G, D, places, lines = split
-    driven = len(clamps.nodes) + len(loads.touched) > 0
+    numbers, state, tables, split, block, clamps, loads, damping, rows = system
+    q, v = state.q, state.v
     flat_q, flat_v, flat_even, flat_odd = state.flat
+    acted = len(clamps.nodes) + len(loads.touched) > 0
     one = min(1, q.shape[1] - 1)
     for step in range(begin, end):
         now = state.even if step % 2 == 0 else state.odd
-        if damping is not None:
-            for k in range(f.shape[0]):
-                for i in range(f.shape[1]):
-                    f[k, i] = state.dead[k, i]
-        if driven:
-            turn_clamps(clamps, clamp_table[step - begin])
+        drives, values = clamp_table[step - begin], load_table[step - begin]
+        if acted:
+            turn_clamps(clamps, drives)
             place_clamps(q, v, clamps)
-        if rows is not None and not constrain_motion(
-            block,
-            block.loops,  # type: ignore[union-attr]
-            len(clamps.nodes),
-            clamp_table[step - begin],
-            q,
-            v,
-            state.scratch,
-        ):
+        if not _constrain(rows, block, split.kept, len(clamps.nodes), drives, state):
             return step
-        if driven:
-            set_loads(q, f, state.dead, loads, load_table[step - begin])
-            add_connectors(loads.connectors, q, v, load_table[step - begin], f)
         if damping is not None:
-            lost = damping_forces(formulations, q, v, first, kinds, constants, damping.of, buffer, f)
-            if step > 0:
-                out.work[0] -= 0.5 * numbers.dt * (damping.power[0] + lost)
-            damping.power[0] = lost
-        if block is None:
-            by_scalars(
-                formulations,
-                q,
-                f,
-                first,
-                kinds,
-                constants,
-                masses,
-                buffer,
-                of,
-                motion,
-                reaction,
-                L,
-                G,
-                D,
-                places,
-                lines,
-                now,
-            )
-        else:
-            if rows is not None:
-                ask_accelerations(block.loops)
-            by_blocks(q, f, tables, clamps, block, state.scratch, now)
-            if rows is not None:
-                take_accelerations(block.loops)
-                out.work[0] += row_work(rows, step > 0)
+            _forget_damping(state)
+        if acted:
+            set_loads(q, state.f, state.dead, loads, values)
+            add_connectors(loads.connectors, q, v, values, state.f)
+        out.work[0] += _resist(damping, state, tables, step > 0, numbers.dt)
+        _accelerate(block, rows, state, tables, clamps, split, now)
+        out.work[0] += _work_of_drives(rows, step > 0)
         check = (
             now[0, one] + now[1, one] + now[2, one] + now[3, one]
         )  # what is not finite anywhere is so here
         if check - check != 0.0:
             return step
-        if driven:
-            out.work[0] += work_done(step > 0, q, clamps, loads, load_table[step - begin])
+        if acted:
+            out.work[0] += work_done(step > 0, q, clamps, loads, values)
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step
@@ -331,6 +288,85 @@ def advance(
             else:
                 update(flat_q, flat_v, flat_odd, flat_even, numbers)
     return -1
+
+
+@embedded
+def _constrain(rows, block, kept, first, drives, state):  # type: ignore[no-untyped-def]
+    """Take from positions and velocities what they have beside the constraints; whether these are kept then."""
+    if rows is None:
+        return True
+    return _in_blocks(block, first, drives, state) and _one_by_one(kept, rows, first, drives, state)
+
+
+@embedded
+def _in_blocks(block, first, drives, state):  # type: ignore[no-untyped-def]
+    if block is None:
+        return True
+    return constrain_motion(block, block.loops, first, drives, state.q, state.v, state.scratch)
+
+
+@embedded
+def _one_by_one(kept, rows, first, drives, state):  # type: ignore[no-untyped-def]
+    if kept is None:
+        return True
+    return constrain_few(kept, rows, first, drives, state.q, state.v)
+
+
+@embedded
+def _accelerate(block, rows, state, tables, clamps, split, now):  # type: ignore[no-untyped-def]
+    """Accelerations, `now`, and reactions of driven clamps."""
+    first, formulations, kinds, constants, masses, buffer = tables
+    if block is None:
+        _, of, _, motion, reaction, _ = clamps
+        L, G, D, places, lines, kept = split
+        by_scalars(
+            formulations, state.q, state.f, first, kinds, constants, masses, buffer, of, motion, reaction,
+            L, G, D, places, lines, kept, now,
+        )  # fmt: skip
+    else:
+        _ask(rows, block.loops)
+        by_blocks(state.q, state.f, tables, clamps, block, state.scratch, now)
+        _take(rows, block.loops)
+
+
+@embedded
+def _ask(rows, loops):  # type: ignore[no-untyped-def]
+    if rows is not None:
+        ask_accelerations(loops)
+
+
+@embedded
+def _take(rows, loops):  # type: ignore[no-untyped-def]
+    if rows is not None:
+        take_accelerations(loops)
+
+
+@embedded
+def _work_of_drives(rows, moving):  # type: ignore[no-untyped-def]
+    """Work of the constraints' drives since the step before, J."""
+    return row_work(rows, moving) if rows is not None else 0.0
+
+
+@embedded
+def _forget_damping(state):  # type: ignore[no-untyped-def]
+    """Damping forces act on all nodes: all forces start from the dead load."""
+    for k in range(state.f.shape[0]):
+        for i in range(state.f.shape[1]):
+            state.f[k, i] = state.dead[k, i]
+
+
+@embedded
+def _resist(damping, state, tables, moving, dt):  # type: ignore[no-untyped-def]
+    """Subtract damping forces; their work since the step before, J."""
+    if damping is None:
+        return 0.0
+    first, formulations, kinds, constants, _, buffer = tables
+    before = damping.power[0]
+    lost = damping_forces(
+        formulations, state.q, state.v, first, kinds, constants, damping.of, buffer, state.f
+    )
+    damping.power[0] = lost
+    return -0.5 * dt * (before + lost) if moving else 0.0
 
 
 @kernel

@@ -1,6 +1,6 @@
 """Accelerations of a scene: elastic forces, a forward and a backward Riccati sweep with the mass factored once.
 
-`by_scalars` is the fast form, for trees without angled welds; `by_blocks` serves any scene.
+`by_scalars` is the fast form, for trees without angled welds and few kept unknowns; `by_blocks` serves any scene.
 """
 
 import numpy as np
@@ -11,6 +11,7 @@ from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, kernel
+from anctmm.recursion.kept_motions import add_kept, find_kept
 from anctmm.recursion.lines import keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
 
@@ -35,9 +36,10 @@ def by_scalars(
     D,
     places,
     lines,
+    kept,
     a,
 ):  # type: ignore[no-untyped-def]
-    """Accelerations of a tree without angled welds, and the reactions of its driven clamps.
+    """Accelerations of a chain of scalar blocks (`Chain.split`), and the reactions of its driven clamps.
 
     Parameters
     ----------
@@ -47,13 +49,15 @@ def by_scalars(
         Coordinates and the external forces on them.
     of, motion, reaction : ndarray
         Of `DrivenClamps`; the reactions are written.
-    L, G, D, places, lines
+    L, G, D, places, lines, kept
         Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
     _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
+    find_kept(kept, a)
     _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
+    add_kept(kept, of, reaction, a)
     keep_on_lines(lines, of, reaction, a)
 
 

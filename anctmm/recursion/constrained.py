@@ -9,6 +9,10 @@ from anctmm.jit.compiling import embedded, kernel
 from anctmm.recursion.loops import Loops
 from anctmm.recursion.riccati import BlockFactors, follow_unknowns, meet_inboard
 from anctmm.recursion.rows import (
+    CORRECTIONS,
+    ENOUGH,
+    KEPT,
+    OFF,
     Array,
     ask,
     ask_whole,
@@ -22,14 +26,6 @@ from anctmm.recursion.rows import (
     take_multipliers,
 )
 from anctmm.recursion.sparse import factorize_rows, solve_kept
-
-#: Newton's corrections of the positions after a step, at most: from an error of h³ the second reaches rounding; a body
-#: that turns by half a radian in a step needs five.
-CORRECTIONS = 10
-#: Error of the constraints below which it is rounding, and below which its square is, what a correction leaves.
-OFF, ENOUGH = 1e-15, 1e-8
-#: Error of the constraints, of lengths relative to that of the scene, above which they are not kept.
-KEPT = 1e-6
 
 
 @kernel

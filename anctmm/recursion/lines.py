@@ -89,8 +89,8 @@ def turned(chain: Chain) -> Turned | None:
 
 
 def lines(chain: Chain) -> Lines | None:
-    """What keeps the accelerations of a chain of scalar blocks along lines; None where there are none."""
-    if not chain.guided:
+    """What keeps the accelerations of a tree of scalar blocks along lines; None where there are none."""
+    if not chain.guided or chain.plan.kept:  # `kept_motions` are along lines
         return None
     bodies = chain.bodies
     joined = Joined(chain, free=True)

@@ -11,7 +11,7 @@ have the same form with other G and L: a pin takes P₃…P₆ = 0 to find the i
 L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
 
 Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld
-at an angle), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
+at an angle; what few unknowns are kept adds is apart, `kept_motions`), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
 """
 
 from typing import NamedTuple
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, block_tangents, components
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.plan import PIN, WELD
+from anctmm.discretise.plan import BREAK, PIN, WELD, Kept
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.loads import Loads, no_loads
 from anctmm.forces.stiffness import fill_local
@@ -29,6 +29,7 @@ from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
+from anctmm.recursion.kept_motions import KeptMotions, kept_motions
 from anctmm.recursion.lines import Lines, Turned, lines, turn_back_node, turn_node, turned
 from anctmm.recursion.loops import (
     Loops,
@@ -50,7 +51,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@writes("branches", "lines")
+@writes("branches", "lines", "kept")
 class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
 
@@ -64,6 +65,7 @@ class SplitFactors(NamedTuple):
         Condensed mass of all that lies inboard of the node.
     branches : Branches
     lines : Lines or None
+    kept : KeptMotions or None
         None where there are none: then nothing of them is compiled.
     """
 
@@ -72,6 +74,7 @@ class SplitFactors(NamedTuple):
     D: Array
     branches: Branches
     lines: Lines | None
+    kept: KeptMotions | None
 
 
 @writes("L", "G", "wide", "work", "buffer", "branches", "loops")
@@ -120,19 +123,20 @@ class Links(NamedTuple):
 
 
 def split_factors(chain: Chain) -> SplitFactors:
-    """Factor the mass of a chain without angled welds, once for a whole run."""
+    """Factor the mass of a chain of scalar blocks (`Chain.split`), once for a whole run; what is kept is held there."""
     n, bodies = chain.bodies.nodes, chain.bodies
-    result = SplitFactors(np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain), lines(chain))
+    L, G, D, places = np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain)
     masks = np.ones((3, n), dtype=bool)
-    masks[: bodies.rows // 2] = chain.prescribed[::2]
-    _factorize_split(bodies.first, bodies.masses, chain.link, masks, *result[:4])
-    return result
+    masks[: bodies.rows // 2] = (chain.prescribed | chain.held)[::2]
+    link = np.where([isinstance(step.to, Kept) for step in chain.plan.steps], BREAK, chain.link)
+    _factorize_split(bodies.first, bodies.masses, link, masks, L, G, D, places)
+    return SplitFactors(L, G, D, places, lines(chain), kept_motions(chain, L))
 
 
 def no_split_factors(chain: Chain) -> SplitFactors:
     """What stands in their place where there are none."""
     L, G, D = np.zeros((3, 1, 1))
-    return SplitFactors(L, G, D, branches(chain), None)
+    return SplitFactors(L, G, D, branches(chain), None, None)
 
 
 def block_factors(chain: Chain, single: bool = False) -> BlockFactors:

@@ -4,6 +4,7 @@ Their rows J stand in the matrix of the kept unknowns. An explicit step asks for
 iteration for J Δx = −g, with −Jᵀλ on the coordinates and the curvature λ ∂²g in the matrix.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,13 @@ Ints = NDArray[np.int64]
 
 #: Part of the largest entry below which one is taken to be rounding.
 ROUNDED = 1e-9
+#: Newton's corrections of the positions after an explicit step, at most: from an error of h³ the second reaches
+#: rounding; a body that turns by half a radian in a step needs five.
+CORRECTIONS = 10
+#: Error of the constraints below which it is rounding, and below which its square is, what a correction leaves.
+OFF, ENOUGH = 1e-15, 1e-8
+#: Error of the constraints, of lengths relative to that of the scene, above which they are not kept.
+KEPT = 1e-6
 
 
 class Rows(NamedTuple):
@@ -59,6 +67,8 @@ class Rows(NamedTuple):
         Of g, or of a derivative in time.
     memory : ndarray, shape (3, signals)
         Generalized forces on the signals, and their values, at the last call of `row_work`; scratch.
+    constraint : ndarray of int, shape (rows,)
+        Number of each among all constraints of the scene.
     """
 
     number: Ints
@@ -81,20 +91,40 @@ class Rows(NamedTuple):
     trusted: Array
     value: Array
     memory: Array
+    constraint: Ints
+
+
+def rows_alone(kept: KeptUnknowns, chosen: NDArray[np.bool_]) -> Rows | None:
+    """Some of the constraints of a scene, without a matrix, their unknowns numbered as kept; None without any."""
+    if not chosen.any():
+        return None
+    found = kept.constraints
+    number = np.cumsum(chosen) - 1
+    some = replace(
+        found,
+        names=[name for name, of in zip(found.names, chosen, strict=True) if of],
+        terms=[term._replace(row=int(number[term.row])) for term in found.terms if chosen[term.row]],
+        prescribed=[(int(number[known[0]]), *known[1:]) for known in found.prescribed],
+    )
+    return _rows(kept, some, np.arange(kept.size + len(some.names)), None)._replace(
+        constraint=np.flatnonzero(chosen)
+    )
 
 
 def rows_of(kept: KeptUnknowns, number: Ints, matrix: Sparse) -> Rows:
     """The constraints of a scene whose kept unknowns have new numbers."""
-    found, n = kept.constraints, len(number)
+    return _rows(kept, kept.constraints, number, matrix)
+
+
+def _rows(kept: KeptUnknowns, found: Constraints, number: Ints, matrix: Sparse | None) -> Rows:
+    n = len(number)
     terms = np.array([term[:4] for term in found.terms], dtype=np.int64).reshape(-1, 4).T
     row, one, two, signal = terms
     renumbered = np.append(number, n)  # the last stands for ONE, which is −1
     one, two, multiplier = renumbered[one], renumbered[two], number[kept.size + row]
     unknown = [np.where(k < n, k, -1) for k in (one, two)]
-    places = [
-        matrix_places(matrix, a[:, None], b[:, None]).reshape(-1)
-        for a, b in ((multiplier, unknown[0]), (multiplier, unknown[1]), (unknown[0], unknown[1]))
-    ]
+    couples = ((multiplier, unknown[0]), (multiplier, unknown[1]), (unknown[0], unknown[1]))
+    places = [_places(matrix, a, b) for a, b in couples]
     homes = np.zeros((2, n + 1), dtype=np.int64)
     homes[:, number[: kept.size]] = kept.homes
     used = np.unique(np.concatenate([k[k >= 0] for k in unknown])) if len(row) else np.empty(0, np.int64)
@@ -111,21 +141,28 @@ def rows_of(kept: KeptUnknowns, number: Ints, matrix: Sparse) -> Rows:
         np.array([(known[2].real, known[2].imag) for known in found.prescribed], dtype=np.float64).reshape(-1, 2),
         used, homes, x, signals,
         np.array([drive.turns for drive in found.drives], dtype=bool),
-        np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((3, found.signals)),
+        np.zeros(rows), np.zeros(rows), np.zeros(rows), np.zeros((3, found.signals)), np.arange(rows),
     )  # fmt: skip
 
 
-def _pairs(found: Constraints, number: Ints, matrix: Sparse) -> Ints:
+def _places(matrix: Sparse | None, one: Ints, two: Ints) -> Ints:
+    """Where the entries of pairs of unknowns stand in the matrix; −1 for none."""
+    if matrix is None:
+        return np.full(len(one), -1)
+    return matrix_places(matrix, one[:, None], two[:, None]).reshape(-1)
+
+
+def _pairs(found: Constraints, number: Ints, matrix: Sparse | None) -> Ints:
     """`pairs` of the rows: each two unknowns of a row once."""
     of_row: dict[int, set[int]] = {}
     for term in found.terms:
         of_row.setdefault(term.row, set()).update(k for k in (term.one, term.two) if k != ONE)
     triples = [(found.size + row, i, j) for row, used in of_row.items() for i in used for j in used if i <= j]
-    if not triples:
+    if matrix is None or not triples:
         return np.empty((3, 0), dtype=np.int64)
     multiplier, one, two = number[np.array(triples).T]
     couples = ((multiplier, one), (multiplier, two), (one, two))
-    return np.array([matrix_places(matrix, a[:, None], b[:, None]).reshape(-1) for a, b in couples])
+    return np.array([_places(matrix, a, b) for a, b in couples])
 
 
 @embedded

@@ -123,7 +123,7 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     q, f, a = p.q, p.f, p.a
     first, formulations, kinds, constants, masses, buffer = p.tables
     of, motion, reaction = p.clamps.of, p.clamps.motion, p.clamps.reaction
-    L, G, D, places, lines = factors
+    L, G, D, places, lines, kept = factors
     for _ in range(repeats):
         accelerations.by_scalars(
             formulations,
@@ -142,6 +142,7 @@ def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
             D,
             places,
             lines,
+            kept,
             a,
         )
 

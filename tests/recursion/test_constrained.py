@@ -112,7 +112,10 @@ def test_scenes_without_constraints_compile_nothing_for_them():
         before = len(advance.signatures)
         at.solve(scene, mesh=2, integrator="zhai", dt=1e-6, t_end=1e-5)
         assert len(advance.signatures) - before <= 1
-    assert all("none" in str(s[-3]) for s in advance.signatures[-1:])
+    for _, _, system, *_ in advance.signatures[-1:]:
+        of = dict(zip(system.fields, system.types, strict=True))
+        assert {str(of[name]) for name in ("block", "damping", "rows")} == {"none"}
+        assert [str(kind) for kind in of["split"].types[-2:]] == ["none", "none"]
 
 
 # --- equations of motion of their own ---------------------------------------------------------------------------

@@ -111,6 +111,25 @@ class Constraints:
             found += [(i, j) for i in used_in_row for j in used_in_row if i < j]
         return np.array(sorted(set(found)), dtype=np.int64).reshape(-1, 2).T
 
+    @property
+    def still(self) -> NDArray[np.bool_]:
+        """Which rows are linear in the unknowns and do not depend on time: pins, above all."""
+        found = np.ones(len(self.names), dtype=bool)
+        for term in self.terms:
+            found[term.row] &= term.signal == ALWAYS and ONE in (term.one, term.two)
+        return found
+
+    @property
+    def linear(self) -> Array:
+        """J of those rows, which is constant, (rows, unknowns)."""
+        found = np.zeros((len(self.names), self.size))
+        still = self.still
+        for term in self.terms:
+            unknown = max(term.one, term.two)
+            if still[term.row] and unknown != ONE:
+                found[term.row, unknown] += term.factor
+        return found[still]
+
     def add(self, what: str, body: str, *rows: Mapping[tuple[int, int, int], float]) -> None:
         """Add rows, each by (signal, one, two)."""
         self.begins.append(len(self.names))

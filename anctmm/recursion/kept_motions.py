@@ -1,0 +1,358 @@
+"""Explicit steps of scenes that keep few unknowns: the independent motions of these, found once, beside scalar blocks.
+
+With all kept junctions and rigid bodies held, and places on lines in the ground, a scene is a set of trees, whose
+accelerations a the recursion finds in scalar blocks. What these n unknowns x add is a sum of r constant fields.
+Joints that are linear in x, pins above all, and lines leave x = N y; the field Φ of each y continues its x into the
+trees where no load acts on them (constraint modes of Craig and Bampton 1968, DOI 10.2514/3.4741, by inertia). With
+ΦᵀMΦ = 1 and loads b
+
+    y = Φᵀ b − Jᵀλ,    a ← a + Φ y,
+
+in which λ belongs to the constraints that are left, J y = −γ: the lengths of rigid bodies, their directions and guides.
+As b has been passed on when y is wanted, Φᵀ b is taken from the loads that arrive, by constant weights.
+
+Positions and velocities lose what truncation adds to these constraints in the directions Jᵀ, the nearest ones by the
+mass, as in `constrained`.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cholesky, null_space
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import splu
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.fitting import mass_matrix
+from anctmm.discretise.joined import Joined
+from anctmm.jit.compiling import embedded, kernel, uncompiled
+from anctmm.jit.copies import writes
+from anctmm.recursion.rows import (
+    CORRECTIONS,
+    ENOUGH,
+    KEPT,
+    OFF,
+    Rows,
+    evaluate,
+    gather,
+    prescribe,
+    rows_alone,
+    set_signals,
+)
+from anctmm.recursion.sparse import VOID
+
+Array = NDArray[np.float64]
+
+#: Part of the largest of the linear constraints below which one says what others say.
+DEPENDENT = 1e-9
+
+
+@writes("rows", "J", "S", "inverse", "alone", "y", "moved")
+class KeptMotions(NamedTuple):
+    """Independent motions of few kept unknowns.
+
+    Parameters
+    ----------
+    fields : ndarray, shape (r, rows · nodes)
+        Φ: accelerations of all nodes.
+    weights : ndarray, shape (r, rows · nodes)
+        Of the loads that arrive at the nodes of trees.
+    reaction : ndarray, shape (r, 2, bodies, rows)
+        Generalized forces of the fields at the first and the last node of each body, which are those of driven clamps.
+    basis : ndarray, shape (n, r)
+        N of the kept unknowns, without places on lines.
+    softness : ndarray, shape (n,)
+        Diagonal of the inverse mass of the kept unknowns.
+    rows : Rows or None
+        Constraints that the motions do not keep by themselves; None without any: then nothing of them is compiled.
+    J : ndarray, shape (m, r)
+    S : ndarray, shape (m, m)
+        J Jᵀ, and L of its factors L D Lᵀ.
+    inverse : ndarray, shape (m,)
+        1/D; 0 of constraints that are passed over.
+    alone : ndarray, shape (m,)
+        Scale of each constraint's pivot.
+    y : ndarray, shape (r,)
+        Accelerations along the motions.
+    moved : ndarray, shape (2, r)
+        What a projection adds to positions and to velocities.
+    """
+
+    fields: Array
+    weights: Array
+    reaction: Array
+    basis: Array
+    softness: Array
+    rows: Rows | None
+    J: Array
+    S: Array
+    inverse: Array
+    alone: Array
+    y: Array
+    moved: Array
+
+
+def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
+    """Independent motions of the kept unknowns of a chain of scalar blocks; None where nothing is kept.
+
+    Parameters
+    ----------
+    chain : Chain
+    L : ndarray, shape (5, nodes)
+        Of the `SplitFactors` of the trees between what is kept.
+    """
+    if not chain.plan.kept:
+        return None
+    constraints, bodies = chain.kept.constraints, chain.bodies
+    mass = mass_matrix(bodies)
+    fields, K = _fields(chain, mass)
+    basis = _free_directions(chain)
+    basis = basis @ np.linalg.inv(cholesky(basis.T @ K @ basis))
+    fields = fields @ basis
+    r, shape = basis.shape[1], (bodies.rows, bodies.nodes)
+    left = rows_alone(chain.kept, ~constraints.still)
+    m = 0 if left is None else len(left.number)
+    ends = np.stack([bodies.first[:-1], bodies.first[1:] - 1])
+    held = (mass @ fields).T.reshape(r, *shape)
+    result = KeptMotions(
+        np.ascontiguousarray(fields.T),
+        np.ascontiguousarray(_weights(chain, fields.T.reshape(r, *shape), L).reshape(r, fields.shape[0])),
+        np.ascontiguousarray(held[:, :, ends].transpose(0, 2, 3, 1)),
+        basis[: chain.kept.size].copy(),
+        np.diagonal(np.linalg.inv(K))[: chain.kept.size].copy(),
+        left,
+        np.zeros((m, r)), np.zeros((m, m)), np.zeros(m), np.zeros(m), np.zeros(r), np.zeros((2, r)),
+    )  # fmt: skip
+    if left is not None:
+        uncompiled(gather)(left, 0, chain.start_coordinates())
+        uncompiled(factor_constraints)(result, left)
+    return result
+
+
+def _free_directions(chain: Chain) -> Array:
+    """Directions, (n, r), that linear constraints leave the kept unknowns, and lines the places on them."""
+    linear, lines = chain.kept.constraints.linear, chain.guided
+    J = np.zeros((len(linear) + len(lines), chain.kept.size + 2 * len(lines)))
+    J[: len(linear), : chain.kept.size] = linear
+    for k, guided in enumerate(lines):
+        x, y = guided.direction
+        J[len(linear) + k, chain.kept.size + 2 * k :][:2] = -y, x
+    return np.asarray(null_space(J, rcond=DEPENDENT)) if len(J) else np.eye(J.shape[1])
+
+
+def _fields(chain: Chain, mass: csc_array) -> tuple[Array, Array]:
+    """Fields of units of the kept unknowns and places on lines, (rows · nodes, n), and the mass of these, (n, n)."""
+    T, nodes = Joined(chain, free=True).matrix, chain.bodies.nodes
+    A = (T.T @ mass @ T).tocsc()
+    guided = [row * nodes + chain.node(one.carrier) for one in chain.guided for row in (0, 1)]
+    of_kept = T.tocsr()[[*(chain.kept.homes[0] * nodes + chain.kept.homes[1]), *guided]]
+    masters = np.unique(of_kept.indices[of_kept.data != 0.0])
+    free = np.setdiff1d(np.arange(T.shape[1]), masters)
+    values = np.zeros((T.shape[1], of_kept.shape[0]))
+    values[masters] = np.linalg.inv(of_kept[:, masters].toarray())
+    if free.size:
+        coupling = A[free][:, masters] @ values[masters]
+        values[free] = -splu(A[free][:, free].tocsc()).solve(coupling)
+    return T @ values, values.T @ (A @ values)
+
+
+def _weights(chain: Chain, fields: Array, L: Array) -> Array:
+    """Φ of each node, and what its loads bring to the node that they are passed on to: Φ_i + L_iᵀ Φ_next."""
+    last = chain.bodies.first[1:] - 1
+    onward = np.arange(1, chain.bodies.nodes + 1)
+    onward[last] = np.where(chain.onward >= 0, chain.onward, 0)  # L is 0 where nothing is passed on
+    beyond, weights = fields[:, :, onward], fields.copy()
+    for c in range(2):
+        r, g = beyond[:, c], beyond[:, 2 + c]
+        weights[:, c] += L[0] * r + L[2] * g
+        weights[:, 2 + c] += L[1] * r + L[3] * g
+        if fields.shape[1] == 6:
+            weights[:, 4 + c] += L[4] * beyond[:, 4 + c]
+    return weights
+
+
+@kernel
+def constrain_few(kept: KeptMotions, rows: Rows, first: int, drives: Array, q: Array, v: Array) -> bool:
+    """Take from positions and velocities what they have beside the constraints, which are factored for q then.
+
+    Parameters
+    ----------
+    kept : KeptMotions
+    rows : Rows
+        Those of `kept`.
+    first : int
+        Number of drives before those of constraints.
+    drives : ndarray, shape (drives, 3)
+        Values, rates and accelerations.
+    q, v : ndarray, shape (rows, nodes)
+
+    Returns
+    -------
+    bool
+        Whether the constraints are kept: they are not where joints and drives leave bodies no place.
+    """
+    set_signals(rows, drives, first)
+    prescribe(rows, 0, q)
+    gather(rows, 0, q)
+    prescribe(rows, 1, v)
+    gather(rows, 1, v)
+    for p in range(len(kept.y)):
+        kept.moved[0, p] = kept.moved[1, p] = 0.0
+    largest = evaluate(rows, 0)
+    for _ in range(CORRECTIONS):
+        if largest <= OFF:
+            break
+        factor_constraints(kept, rows)
+        before = largest
+        _correct(kept, rows, 0)
+        largest = evaluate(rows, 0)
+        if before <= ENOUGH:
+            break
+    whole = largest <= KEPT
+    if whole:
+        factor_constraints(kept, rows)
+        if evaluate(rows, 1) > 0.0:
+            _correct(kept, rows, 1)
+    _move(kept, q, v)
+    return whole
+
+
+@embedded
+def factor_constraints(kept, rows):  # type: ignore[no-untyped-def]
+    """J at the unknowns that were gathered, and the factors of J Jᵀ."""
+    basis, J, S, alone = kept.basis, kept.J, kept.S, kept.alone
+    x, w = rows.x, rows.signals
+    r, m = len(kept.y), len(alone)
+    for k in range(m):
+        alone[k] = 0.0
+        for p in range(r):
+            J[k, p] = 0.0
+    for t in range(len(rows.row)):
+        k, c = rows.row[t], rows.factor[t] * w[0, rows.signal[t]]
+        for side in range(2):
+            i, other = (rows.one[t], rows.two[t]) if side == 0 else (rows.two[t], rows.one[t])
+            if i < len(basis):  # the number 1 stands behind them
+                g = c * x[0, other]
+                alone[k] += g * g * kept.softness[i]
+                for p in range(r):
+                    J[k, p] += g * basis[i, p]
+    for k in range(m):
+        for n in range(k + 1):
+            total = 0.0
+            for p in range(r):
+                total += J[k, p] * J[n, p]
+            S[k, n] = total
+    _factor(S, kept.inverse, alone)
+
+
+@embedded
+def _factor(S, inverse, alone):  # type: ignore[no-untyped-def]
+    """L D Lᵀ of S, in place; what says no more than those before it is passed over."""
+    for k in range(len(S)):
+        pivot = S[k, k]
+        for n in range(k):
+            y = S[k, n]
+            for j in range(n):
+                y -= S[k, j] * S[n, j]
+            S[k, n] = y
+        for n in range(k):
+            y = S[k, n]
+            S[k, n] = y * inverse[n]
+            pivot -= y * S[k, n]
+        inverse[k] = 1.0 / pivot if pivot > VOID * alone[k] else 0.0
+
+
+@embedded
+def _multipliers(kept, rows):  # type: ignore[no-untyped-def]
+    """S⁻¹ times the right sides that stand in the multipliers, in place."""
+    S, inverse, x = kept.S, kept.inverse, rows.multipliers
+    m = len(x)
+    for k in range(m):
+        for n in range(k):
+            x[k] -= S[k, n] * x[n]
+    for k in range(m - 1, -1, -1):
+        x[k] *= inverse[k]
+        for n in range(k + 1, m):
+            x[k] -= S[n, k] * x[n]
+
+
+@embedded
+def _correct(kept, rows, order):  # type: ignore[no-untyped-def]
+    """Take the value of the constraints, or of their rates, from the unknowns, and keep along which motions."""
+    for k in range(len(rows.value)):
+        rows.multipliers[k] = rows.value[k]
+    _multipliers(kept, rows)
+    for p in range(len(kept.y)):
+        change = 0.0
+        for k in range(len(rows.value)):
+            change -= kept.J[k, p] * rows.multipliers[k]
+        kept.moved[order, p] += change
+        for n in range(len(rows.used)):
+            i = rows.used[n]
+            rows.x[order, i] += kept.basis[i, p] * change
+
+
+@embedded
+def _move(kept, q, v):  # type: ignore[no-untyped-def]
+    """Add to positions and velocities of all nodes what projections have found."""
+    nodes = q.shape[1]
+    for p in range(len(kept.y)):
+        along, faster = kept.moved[0, p], kept.moved[1, p]
+        for k in range(q.shape[0]):
+            for i in range(nodes):
+                q[k, i] += along * kept.fields[p, k * nodes + i]
+                v[k, i] += faster * kept.fields[p, k * nodes + i]
+
+
+@embedded
+def find_kept(kept, a):  # type: ignore[no-untyped-def]
+    """Accelerations along the motions, from the loads in a, (rows, nodes), that have arrived at each node."""
+    if kept is not None:
+        nodes = a.shape[1]
+        for p in range(len(kept.y)):
+            x = y = 0.0
+            for k in range(0, a.shape[0], 2):
+                for i in range(nodes):
+                    x += kept.weights[p, k * nodes + i] * a[k, i]
+                    y += kept.weights[p, k * nodes + nodes + i] * a[k + 1, i]
+            kept.y[p] = x + y
+        _allow(kept, kept.rows)
+
+
+@embedded
+def _allow(kept, rows):  # type: ignore[no-untyped-def]
+    """Take from these accelerations what the constraints do not allow, and find the multipliers."""
+    if rows is not None:
+        for n in range(len(rows.used)):
+            rows.x[2, rows.used[n]] = 0.0
+        evaluate(rows, 2)
+        r = len(kept.y)
+        for k in range(len(rows.value)):
+            total = rows.value[k]
+            for p in range(r):
+                total += kept.J[k, p] * kept.y[p]
+            rows.multipliers[k] = total
+        _multipliers(kept, rows)
+        for k in range(len(rows.value)):
+            for p in range(r):
+                kept.y[p] -= kept.J[k, p] * rows.multipliers[k]
+
+
+@embedded
+def add_kept(kept, of, reaction, a):  # type: ignore[no-untyped-def]
+    """Add the motions to accelerations, (rows, nodes), and to the reactions of driven clamps."""
+    if kept is not None:
+        nodes = a.shape[1]
+        for p in range(len(kept.y)):
+            y = kept.y[p]
+            for k in range(a.shape[0]):
+                for i in range(nodes):
+                    a[k, i] += y * kept.fields[p, k * nodes + i]
+        if len(reaction) > 0:
+            for b in range(of.shape[1]):
+                for side in range(2):
+                    if of[side, b] >= 0:
+                        for p in range(len(kept.y)):
+                            for k in range(a.shape[0]):
+                                reaction[of[side, b], k] += kept.y[p] * kept.reaction[p, side, b, k]
