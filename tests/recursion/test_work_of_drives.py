@@ -1,0 +1,44 @@
+"""Work of drives in implicit steps beside the global DAE: Newton's remainder, and two rules of second order."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from test_kept_motions import cut, four_bar, slider_crank
+
+import anctmm as at
+from reference import global_dae
+
+SCENES = {
+    "four-bar": (four_bar(), cut(four_bar(), "rigid")),
+    "slider-crank": (slider_crank(at.Slider), cut(slider_crank(at.Slider))),
+}
+
+
+def work(solver, name, tolerance, dt=1e-3):
+    scene, options = SCENES[name]
+    s = solver(scene, **options, dt=dt, t_end=0.02, output_dt=0.01, newton_tolerance=tolerance)
+    assert s.status.ok
+    return s.energy.work
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_newtons_iteration_leaves_of_work_falls_with_its_tolerance(name):
+    exact = work(at.solve, name, 1e-14)
+    left = [np.abs(work(at.solve, name, tolerance) - exact).max() for tolerance in (1e-5, 1e-8, 1e-11)]
+    assert left[0] > left[1] > left[2]
+    assert left[0] > 100.0 * left[2]
+    assert left[2] < 1e-8 * np.abs(exact).max()
+
+
+def test_what_is_left_beside_the_global_dae_is_the_rule_of_integration():
+    """Both take the trapezoidal rule, by the cosine and the sine of the angle here, by the angle there."""
+    steps = (1e-3, 5e-4, 2.5e-4)
+    apart = [
+        np.abs(
+            work(at.solve, "slider-crank", 1e-13, dt) - work(global_dae.solve, "slider-crank", 1e-13, dt)
+        ).max()
+        for dt in steps
+    ]
+    for coarse, fine in pairwise(apart):
+        assert coarse / fine == pytest.approx(4.0, abs=0.2)
