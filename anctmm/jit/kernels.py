@@ -16,9 +16,10 @@ from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder,
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pass
 from numba.core.registry import CPUDispatcher
-from numba.core.typed_passes import NativeLowering
+from numba.core.typed_passes import NativeLowering, NopythonRewrites
 
 from anctmm.jit.interpreting import mode
+from anctmm.jit.shortcuts import shortcuts
 
 #: Whether this thread compiles for a caller that is compiled.
 _calls = threading.local()
@@ -100,7 +101,8 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
 
     def _compile_core(self) -> Any:
         self.state.flags = KernelFlags(self.state.flags)
-        return super()._compile_core()
+        with shortcuts():
+            return super()._compile_core()
 
     def define_pipelines(self) -> list[PassManager]:
         """The one pipeline."""
@@ -109,13 +111,22 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
         if not for_caller():
             state.library = KernelLibrary(codegen, name)
             state.library.enable_object_caching()
-            return [DefaultPassBuilder.define_nopython_pipeline(state)]
+            return [_passes(state)]
         state.flags.no_cpython_wrapper = state.flags.no_compile = True
         state.library = CalleeLibrary(codegen, name)
-        passes = DefaultPassBuilder.define_nopython_pipeline(state)
+        passes = _passes(state)
         passes.add_pass_after(_Callable, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+def _passes(state: Any) -> PassManager:
+    """numba's passes, but for that which rewrites expressions that take memory, where none may be taken."""
+    passes = DefaultPassBuilder.define_nopython_pipeline(state)
+    if not state.flags.nrt:
+        passes.passes = [one for one in passes.passes if one[0] is not NopythonRewrites]
+        passes.finalize()
+    return passes
 
 
 class Kernel(CPUDispatcher):  # type: ignore[misc]
