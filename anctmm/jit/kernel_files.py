@@ -1,8 +1,8 @@
 """Compiled kernels on disk: a file for each kernel, signature and version of its code, with a checksum.
 
 A file is whole or not there, and none is ever changed but by one that holds more: machine code beside what callers
-link. So processes that run side by side need no lock. What is not used for long, and versions older than the last few
-of a kernel, are removed when new kernels are kept.
+link. So processes that run side by side read it without a lock. What is not used for long, and versions older than the
+last few of a kernel, are removed when new kernels are kept.
 """
 
 import hashlib
@@ -14,8 +14,8 @@ import shutil
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -32,6 +32,7 @@ from numba.core.serialize import dumps
 from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
+from anctmm.jit.one_compiler import LOCK, alone
 from anctmm.jit.second_process import wait_for
 
 #: Of all layouts of these files, and of this one.
@@ -81,6 +82,15 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         for path in () if place is None else place.glob(f"{self._name}-*{ENDING}"):
             with suppress(OSError):
                 path.unlink()
+
+    @contextmanager
+    def alone(self, types: tuple[Any, ...]) -> Iterator[None]:
+        """In the context no other process compiles this kernel for these types."""
+        path = self.file_of(types)
+        if path is not None:
+            wait_for(path)  # before it is locked: the second process locks it too
+        with alone(path):
+            yield
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:
         """Machine code of a signature, or None: not there, or not readable."""
@@ -175,7 +185,7 @@ def remove_unused(place: Path, now: float | None = None) -> None:
     for entry in os.scandir(place):
         with suppress(OSError):  # removed by another process
             state = entry.stat(follow_symlinks=False)
-            if entry.name.endswith(UNFINISHED) and now - state.st_mtime > _DAY:
+            if entry.name.endswith((UNFINISHED, LOCK)) and now - state.st_mtime > _DAY:
                 os.unlink(entry.path)
             elif entry.name.endswith(ENDING):
                 found.append((state.st_mtime, state.st_size, entry.path))

@@ -6,7 +6,7 @@ machine code holds it once more. Here a function gets both when Python calls it 
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any, ClassVar
 
 import llvmlite.binding as llvm
@@ -158,7 +158,11 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         arguments = tuple(sigutils.normalize_signature(sig)[0])
         with global_compiler_lock:
             known = arguments in self.overloads
-            entry = super().compile(sig)
+            alone = (
+                nullcontext if known else getattr(self._cache, "alone", nullcontext)
+            )  # inlined ones are not kept
+            with alone(arguments):
+                entry = super().compile(sig)
             found = self.overloads[arguments]
             if for_caller():
                 return entry

@@ -1,0 +1,65 @@
+"""One process compiles a kernel, and others that need it meanwhile wait for its file: they would do the same work.
+
+Processes lock a file beside that of the kernel; the lock of a process that ends is gone. Where files cannot be locked,
+each compiles for itself. No two wait for each other: who holds a kernel's lock waits for those alone that it calls.
+"""
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from types import ModuleType
+
+fcntl: ModuleType | None
+try:
+    import fcntl
+except ImportError:  # on Windows
+    fcntl = None
+
+#: Of a file that is locked.
+LOCK = ".lock"
+#: Seconds after which a process that compiles is waited for no longer, and between two looks.
+PATIENCE, PAUSE = 120.0, 0.02
+
+
+@contextmanager
+def alone(file: Path | None) -> Iterator[None]:
+    """In the context no other process makes a file; entered once it is there, or nobody else makes it.
+
+    Parameters
+    ----------
+    file : Path or None
+        None where nothing is kept.
+    """
+    if file is None or fcntl is None or file.exists():
+        yield
+        return
+    lock = file.with_name(file.name + LOCK)
+    try:
+        handle = lock.open("wb")
+    except OSError:  # the directory is gone, or cannot be written: nothing is kept there
+        yield
+        return
+    with handle:
+        mine = _locked(fcntl, handle.fileno(), file)
+        try:
+            yield
+        finally:
+            if mine:  # whoever holds a lock of the file that is removed here finds the kernel
+                with suppress(OSError):
+                    lock.unlink()
+
+
+def _locked(system: ModuleType, handle: int, file: Path) -> bool:
+    """Wait until a lock is had, True, or none is needed or to be had."""
+    began = time.monotonic()
+    while not file.exists() and time.monotonic() - began < PATIENCE:
+        try:
+            system.flock(handle, system.LOCK_EX | system.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(PAUSE)
+        except OSError:  # of a file system without locks
+            return False
+        else:
+            return True
+    return False
