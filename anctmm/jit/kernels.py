@@ -10,7 +10,7 @@ from contextlib import contextmanager, nullcontext
 from typing import Any, ClassVar
 
 import llvmlite.binding as llvm
-from numba.core import event, sigutils
+from numba.core import event, sigutils, types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder, Flags
 from numba.core.compiler_lock import global_compiler_lock
@@ -149,7 +149,12 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         return self.py_func(*args, **kws) if mode.on else super().__call__(*args, **kws)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        """What a caller that is compiled needs to know."""
+        """What a caller that is compiled needs to know.
+
+        One code serves all values of an argument: numba would compile another one for each number that a caller writes.
+        """
+        args = tuple(map(types.unliteral, args))
+        kws = {name: types.unliteral(kind) for name, kind in dict(kws).items()}
         with _for_caller():
             return super().get_call_template(args, kws)
 

@@ -118,8 +118,8 @@ def rows_of(kept: KeptUnknowns, number: Ints, matrix: Sparse) -> Rows:
 
 def _rows(kept: KeptUnknowns, found: Constraints, number: Ints, matrix: Sparse | None) -> Rows:
     n = len(number)
-    terms = np.array([term[:4] for term in found.terms], dtype=np.int64).reshape(-1, 4).T
-    row, one, two, signal = terms
+    terms = np.array([term[:4] for term in found.terms], dtype=np.int64).reshape(-1, 4)
+    row, one, two, signal = terms.T.copy()  # contiguous for any number: each layout is compiled for itself
     renumbered = np.append(number, n)  # the last stands for ONE, which is −1
     one, two, multiplier = renumbered[one], renumbered[two], number[kept.size + row]
     unknown = [np.where(k < n, k, -1) for k in (one, two)]

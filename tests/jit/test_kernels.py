@@ -113,3 +113,18 @@ def test_without_the_compiler_the_function_itself_is_run():
     inner, _, _ = make()
     assert uncompiled(inner)(*arrays()) == 2.0
     assert uncompiled(uncompiled(inner)) is uncompiled(inner)
+
+
+def test_one_code_serves_all_numbers_that_callers_write():
+    """A flag or a row that is written in a call is an argument like one that is computed."""
+
+    def inner(more, k, x):
+        return 2.0 * x[k] if more else x[k]
+
+    inner = kernel(inner)
+
+    def outer(x, k):
+        return inner(True, 0, x) + inner(False, 1, x) + inner(k > 1, k, x)
+
+    assert kernel(outer)(arrays()[0], 2) == 2.0 + 2.0 + 6.0
+    assert len(inner.overloads) == 1
