@@ -1,15 +1,21 @@
 """Telling the user what is compiled and how long it took, and compiling with fewer interruptions of Python's own.
 
-The compiler reports when it begins and ends; a run whose kernels are found on disk pays for nothing here.
+The compiler reports when it begins and ends; a run whose kernels are found on disk pays for nothing here. Processes
+that one process begins tell as one: the first to compile says so, the one that began them says what all of it took.
 """
 
 import atexit
 import gc
+import os
+import shutil
 import sys
+import tempfile
 import threading
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 from numba.core import event
@@ -19,6 +25,9 @@ PATIENCE = 1.5
 #: New objects that make Python look for garbage while kernels are compiled, some 30 MB of them: the compiler makes many
 #: objects that live on, and going through them again and again takes a tenth of its time.
 GARBAGE = 100_000
+#: Files of processes that tell as one: that it has been said that something is compiled; and for each kernel that was
+#: compiled by another process than the first, which one and the seconds.
+SAID, TOOK = "said", "took"
 
 
 @dataclass
@@ -31,16 +40,20 @@ class Compiling(event.Listener):  # type: ignore[misc]
         Wall and processor time spent by the compiler until now.
     kernels : int
         Compiled for somebody who called them; those that they call are not counted.
+    place : Path, optional
+        Directory where processes that tell as one leave word.
     """
 
     seconds: float = 0.0
     cpu_seconds: float = 0.0
     kernels: int = 0
+    place: Path | None = None
     _depth: int = 0
     _began: tuple[float, float] = (0.0, 0.0)
     _often: tuple[int, int, int] = (0, 0, 0)
     _timer: threading.Timer | None = None
     _said: threading.Event = field(default_factory=threading.Event)
+    _owner: int | None = None
 
     def on_start(self, event: Any) -> None:
         """A kernel is about to be compiled, maybe while another one is."""
@@ -69,10 +82,26 @@ class Compiling(event.Listener):  # type: ignore[misc]
         self.seconds += time.perf_counter() - self._began[0]
         self.cpu_seconds += time.process_time() - self._began[1]
         self.kernels += 1
+        if self.place is not None and self._owner != os.getpid():
+            with suppress(OSError), (self.place / TOOK).open("a") as file:
+                file.write(f"{os.getpid()} {time.perf_counter() - self._began[0]:.3f}\n")
+
+    def together(self) -> None:
+        """Tell as one with copies of this process, and with those that are given `place`, made from now on."""
+        if self.place is None:
+            with suppress(OSError):  # then each tells for itself
+                self.place, self._owner = Path(tempfile.mkdtemp(prefix="anctmm-compiling-")), os.getpid()
+                if self._said.is_set():
+                    (self.place / SAID).touch()
 
     def _say(self, name: str) -> None:
         if not self._said.is_set():
             self._said.set()
+            if self.place is not None:
+                try:
+                    (self.place / SAID).touch(exist_ok=False)
+                except OSError:  # another process has said it
+                    return
             sys.stderr.write(
                 f"anctmm: compiling {name} and other kernels for this kind of scene; they are kept, and the next run "
                 f"starts at once …\n"
@@ -80,9 +109,22 @@ class Compiling(event.Listener):  # type: ignore[misc]
 
     def total(self) -> None:
         """Say at the end of the process what compiling took, if its beginning was said."""
-        if self._said.is_set() and sys.stderr is not None:
-            what = "1 kernel was" if self.kernels == 1 else f"{self.kernels} kernels were"
-            sys.stderr.write(f"anctmm: {what} compiled in {self.seconds:.1f} s\n")
+        said, took = self._said.is_set(), [(os.getpid(), self.seconds)] * (self.kernels > 0)
+        kernels = self.kernels
+        if self.place is not None:
+            if self._owner != os.getpid():
+                return  # the process that began this one tells
+            said |= (self.place / SAID).exists()
+            with suppress(OSError):
+                lines = [line.split() for line in (self.place / TOOK).read_text().splitlines()]
+                took += [(int(process), float(seconds)) for process, seconds in lines]
+                kernels += len(lines)
+            shutil.rmtree(self.place, ignore_errors=True)
+        if said and sys.stderr is not None:
+            what = "1 kernel was" if kernels == 1 else f"{kernels} kernels were"
+            processes = len({process for process, _ in took})
+            by = f", the sum of {processes} processes" if processes > 1 else ""
+            sys.stderr.write(f"anctmm: {what} compiled in {sum(s for _, s in took):.1f} s{by}\n")
 
 
 #: Of this process.

@@ -11,6 +11,8 @@ from multiprocessing import get_all_start_methods, get_context
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
+from anctmm.jit.announcing import compiling
+
 #: Children are copies of this process, with its scenes and solvers, which need not be picklable.
 FORK = "fork"
 
@@ -91,6 +93,7 @@ class _Workers:
     """Processes that wait for the number of a job, do it and send what it returned."""
 
     def __init__(self, jobs: Sequence[Callable[[], Any]]) -> None:
+        compiling.together()
         self._jobs = jobs
         self._context: Any = get_context(FORK)
         self._processes: dict[Connection, Any] = {}

@@ -17,6 +17,7 @@ from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
 from typing import IO, Any
 
+from anctmm.jit.announcing import compiling
 from studies.engine.processes import Lost
 
 #: What a process runs: the same code from the same places.
@@ -43,6 +44,7 @@ class WorkerPool(Executor):
     """
 
     def __init__(self, workers: int) -> None:
+        compiling.together()
         self.workers = workers
         self._threads = ThreadPoolExecutor(workers, "anctmm-worker")
         self._of_thread = threading.local()
@@ -111,13 +113,14 @@ class WorkerPool(Executor):
             self._processes.add(process)
             assert process.stdin is not None
             with suppress(OSError):  # it may have ended at once, which is told to who calls it
-                process.stdin.write(pickle.dumps((sys.path, __name__)))
+                process.stdin.write(pickle.dumps((sys.path, __name__)) + pickle.dumps(compiling.place))
         return process
 
 
 def serve(calls: IO[bytes]) -> None:
     """In a worker process: answer calls until nobody is there to ask."""
     answers = _private_stream()
+    compiling.place = pickle.load(calls)  # it tells as one with who asks
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError, BrokenPipeError):
