@@ -79,7 +79,7 @@ class Bodies:
         """First node of each body, and after them the number of all nodes."""
         return np.cumsum([0, *(m.nodes for m in self.meshes)]).astype(np.int64)
 
-    @property
+    @cached_property
     def nodes(self) -> int:
         """Number of all nodes."""
         return int(self.first[-1])
@@ -150,7 +150,11 @@ class Bodies:
         return out
 
     def reference(self) -> Array:
-        """Coordinates of the undeformed scene, (rows, nodes)."""
+        """Coordinates of the undeformed scene, (rows, nodes); the caller's own."""
+        return self._reference.copy()
+
+    @cached_property
+    def _reference(self) -> Array:
         return self.flat([m.reference for m in self.meshes])
 
     def initial_velocity(self) -> Array:

@@ -7,6 +7,7 @@ from typing import Generic, Protocol, TypeVar
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.kept import kept
 from anctmm.model.places import End, Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 
@@ -101,6 +102,7 @@ def end_of(scene: Graph, place: Written) -> End:
     return scene.place(place).end
 
 
+@kept
 def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     """All junctions of a scene.
 
