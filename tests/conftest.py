@@ -42,10 +42,10 @@ INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops"],
     "forces": ["acting"],
     "integrators": ["esdirk", "static_start"],
-    "model": ["inputs", "mechanisms"],
+    "model": ["inputs", "mechanisms", "scene"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained"],
-    "results": ["constraint_check", "internal_forces"],
+    "results": ["constraint_check", "internal_forces", "pictures"],
 }  # fmt: skip
 
 

@@ -391,7 +391,9 @@ def test_damping_counts_among_the_stiffness():
 
 
 @every_kind
-@pytest.mark.parametrize("damping", [0.0, 1e-3], ids=["undamped", "damped"])
+@pytest.mark.parametrize(
+    "damping", [pytest.param(0.0, id="undamped"), pytest.param(1e-3, id="damped", marks=pytest.mark.slow)]
+)
 def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
     """A driven chain with a pin and a load: as many corrections, the same start, and no more than they leave."""
     material = Material(1e7, 1000.0, damping=damping)
