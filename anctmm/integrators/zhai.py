@@ -17,6 +17,7 @@ from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.kept_chains import is_found, once, own
+from anctmm.elements.dispatch import KERNELS
 from anctmm.forces.actuation import (
     DrivenClamps,
     place_clamps,
@@ -174,7 +175,12 @@ def _parts(chain: Chain, out: Output) -> list[Task]:
     clamps, loads = actuation.clamps(), actuation.loads()
     drives, values = drive_table(chain, actuation, np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
     tables = chain.bodies.tables()
+    elastic = [
+        (KERNELS[kind].forces, (q, 0, 1, tables.constants[0], tables.buffer))
+        for kind in set(tables.kinds.tolist())
+    ]
     return [
+        *(elastic if chain.split else ()),
         (turn_clamps, (clamps, drives)),
         (place_clamps, (q, q, clamps)),
         *(_split_parts(chain, q, drives) if chain.split else _block_parts(chain, q, tables, clamps, drives)),
