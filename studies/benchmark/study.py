@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from studies.benchmark import pictures as bench_pictures
+from studies.benchmark.additions import ELEMENTS, MOST_ADDED, PLAIN, added_costs
 from studies.benchmark.kernels import compile_solvers, kernel_costs
 from studies.benchmark.length import BASE, digits, direct_checks, length_costs
 from studies.benchmark.peak import rates
@@ -55,6 +56,8 @@ def bench(quick: bool = False, say: Callable[[str], None] = lambda text: None) -
     add(methods(effort, samples))
     say("cost against length")
     add(length_costs(effort, samples))
+    say("what one thing adds")
+    add(added_costs(effort, samples))
     say("a direct solver at length")
     add(direct_checks(effort, samples), digits(effort))
     required = requirements({name: t.frame for name, t in tables.items()}, quick)
@@ -83,7 +86,7 @@ def requirements(frames: Mapping[str, pd.DataFrame], quick: bool) -> Table:
     """
     rows = [
         *_explicit(frames["exudyn"]), *_equal_error(frames["equal_error"]), *_methods(frames["methods"]),
-        *_length(frames["length"]), *_direct(frames["direct"]),
+        *_length(frames["length"]), *_additions(frames["additions"]), *_direct(frames["direct"]),
     ]  # fmt: skip
     frame = pd.DataFrame(rows)
     met = frame["found"] >= frame["required"]
@@ -147,6 +150,16 @@ def _length(frame: pd.DataFrame) -> list[dict[str, Any]]:
         size = f"bytes of an element: {what}"
         lines.append(_line(size, r["bytes"], MOST_BYTES, float("nan"), "at most", r["status"]))
     return lines
+
+
+def _additions(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    return [
+        _line(
+            f"step of {ELEMENTS} elements with {r['added']} / without: {r['integrator']}, {r['along']}",
+            r["ratio"], 1.0 + MOST_ADDED, 1.0, "at most", r["status"],
+        )
+        for r in records(frame[frame["added"] != PLAIN])
+    ]  # fmt: skip
 
 
 def _direct(frame: pd.DataFrame) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ from anctmm.jit.compiling import kernel
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.solve import solve
 from studies import cli
+from studies.benchmark import additions as bench_additions
 from studies.benchmark import kernels as bench_kernels
 from studies.benchmark import length as bench_length
 from studies.benchmark import peers as bench_peers
@@ -25,7 +26,7 @@ from studies.scenes import cantilever_fall, four_bar
 
 TABLES = {
     "requirements", "kernels", "peak", "exudyn", "equal_error", "work_precision", "methods", "length", "direct",
-    "digits", "samples",
+    "digits", "additions", "samples",
 }  # fmt: skip
 
 
@@ -53,6 +54,7 @@ def small():
         patch.setattr(bench_kernels, "SIZES", (1, 4, 8))
         patch.setattr(bench_peers, "CANTILEVER_SIZES", (8,))
         patch.setattr(bench_peers, "FOUR_BARS", ((2, 8, 2),))
+        patch.setattr(bench_additions, "ELEMENTS", 8)
         patch.setattr(bench_length, "SHEAR_LENGTHS", (10, 1000))
         patch.setattr(bench_length, "CABLE_LENGTHS", (10, 1000))
         patch.setattr(bench_precision, "races", races)
@@ -187,7 +189,7 @@ def test_all_contestants_are_sampled_as_often_and_finish(small):
     raw = small.table("samples").frame
     counts = raw.groupby([raw["part"].str.split(",").str[0], "part", "what"]).size()
     assert set(counts.index.levels[0]) == {
-        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "direct",
+        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "additions", "direct",
     }  # fmt: skip
     assert (counts.loc["kernels"] == Effort(True).rounds).all()
     assert (counts.loc["length"] == Effort(True).rounds).all()
@@ -220,6 +222,25 @@ def test_equal_error_is_interpolated_from_runs_of_both_codes(small):
         assert len(reached) >= 2, scene
         assert (reached[["anctmm_implicit_s", "exudyn_best_s", "ratio_best"]] > 0.0).all(axis=None)
         assert (reached["anctmm_best_s"] <= reached["anctmm_implicit_s"]).all()
+
+
+def test_what_is_added_does_not_change_the_motion(monkeypatch):
+    """So that Newton's corrections, and with them the times, may be compared."""
+    monkeypatch.setattr(bench_additions, "ELEMENTS", 3)
+    for turned in (False, True):
+        for integrator in ("zhai", "generalized-alpha"):
+            runs = {
+                name: bench_additions.runner(scene, integrator)(20)
+                for name, scene in bench_additions.scenes(turned).items()
+            }
+            plain = runs.pop(bench_additions.PLAIN)
+            assert len(runs) == 3
+            way = np.abs(plain.displacement("beam.end")).max()
+            for s in runs.values():
+                assert s.status.ok
+                assert s.cost.newton_iterations == plain.cost.newton_iterations
+                assert s.cost.factorizations == plain.cost.factorizations
+                assert np.abs(s.position("beam.end") - plain.position("beam.end")).max() < 1e-6 * way
 
 
 def test_requirements_are_judged_by_their_sense(small):
