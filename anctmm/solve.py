@@ -9,7 +9,6 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
-from anctmm.errors import StepError
 from anctmm.integrators import esdirk, generalized_alpha, step_control, zhai
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
@@ -85,10 +84,4 @@ def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
     for name, (_, kind) in run.of(scene).items():
         if kind_of(kind).rigid:
             check_rigid_start(beam_of(scene.body(name)), stacklevel=6)
-    chain = Chain(scene, run)
-    if run.tolerance is not None and chain.bodies.damping is not None:
-        raise StepError(
-            f"tolerance is {run.tolerance!r} with damping in scene {scene.name!r}; dt is needed: the estimate of the "
-            f"error does not know damping"
-        )
-    return chain
+    return Chain(scene, run)

@@ -27,6 +27,8 @@ class _NotGiven(float):
 
 
 NOT_GIVEN = _NotGiven(1e-3)
+#: Bound of Newton's last correction where none is given; with a tolerance, the error that a step may make bounds it.
+TIGHT = _NotGiven(1e-10)
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,8 @@ class Discretisation:
     spectral_radius : float
         ρ∞ of generalized-α, in [0, 1].
     newton_tolerance : float
-        Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute.
+        Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute. With a
+        `tolerance` what a step may be wrong by bounds it, and this one, where it is given, if it is smaller.
     check_stability : bool
         Whether an explicit step above the stability limit is refused.
 
@@ -79,10 +82,11 @@ class Discretisation:
     psi: float = 0.5
     phi: float = 0.5
     spectral_radius: float = 0.9
-    newton_tolerance: float = 1e-10
+    newton_tolerance: float = TIGHT
     check_stability: bool = True
     steps: int = field(init=False, compare=False)
     stride: int = field(init=False, compare=False)
+    newton_given: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         set_ = object.__setattr__
@@ -96,8 +100,10 @@ class Discretisation:
         for method in METHODS.values():
             for name, value in vars(self._made(method)).items():
                 set_(self, name, value)
-        left = within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
-        set_(self, "newton_tolerance", left)
+        set_(self, "newton_given", not isinstance(self.newton_tolerance, _NotGiven))
+        if self.newton_given:
+            left = within("newton_tolerance", self.newton_tolerance, 0.0, 1e-2, "(]", DiscretisationError)
+            set_(self, "newton_tolerance", left)
         set_(self, "check_stability", flag("check_stability", self.check_stability, DiscretisationError))
         for name in ("dt", "t_end"):
             if not isinstance(getattr(self, name), _NotGiven):

@@ -81,10 +81,14 @@ class Newton(NamedTuple):
 
 def new_newton(chain: Chain) -> Newton:
     """Newton's iteration for a scene; what may be left of its tolerance is no less than rounding allows."""
-    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    rounding = 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
-    left = max(KAPPA * chain.run.newton_tolerance, rounding)
+    left = max(KAPPA * chain.run.newton_tolerance, least_left(chain))
     return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS))
+
+
+def least_left(chain: Chain) -> float:
+    """What rounding leaves of a step's error in Newton's iteration, relative to the scene's length."""
+    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
+    return 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
 
 
 def single_will_do(chain: Chain) -> bool:

@@ -15,10 +15,14 @@ would be wrong there.
 Steps end where loads or drives break; where a load or the acceleration of a drive jumps, accelerations start anew.
 The lag of a at such a start is found by a first try of the step.
 
-Errors add up over a run: each step may make the share h/t_end of what the user allows. They are relative to the
-largest displacement of each node, or a part of the largest of all where that is more: those until now, and where a
-tight tolerance makes it pay, those of a pilot run of a loose one, which stops at no outputs. Where they turn out to be
-less than was assumed, the first run is made again.
+Newton's iteration stops where what it leaves is a small part of the error that the step may make: what it leaves is
+noise of w, which the estimate would answer with ever smaller steps.
+
+Errors add up over a run: on the average over a part of it, each step may make the share h/t_end of what the user
+allows. A smooth motion so has equal steps, although the error of a step swings with it. Errors are relative to the
+largest displacement of each node, or a part of the largest of all where that is more. How far the nodes will move is
+first guessed by a few long steps of one Newton correction each. Where a run finds that they move much less than was
+assumed, it is made again.
 """
 
 from typing import NamedTuple
@@ -26,20 +30,29 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables, mass_product
+from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.maps import push_alike
+from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import Actuation, DrivenClamps, clamp_reactions, turn_clamps, work_done
-from anctmm.forces.connectors import driven_connectors, has_clock, measure, slopes
+from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
-from anctmm.forces.loads import Loads, load_at
-from anctmm.forces.timeline import Timeline, missed_impulse, missed_turn, set_actions, timeline
+from anctmm.forces.loads import Loads
+from anctmm.forces.timeline import Timeline, set_actions, timeline
 from anctmm.integrators.implicit_start import balance
-from anctmm.integrators.implicit_step import State, begin_step, copy, finish, new_state
+from anctmm.integrators.implicit_step import (
+    Damping,
+    State,
+    begin_step,
+    copy,
+    dissipated,
+    finish,
+    new_damping,
+    new_state,
+)
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import Newton, new_newton, solve_step
+from anctmm.integrators.newton import Newton, least_left, new_newton, solve_step
 from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import (
     STEP,
@@ -51,48 +64,74 @@ from anctmm.integrators.output import (
     too_large,
     worst_element,
 )
+from anctmm.integrators.step_error import measure_motion, step_error
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.pacing import paced
 from anctmm.recursion.constrained import constrained, set_drives, work_of_drives
-from anctmm.recursion.low_rank import correct
-from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links, sweep
-from anctmm.recursion.rows import Rows
+from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
 Array = NDArray[np.float64]
 
-#: Share of the tolerance that the sum of local errors may take: errors cancel in part.
-SHARE = 1.0
+#: Share of the tolerance that the sum of local errors may take: they cancel in part, and motions take some back.
+SHARE = 1.2
 #: The same with constraints: at steps of other length their multipliers bring errors that the estimate does not see.
 WITH_CONSTRAINTS = 0.2
-#: First step and smallest step, of the interval of output and of the run.
-FIRST, SMALLEST = 1.0 / 16.0, 1e-9
+#: Part of the error allowed in a step that Newton's iteration may leave.
+NEWTON_PART = 0.03
+#: First step, of the interval of output, at a tolerance of LOOSE and at smaller ones in proportion to their root; and
+#: smallest step, of the run.
+FIRST, LOOSE, SMALLEST = 0.5, 1e-2, 1e-9
 #: Relative change of the step beyond which the iteration matrix is renewed.
 STALE = 0.15
+#: Changes of the step below which it stays, and steps between two changes: each costs a factorization.
+SHORTER, LONGER, STEADY = 0.87, 1.15, 8
+#: Times the error allowed that a single step may make, and part of the run over which the mean of the errors is taken.
+PEAK, MEMORY = 4.0, 0.05
+#: Steps of equal length after which the error is estimated over several of them, where no load varies.
+ALIKE = 4
+#: Newton corrections and twice the factorizations of a step above which shorter ones are cheaper.
+HARD = 14
 #: More steps than a run can have.
 UNLIMITED = 1 << 60
-#: Displacement that the pilot run starts from, of the scene's length, and below which nothing moves.
-FLOOR, STILL = 1e-3, 1e-11
+#: Length to which steps are fitted between two stops, of the one aimed at, at most.
+FITTED = 1.15
+#: Steps, as parts of the run, that guess how far nodes move; what they find counts up to FAR of the scene's length.
+GUESS, FAR = (0.5, 0.125), 0.5
+#: Displacement below which nothing moves, of the scene's length.
+STILL = 1e-11
 #: Part of the largest displacement to which errors of nodes that move less are relative.
 SMALL = 0.25
 #: Largest value of the shape function of a gradient, of the element's length.
 BULGE = 4.0 / 27.0
-#: Tolerance of the pilot run, that below which it pays, and how often a first run is made where little moves, at most.
-PILOT, PILOTED, ROUNDS = 0.05, 5e-3, 4
+#: Times the error allowed that may be found at the end, relative to what has moved; and rounds of a run, at most.
+FOUND, ROUNDS = 2.0, 4
+#: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
+DONE, STUCK, UNFINISHED = 0, 1, 2
+#: Places in `Control.progress`.
+TIME, WANTED, FACTORED, LAST, EVENT, STARTS, FIRST_STEP, KEPT, STEADY_STEPS, RATE, SPENT, LOOKED, CAP = range(
+    13
+)
 
 
 class Control(NamedTuple):
     """Step control: sum of local errors that is allowed, error coefficient, run length (s).
 
     reach: length that each drive moves by a unit, m. small: part of the largest displacement to which errors of nodes
-    that move less are relative. method: αm, αf, β, γ. times: of the outputs, s. counts: accepted and rejected steps.
-    scale: largest displacement, of a pilot run or until now, m, (1,). load and x: scratch, (rows, nodes). angles,
-    values: of drives and loads at the start and at the end of the step, (2, drives, 3) and (2, loads, 2). missed:
-    scratch, (2,). reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its
-    gradient makes, m, (nodes,). moved: that displacement of each node, m, (nodes,). progress: where the run stands,
-    see `Progress`.
+    that move less are relative. method: αm, αf, β, γ. rounding: what Newton's iteration leaves at least. times: of the
+    outputs, s. counts: accepted and rejected steps. scale: largest displacement, assumed or until now, m, (1,). load
+    and x: scratch, (rows, nodes). w: that at the last estimate. angles, values: of drives and loads at the start and
+    at the end of the step, (2, drives, 3) and (2, loads, 2). missed: scratch, (2,). reference: coordinates at the
+    start. bulge: largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved:
+    displacement of each node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and
+    what damping times rate adds to them, (2, bodies, ...). progress: where the run stands.
+
+    The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
+    the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
+    length changed; the mean of the errors over the cube of the step, 1/s³; their sum; the time of the last estimate, s;
+    the step above which Newton's iteration is expensive, s.
     """
 
     allowed: float
@@ -101,39 +140,50 @@ class Control(NamedTuple):
     reach: Array
     small: float
     method: tuple[float, float, float, float]
+    rounding: float
     times: Array
     counts: Array
     scale: Array
     load: Array
     x: Array
+    w: Array
     angles: Array
     values: Array
     missed: Array
     reference: Array
     bulge: Array
     moved: Array
+    elastic: Array
     progress: Array
 
 
-class Progress(NamedTuple):
-    """Time reached, step aimed at, that of the matrix, the last one (0: none), s; what comes next.
+class System(NamedTuple):
+    """What `advance` takes, damping apart: what is absent is told by its type."""
 
-    event: number of the next stop. start: whether the motion starts there. first: whether its first step comes next.
-    kept: outputs.
+    control: Control
+    state: State
+    tables: Tables
+    links: Links
+    factors: BlockFactors
+    clamps: DrivenClamps
+    loads: Loads
+    newton: Newton
+    out: Output
+    actions: Timeline
+
+
+class March(NamedTuple):
+    """One run: outputs kept, time reached (s), whether that is the end, or the user stopped it.
+
+    moved: largest displacement of each node, m, (nodes,). spent: sum of the local errors over what is allowed.
     """
 
+    kept: int
     t: float
-    wanted: float
-    factored: float
-    last: float
-    event: float
-    start: float
-    first: float
-    kept: float
-
-
-#: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
-DONE, STUCK, UNFINISHED = 0, 1, 2
+    whole: bool
+    stopped: bool
+    moved: Array
+    spent: float
 
 
 def integrate(chain: Chain) -> Solution:
@@ -149,140 +199,167 @@ def integrate(chain: Chain) -> Solution:
     PropertyError
         If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
-    run = chain.run
-    actuation, record = actuation_of(chain), Record(chain)
-    actions = timeline(
-        drives_of(chain, actuation),
-        varying_loads(chain.parts),
-        driven_connectors(chain.parts),
-        run.t_end,
-        run.steps,
-    )
-    whole, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
-    scratch, still = record.arrays(), np.zeros(chain.bodies.nodes)
+    run, record = chain.run, Record(chain)
+    system, damping = _system(chain, record.arrays()), new_damping(chain)
+    outputs, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
+    still, counts = np.zeros(chain.bodies.nodes), system.control.counts
 
-    marched: list[Marched] = []
+    def so_far(kept: int, status: Status) -> Solution:
+        corrections, factorizations, _ = system.newton.counts
+        return record.solution(kept, status, int(counts[0]), int(corrections), int(factorizations))
 
-    def so_far(status: Status) -> Solution:
-        steps, iterations, factorizations = np.sum([m.counts for m in marched], axis=0)
-        return record.solution(marched[-1].kept, status, int(steps), int(iterations), int(factorizations))
-
-    def march(out: Output, times: Array, tolerance: float, floor: float, moved: Array) -> Marched:
-        found = _march(chain, actuation, actions, out, times, tolerance, floor, moved)
+    def march(times: Array, assumed: Array, scale: float = 0.0, guess: bool = False) -> March:
+        found = _march(chain, system, damping, times, assumed, scale, guess)
         if found.stopped:
-            marched.append(found._replace(kept=min(found.kept, 1)) if times is ends else found)
-            raise Interrupted(so_far(interruption(found.t)))
+            raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
         return found
 
-    march(scratch, np.zeros(1), 1.0, 1.0, still)  # compiles
+    march(np.zeros(1), still)  # compiles
     record.start()
-    floor = FLOOR * chain.length
-    tolerance = float(run.tolerance or 0.0)
-    for _ in range(ROUNDS):
-        if tolerance < PILOTED:
-            marched.append(march(scratch, ends, PILOT, floor, still))
-        else:
-            marched.append(march(record.arrays(), whole, tolerance, floor, still))
-        moved = marched[-1].moved
-        if not marched[-1].whole or not STILL * chain.length < moved.max() < 0.5 * floor:
-            break
-        floor = float(moved.max())
-    if tolerance < PILOTED:
-        known = moved if marched[-1].whole else still
-        marched.append(march(record.arrays(), whole, tolerance, floor, known))
-    return so_far(Status() if marched[-1].whole else _stuck(chain, marched[-1]))
-
-
-class Marched(NamedTuple):
-    """One run: outputs kept, time reached (s), whether that is the end, or the user stopped it, what was at work.
-
-    moved: largest displacement of each node, m, (nodes,). counts: steps, Newton corrections, factorizations.
-    """
-
-    kept: int
-    t: float
-    whole: bool
-    stopped: bool
-    moved: Array
-    counts: tuple[int, int, int]
-    state: State
-    newton: Newton
-    rows: Rows | None
-
-
-def _march(
-    chain: Chain,
-    actuation: Actuation,
-    actions: Timeline,
-    out: Output,
-    times: Array,
-    tolerance: float,
-    floor: float,
-    moved: Array,
-) -> Marched:
-    """Run over `times` with a tolerance, relative to `floor` or `moved` at least."""
-    bodies, state, newton = chain.bodies, new_state(chain), new_newton(chain)
-    factors = block_factors(chain)
-    method = GeneralizedAlpha(chain.run.spectral_radius)
-    turns = [drive.turns for drive in drives_of(chain, actuation)]
-    drives, histories = len(turns), len(actions.pieces.steady)
-    control = Control(
-        tolerance * (SHARE if rows_in(factors.loops) is None else WITH_CONSTRAINTS),
-        abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
-        chain.run.t_end,
-        np.where(turns, chain.length, 1.0),
-        SMALL,
-        (method.alpha_m, method.alpha_f, method.beta, method.gamma),
-        times,
-        np.zeros(2),
-        np.array([max(floor, moved.max())]),
-        np.zeros_like(state.q),
-        np.zeros_like(state.q),
-        np.zeros((2, drives, 3)),
-        np.zeros((2, histories - drives + has_clock(chain.parts), 2)),
-        np.zeros(2),
-        chain.start_coordinates(),
-        np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
-        moved.copy(),
-        np.array(Progress(0.0, FIRST * chain.run.exact_dt, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0)),
+    counts[:] = 0.0
+    system.newton.counts[:] = 0
+    assumed, scale = _assumed(
+        chain, [march(part * ends, still, chain.length, guess=True).moved for part in GUESS]
     )
-    fixed = (
-        control,
+    for _ in range(ROUNDS):
+        done = march(outputs, assumed, scale)
+        if not done.whole or done.moved.max() < STILL * chain.length:
+            break
+        used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
+        if done.spent * (used / np.maximum(done.moved, SMALL * done.moved.max())).max() <= FOUND:
+            break
+        assumed, scale = done.moved, float(done.moved.max())
+    return so_far(done.kept, Status() if done.whole else _stuck(chain, system, done.t))
+
+
+def _assumed(chain: Chain, guesses: list[Array]) -> tuple[Array, float]:
+    """Displacements assumed of each node, m, (nodes,), and of the scene: those of a guess, none of them far.
+
+    A guess is that of equations made linear at the start: right for small motions, and too large for large ones.
+    """
+    moved = np.nan_to_num(np.max(guesses, axis=0), posinf=0.0)
+    scale = min(float(moved.max()), FAR * chain.length)
+    return moved * (scale / max(float(moved.max()), STILL)), scale
+
+
+def _system(chain: Chain, out: Output) -> System:
+    """What the steps of a run take; each march starts it anew."""
+    run, bodies, state = chain.run, chain.bodies, new_state(chain)
+    factors, actuation = block_factors(chain), actuation_of(chain)
+    drives = drives_of(chain, actuation)
+    actions = timeline(
+        drives, varying_loads(chain.parts), driven_connectors(chain.parts), run.t_end, run.steps
+    )
+    return System(
+        _control(chain, state, actuation, actions),
         state,
         bodies.tables(),
         links(chain),
         factors,
         actuation.clamps(),
         actuation.loads(),
-        newton,
+        _newton(chain),
         out,
         actions,
     )
-    code, stopped = UNFINISHED, False
-    for begin, end in paced(UNLIMITED, STEP * bodies.nodes):
-        try:
-            code = int(advance(end - begin, len(times) - 1, *fixed))
-        except KeyboardInterrupt:
-            stopped = True
-        if code != UNFINISHED or stopped:
-            break
-    counts = int(control.counts[0]), int(newton.counts[0]), int(newton.counts[1])
-    reached = Progress(*control.progress)
-    rows = rows_in(factors.loops)
-    return Marched(
-        int(reached.kept), reached.t, code == DONE, stopped, control.moved, counts, state, newton, rows
+
+
+def _newton(chain: Chain) -> Newton:
+    """Newton's iteration, bounded by the error that a step may make alone where nothing else is asked for."""
+    newton = new_newton(chain)
+    return newton if chain.run.newton_given else newton._replace(tolerance=np.inf)
+
+
+def _control(chain: Chain, state: State, actuation: Actuation, actions: Timeline) -> Control:
+    """Step control before the first march."""
+    bodies, run, method = chain.bodies, chain.run, GeneralizedAlpha(chain.run.spectral_radius)
+    turns = [drive.turns for drive in drives_of(chain, actuation)]
+    drives, histories = len(turns), len(actions.pieces.steady)
+    return Control(
+        allowed=np.inf,
+        coefficient=abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
+        t_end=run.t_end,
+        reach=np.where(turns, chain.length, 1.0),
+        small=SMALL,
+        method=(method.alpha_m, method.alpha_f, method.beta, method.gamma),
+        rounding=least_left(chain),
+        times=np.zeros(1),
+        counts=np.zeros(2),
+        scale=np.zeros(1),
+        load=np.zeros_like(state.q),
+        x=np.zeros_like(state.q),
+        w=np.zeros_like(state.q),
+        angles=np.zeros((2, drives, 3)),
+        values=np.zeros((2, histories - drives + has_clock(chain.parts), 2)),
+        missed=np.zeros(2),
+        reference=chain.start_coordinates(),
+        bulge=np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
+        moved=np.zeros((2, bodies.nodes)),
+        elastic=_elastic(chain),
+        progress=np.zeros(13),
     )
 
 
-def _stuck(chain: Chain, marched: Marched) -> Status:
+def _elastic(chain: Chain) -> Array:
+    """Constants of the elements, and what a factor τ of each body adds: they are linear in the stiffness."""
+    bodies = chain.bodies
+    if bodies.damping is None:
+        return np.zeros((2, 0, 0))
+    plain = bodies.tables().constants
+    return np.array(
+        [plain, bodies.stiffened([1.0 + tau for tau in bodies.damping]).tables().constants - plain]
+    )
+
+
+def _march(
+    chain: Chain,
+    system: System,
+    damping: Damping | None,
+    times: Array,
+    assumed: Array,
+    scale: float,
+    guess: bool,
+) -> March:
+    """Run from the start over `times`, with displacements that are assumed, or a `guess` of them in one step."""
+    run, state, control, newton = chain.run, system.state, system.control, system.newton
+    tolerance = float(run.tolerance or 0.0)
+    share = SHARE if rows_in(system.factors.loops) is None else WITH_CONSTRAINTS
+    state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
+    control.moved[0], control.moved[1] = 0.0, assumed
+    control.scale[0] = scale
+    system.out.work[0] = 0.0
+    first = FIRST * min(1.0, np.sqrt(tolerance / LOOSE)) * run.exact_dt
+    control.progress[:] = 0.0
+    control.progress[WANTED], control.progress[STARTS] = times[-1] if guess else first, 1.0
+    control.progress[CAP] = np.inf
+    system = system._replace(
+        control=control._replace(allowed=np.inf if guess else tolerance * share, times=times),
+        newton=newton._replace(tolerance=np.inf) if guess else newton,
+    )
+    code, stopped = UNFINISHED, False
+    for begin, end in paced(UNLIMITED, STEP * chain.bodies.nodes):
+        try:
+            code = int(advance(1 if guess else end - begin, len(times) - 1, system, damping))
+        except KeyboardInterrupt:
+            stopped = True
+        if code != UNFINISHED or stopped or guess:
+            break
+    progress = control.progress
+    spent = float(progress[SPENT]) / (tolerance * share)
+    return March(
+        int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(), spent
+    )
+
+
+def _stuck(chain: Chain, system: System, t: float) -> Status:
     """What is known of a run that ended early."""
-    t, state, newton = marched.t, marched.state, marched.newton
-    if (found := locked(chain, state.q, marched.rows, t)) is not None:
+    state, history = system.state, system.newton.history
+    if (found := locked(chain, state.q, rows_in(system.factors.loops), t)) is not None:
         return found
-    if newton.history.any():
+    if history.any():
         body, element = worst_element(chain, correction_size(chain, state))
         what = (
-            f"no step was small enough at t = {t:.6g} s, with corrections {in_short(newton.history)} in the last one "
+            f"no step was small enough at t = {t:.6g} s, with corrections {in_short(history)} in the last one "
             f"tried; the motion may blow up there"
         )
     else:
@@ -298,119 +375,230 @@ def _stuck(chain: Chain, marched: Marched) -> Status:
 
 
 @kernel
-def advance(
-    budget: int,
-    outputs: int,
-    control: Control,
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    clamps: DrivenClamps,
-    loads: Loads,
-    newton: Newton,
-    out: Output,
-    actions: Timeline,
-) -> int:
+def advance(budget: int, outputs: int, system: System, damping: Damping | None) -> int:
     """Run over the intervals of output with at most `budget` steps, from where `control.progress` stands."""
-    q, v, w = state.q, state.v, state.w
-    flat_q, flat_v, flat_a, flat_w, flat_q_before, flat_w_before = state.flat
-    pieces, stops, anew = actions
-    angles, values = control.angles, control.values
-    progress = control.progress
-    t, wanted, factored, last = progress[0], progress[1], progress[2], progress[3]
-    event, start, first, kept = int(progress[4]), progress[5] != 0.0, progress[6] != 0.0, int(progress[7])
+    control, state, progress = system.control, system.state, system.control.progress
     code = DONE
-    for number in range(max(kept - 1, 0), outputs + 1):
+    for number in range(max(int(progress[KEPT]) - 1, 0), outputs + 1):
         end = control.times[min(number + 1, len(control.times) - 1)]
         while True:
-            if start:  # the motion starts, or starts anew after a jump
-                set_actions(pieces, t, True, angles[1], values[1])
-                balance(state, tables, links, factors, clamps, loads, angles[1], values[1], None)
-                clamp_reactions(q, w, state.f, tables, clamps)
-                work_done(False, q, clamps, loads, values[1])
-                work_of_drives(factors.loops, False, q)
-                newton.counts[1] += 1
-                newton.counts[2] = 1
-                start, first, last = False, True, 0.0
-            if number == kept:
-                if too_large(q, STRETCH_LIMIT):
-                    newton.history[:] = 0.0  # no step was refused
+            if progress[STARTS] != 0.0:
+                _start_anew(system, damping)
+            if number == int(progress[KEPT]):
+                if too_large(state.q, STRETCH_LIMIT):
+                    system.newton.history[:] = 0.0  # no step was refused
                     code = STUCK
                     break
-                keep(number, 1, q, v, w, tables, loads.connectors, out)
-                kept += 1
-            if number == outputs or t >= end:
+                loads = system.loads
+                keep(number, 1, state.q, state.v, state.w, system.tables, loads.connectors, system.out)
+                progress[KEPT] += 1.0
+            if number == outputs or progress[TIME] >= end:
                 break
             if budget == 0:
                 code = UNFINISHED
                 break
             budget -= 1
-            stop = min(end, stops[event])
-            h = (stop - t) / np.ceil((stop - t) / wanted * (1.0 - 1e-9))
-            if h < SMALLEST * control.t_end and wanted < SMALLEST * control.t_end:
+            stop = min(end, system.actions.stops[int(progress[EVENT])])
+            h = _length(control, stop)
+            if h < SMALLEST * control.t_end and progress[WANTED] < SMALLEST * control.t_end:
                 code = STUCK
                 break
-            if last > 0.0 and h != last:
-                if constrained(factors.loops):
-                    balance(state, tables, links, factors, clamps, loads, angles[1], values[1], None)
-                    newton.counts[1] += 1
-                    newton.counts[2] = 1
-                    first = True
-                else:
-                    _shift(state, control, 1.0 - h / last)
-            last = 0.0
-            c = _coefficients(h, control.method)
-            begin_step(False, state.flat, c)
-            _copy_actions(angles, values, 1, 0)
-            final = t + h > stop - 0.5 * h
-            set_actions(pieces, stop if final else t + h, False, angles[1], values[1])
-            turn_clamps(clamps, angles[1])
-            set_drives(factors.loops, angles[1], len(clamps.nodes))
-            if abs(h - factored) > STALE * h:
-                newton.counts[2] = 1
-            if newton.counts[2] != 0:
-                factored = h
-            solved = solve_step(state, c, tables, links, factors, clamps, loads, values[1], newton, None)
-            allowed = control.allowed * h / control.t_end
-            error = np.inf
-            if solved:
-                error = _error(t, state, control, c, tables, factors, clamps, loads, pieces)
-            again = solved and first  # the first step tells how a lags w
-            if again or not error <= 2.0 * allowed:
-                if not again:
-                    factor = max(0.2, 0.8 * np.sqrt(allowed / error)) if solved else 0.25
-                    if solved and not first:
-                        _shift(state, control, 1.0 - factor)
-                    wanted = h * factor
-                    newton.counts[2] = 1
-                    control.counts[1] += 1
-                else:
-                    _shift(state, control, -1.0)
-                    wanted = h
-                    first = False
-                copy(flat_q_before, flat_q)
-                copy(flat_w_before, flat_w)
-                _copy_actions(angles, values, 0, 1)
-                continue
-            finish(flat_v, flat_a, flat_w, flat_w_before, c)
-            t, last = stop if final else t + h, h
-            control.counts[0] += 1
-            clamp_reactions(q, w, state.f, tables, clamps)
-            out.work[0] += work_done(True, q, clamps, loads, values[1])
-            out.work[0] += work_of_drives(factors.loops, True, q)
-            _measure(q, control)
-            ratio = 0.9 * np.sqrt(allowed / max(error, 1e-300))
-            if ratio < 0.9 or ratio > 1.25:  # small changes would only cost factorizations
-                wanted = h * min(max(ratio, 0.3), 1.6)
-            while stops[event] <= t:
-                start = start or anew[event]
-                event += 1
+            _step(h, stop, system, damping)
         if code != DONE:
             break
-    progress[0], progress[1], progress[2], progress[3], progress[4] = t, wanted, factored, last, event
-    progress[5], progress[6], progress[7] = start, first, kept
     return code
+
+
+@inlined
+def _length(control, stop):  # type: ignore[no-untyped-def]
+    """A step about as long as the one aimed at that divides the way to the next stop."""
+    progress = control.progress
+    left, wanted = stop - progress[TIME], min(progress[WANTED], progress[CAP])
+    return left / np.ceil(left / (FITTED * wanted))
+
+
+@inlined
+def _start_anew(system, damping):  # type: ignore[no-untyped-def]
+    """Start the motion, or start it anew after a jump of what acts."""
+    control, q = system.control, system.state.q
+    progress, values = control.progress, control.values
+    set_actions(system.actions.pieces, progress[TIME], True, control.angles[1], values[1])
+    _accelerations(system, damping)
+    clamp_reactions(q, system.state.w, system.state.f, system.tables, system.clamps)
+    work_done(False, q, system.clamps, system.loads, values[1])
+    work_of_drives(system.factors.loops, False, q)
+    progress[STARTS], progress[LAST] = 0.0, 0.0
+    _remember(control, system.state)
+
+
+@inlined
+def _accelerations(system, damping):  # type: ignore[no-untyped-def]
+    """Find the true accelerations of the present state, from which the next step starts as a first one."""
+    control, newton = system.control, system.newton
+    balance(
+        system.state, system.tables, system.links, system.factors, system.clamps, system.loads,
+        control.angles[1], control.values[1], damping,
+    )  # fmt: skip
+    newton.counts[1] += 1
+    newton.counts[2] = 1
+    control.progress[FIRST_STEP] = 1.0
+
+
+@inlined
+def _step(h, stop, system, damping):  # type: ignore[no-untyped-def]
+    """Try a step, and accept it or go back."""
+    control, state, newton = system.control, system.state, system.newton
+    progress, values = control.progress, control.values
+    if progress[LAST] > 0.0 and h != progress[LAST]:
+        if constrained(system.factors.loops):
+            _accelerations(system, damping)
+        else:
+            _shift(state, control, 1.0 - h / progress[LAST])
+    progress[LAST] = 0.0
+    c = _coefficients(h, control.method)
+    _begin(h, stop, c, system)
+    _stiffen(damping, control, c)
+    part = NEWTON_PART * control.allowed * h / control.t_end
+    left = max(control.rounding, part * control.scale[0] / newton.scale)
+    allowed = control.allowed * (progress[TIME] + h - progress[LOOKED]) / control.t_end
+    before = newton.counts[0] + 2 * newton.counts[1]
+    solved = solve_step(
+        state, c, system.tables, system.links, system.factors, system.clamps, system.loads, values[1],
+        Newton(newton.scale, min(newton.tolerance, left), newton.counts, newton.history), damping,
+    )  # fmt: skip
+    look, error = _looks(h, control), np.inf
+    if solved and look:
+        error = step_error(
+            progress[TIME], state, control, c, system.tables, system.factors, system.clamps, system.loads,
+            system.actions.pieces,
+        )  # fmt: skip
+    guess = control.allowed == np.inf
+    if solved and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)):
+        _accept(h, stop, c, system, damping)
+        effort = newton.counts[0] + 2 * newton.counts[1] - before
+        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
+        progress[STEADY_STEPS] += 1.0
+        if look:
+            measure_motion(state.q, control)
+            _remember(control, state)
+            if not guess:
+                _aim(h, error, control)
+    else:
+        _refuse(solved, h, error, allowed, system)
+
+
+@inlined
+def _looks(h, control):  # type: ignore[no-untyped-def]
+    """Whether the error is estimated: over several steps where they stay as they are and no load varies.
+
+    A vibration whose phase is lost over the run, c ω³ h² t_end of about 1, is wrong by its amplitude and not by more.
+    Over a time of 1/ω of that frequency, errors of faster ones cancel.
+    """
+    steady = int(control.progress[STEADY_STEPS])
+    span = max(1, int((0.5 * control.coefficient * control.t_end / h) ** (1.0 / 3.0)))
+    return steady < ALIKE or steady % span == 0 or control.values.shape[1] > 0
+
+
+@inlined
+def _remember(control, state):  # type: ignore[no-untyped-def]
+    """Keep w, from which the next estimate starts."""
+    for k in range(state.w.shape[0]):
+        for i in range(state.w.shape[1]):
+            control.w[k, i] = state.w[k, i]
+
+
+@inlined
+def _begin(h, stop, c, system):  # type: ignore[no-untyped-def]
+    """Predict the end of a step, and set what acts there."""
+    control, newton, progress = system.control, system.newton, system.control.progress
+    angles, values, loops = control.angles, control.values, system.factors.loops
+    begin_step(False, system.state.flat, c)
+    _copy_actions(angles, values, 1, 0)
+    set_actions(system.actions.pieces, _end_of(h, stop, progress), False, angles[1], values[1])
+    turn_clamps(system.clamps, angles[1])
+    set_drives(loops, angles[1], len(system.clamps.nodes))
+    if abs(h - progress[FACTORED]) > STALE * h:
+        newton.counts[2] = 1
+    if newton.counts[2] != 0:
+        progress[FACTORED] = h
+
+
+@inlined
+def _end_of(h, stop, progress):  # type: ignore[no-untyped-def]
+    """The end of a step, which is the next stop if that is close."""
+    end = progress[TIME] + h
+    return stop if end > stop - 0.5 * h else end
+
+
+@embedded
+def _stiffen(damping, control, c):  # type: ignore[no-untyped-def]
+    """Give the iteration matrix the stiffness of damping at steps of this length."""
+    if damping is not None:
+        constants, rate = damping.stiff.constants, c.gamma / (c.beta * c.h)
+        for i in range(constants.shape[0]):
+            for k in range(constants.shape[1]):
+                constants[i, k] = control.elastic[0, i, k] + rate * control.elastic[1, i, k]
+
+
+@inlined
+def _accept(h, stop, c, system, damping):  # type: ignore[no-untyped-def]
+    """Go to the end of the step."""
+    control, state, progress = system.control, system.state, system.control.progress
+    q, loops = state.q, system.factors.loops
+    _, flat_v, flat_a, flat_w, _, flat_w_before = state.flat
+    finish(flat_v, flat_a, flat_w, flat_w_before, c)
+    progress[TIME] = _end_of(h, stop, progress)
+    progress[LAST], progress[FIRST_STEP] = h, 0.0
+    control.counts[0] += 1
+    clamp_reactions(q, state.w, state.f, system.tables, system.clamps)
+    system.out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
+    system.out.work[0] += work_of_drives(loops, True, q)
+    if damping is not None:
+        system.out.work[0] += dissipated(q, state.q_before, damping)
+    stops, anew = system.actions.stops, system.actions.anew
+    while stops[int(progress[EVENT])] <= progress[TIME]:
+        if anew[int(progress[EVENT])]:
+            progress[STARTS] = 1.0
+        progress[EVENT] += 1.0
+
+
+@inlined
+def _aim(h, error, control):  # type: ignore[no-untyped-def]
+    """Choose the next step by the mean error of the last ones: that of a single one swings with the motion."""
+    progress = control.progress
+    since = progress[TIME] - progress[LOOKED]
+    rate = error / (h * h * since)
+    part = min(1.0, since / (MEMORY * control.t_end))
+    progress[RATE] += (rate - progress[RATE]) * (part if progress[LOOKED] > 0.0 else 1.0)
+    progress[SPENT] += rate * h * h * since
+    progress[LOOKED] = progress[TIME]
+    ratio = np.sqrt(control.allowed / (control.t_end * max(progress[RATE], 1e-300))) / h
+    if (ratio < SHORTER or ratio > LONGER) and (progress[STEADY_STEPS] >= STEADY or ratio > 2.0):
+        progress[WANTED] = h * min(max(ratio, 0.3), 3.0)
+        progress[STEADY_STEPS] = 0.0
+
+
+@inlined
+def _refuse(solved, h, error, allowed, system):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step, with a shorter one; a first one was a try that told how a lags w."""
+    control, state, progress = system.control, system.state, system.control.progress
+    flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
+    if solved and progress[FIRST_STEP] != 0.0:
+        _shift(state, control, -1.0)
+        progress[WANTED], progress[FIRST_STEP] = h, 0.0
+    else:
+        factor = max(0.2, np.sqrt(allowed / error)) if solved else 0.5
+        if solved:
+            _shift(state, control, 1.0 - factor)
+        progress[WANTED] = h * factor
+        progress[STEADY_STEPS] = 0.0
+        if solved:
+            progress[RATE] = max(progress[RATE], error / (h * h * (progress[TIME] + h - progress[LOOKED])))
+        system.newton.counts[2] = 1
+        control.counts[1] += 1
+    copy(flat_q_before, flat_q)
+    copy(flat_w_before, flat_w)
+    _copy_actions(control.angles, control.values, 0, 1)
 
 
 @inlined
@@ -438,71 +626,3 @@ def _copy_actions(angles, values, here, there):  # type: ignore[no-untyped-def]
     for n in range(values.shape[1]):
         for k in range(2):
             values[there, n, k] = values[here, n, k]
-
-
-@inlined
-def _error(t, state, control, c, tables, factors, clamps, loads, pieces):  # type: ignore[no-untyped-def]
-    """Filtered estimate of the step's error in displacement, relative, the largest of the nodes."""
-    q, load, x, angles, values, missed = (
-        state.q,
-        control.load,
-        control.x,
-        control.angles,
-        control.values,
-        control.missed,
-    )
-    factor = control.coefficient * c.h * c.h * c.to_w
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            x[k, i] = factor * (state.w[k, i] - state.w_before[k, i])
-    mass_product(x, tables.first, tables.masses, tables.buffer, load)
-    drives = angles.shape[1]
-    for n in range(len(loads.kinds)):
-        missed_impulse(pieces, drives + n, t, c.h, values[0, n], values[1, n], missed)
-        fx, fy = load_at(loads, n, q, missed[0], missed[1])
-        push_alike(loads.targets, n, c.to_w * c.h * fx, c.to_w * c.h * fy, load)
-    _add_missed_lengths(loads.connectors, pieces, drives, t, c, q, values, missed, load)
-    sweep(factors, load, x)
-    correct(loads.border, x)
-    turned = 0.0
-    for h in range(drives):
-        missing = control.reach[h] * missed_turn(pieces, h, t, c.h, angles[0, h], angles[1, h])
-        turned = max(turned, missing)
-    largest, least = 0.0, control.small * control.scale[0]
-    for i in range(q.shape[1]):
-        largest = max(largest, _size(x, i, control.bulge) / max(control.moved[i], least))
-    return largest + turned / control.scale[0]
-
-
-@embedded
-def _add_missed_lengths(connectors, pieces, drives, t, c, q, values, missed, load):  # type: ignore[no-untyped-def]
-    """What free lengths and angles do beside their straight lines, as impulses of the forces that they make."""
-    if connectors is not None:
-        for n in range(len(connectors.kinds)):
-            row = connectors.driven[n]
-            if row >= 0:
-                missed_impulse(pieces, drives + row, t, c.h, values[0, row], values[1, row], missed)
-                m, ax, ay, bx, by = measure(connectors, n, q)
-                k, d = slopes(connectors, n, m - values[1, row, 0], 0.0, t)
-                s = c.to_w * c.h * (abs(k) * missed[0] + abs(d) * missed[1])
-                push_alike(connectors.first, n, s * ax, s * ay, load)
-                push_alike(connectors.second, n, s * bx, s * by, load)
-
-
-@inlined
-def _measure(q, control):  # type: ignore[no-untyped-def]
-    """Bring the largest displacements up to date."""
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            control.x[k, i] = q[k, i] - control.reference[k, i]
-    for i in range(q.shape[1]):
-        control.moved[i] = max(control.moved[i], _size(control.x, i, control.bulge))
-        control.scale[0] = max(control.scale[0], control.moved[i])
-
-
-@inlined
-def _size(x, i, bulge):  # type: ignore[no-untyped-def]
-    """Displacement that changes of coordinates make at a node, or by its gradient beside it, m."""
-    here = x[0, i] * x[0, i] + x[1, i] * x[1, i]
-    beside = (x[2, i] * x[2, i] + x[3, i] * x[3, i]) * bulge[i] * bulge[i]
-    return np.sqrt(max(here, beside))

@@ -20,8 +20,9 @@ TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
 STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
 LOOSE, TIGHT = NEWTON_TOLERANCES[0], NEWTON_TOLERANCES[-1]
-#: Errors in time asked of the error-controlled steps.
-TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4)
+#: Errors in time asked of the error-controlled steps; of a quick run.
+TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
+QUICK_TOLERANCES = (1e-2, 3e-3, 1e-3, 1e-4)
 #: An explicit run is tried where elements times steps do not exceed this: some 0.15 s of ANC-TMM, 2 s of a peer.
 MOST_EXPLICIT = 2e6
 IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
@@ -138,7 +139,7 @@ class Ladder:
         steps = self.quick_steps
         return (
             *self._implicit("cable", "lobatto", self.cable, CABLE_SOLVERS, steps),
-            *self._controlled("cable", "lobatto", self.cable[1:2], (3e-3,)),
+            *self._controlled("cable", "lobatto", self.cable[1:2], QUICK_TOLERANCES),
             Scheme(
                 "cable",
                 "reduced",

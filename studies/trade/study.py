@@ -20,6 +20,7 @@ from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
+from studies.trade.control import error_control
 from studies.trade.own_ladder import own_ladder
 from studies.trade.plan import Ladder, ladders
 from studies.trade.split import same_mesh, split
@@ -71,6 +72,7 @@ def run(options: Options, runner: Runner) -> Result:
         tables=(
             advice(best.frame, rivals.frame), best, rivals,
             Table("front", "The front: no other setting is both better and cheaper", on_front(points)), known,
+            error_control(points),
             Table("points", "All settings", points, notes([ladder.fine_step for ladder in every])), histories(traded),
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),

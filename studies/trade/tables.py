@@ -134,15 +134,17 @@ def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
     return Table("by_rival", "The cheapest of each kind: why", frame.reset_index(drop=True), said)
 
 
-class _Priced(NamedTuple):
+class Priced(NamedTuple):
+    """An error and its cost, s."""
+
     error: float
     cpu_s: float
 
 
-def _priced(rows: pd.DataFrame) -> list[_Priced]:
+def _priced(rows: pd.DataFrame) -> list[Priced]:
     """Errors and times of the rows that have both."""
     sound = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
-    return [_Priced(float(e), float(c)) for e, c in zip(sound["error"], sound["cpu_s"], strict=True)]
+    return [Priced(float(e), float(c)) for e, c in zip(sound["error"], sound["cpu_s"], strict=True)]
 
 
 def on_front(points: pd.DataFrame) -> pd.DataFrame:

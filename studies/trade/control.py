@@ -1,0 +1,52 @@
+"""What error-controlled steps cost beside the best fixed step of the same mesh, and whether they keep their promise."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pandas as pd
+
+from studies.engine.pareto_front import cost_at
+from studies.engine.tables import Table
+from studies.trade.tables import Priced
+
+#: What two runs must have in common for their steps to be compared.
+ALIKE = ["scene", "element", "quadrature", "elements"]
+COLUMNS = (
+    *ALIKE, "tolerance", "step_error", "error_over_asked", "cpu_s", "ratio_at_error", "ratio_at_target", "steps",
+    "newton_iterations", "status",
+)  # fmt: skip
+NOTES = (
+    "step_error: of the step alone, against a fine step on the same mesh; error_over_asked: over the tolerance. Where "
+    "a step of the whole interval of output is better than asked, it is far below 1.",
+    "ratio_at_error: cost over that of the best fixed step of ANC-TMM on the same mesh with the same step_error, "
+    "interpolated on the front of all steps and Newton tolerances tried; ratio_at_target: the same at the tolerance "
+    "itself. Times of the sweep are single samples unless the setting is near the front.",
+)
+
+
+def error_control(points: pd.DataFrame) -> Table:
+    """A row for every error-controlled setting of ANC-TMM.
+
+    Parameters
+    ----------
+    points : DataFrame
+        All settings of the trade.
+    """
+    rows = [line for _, alike in points.groupby(ALIKE, sort=False) for line in _rows(alike)]
+    frame = pd.DataFrame(rows, columns=list(COLUMNS))
+    return Table("error_control", "What error control costs beside the best fixed step", frame, NOTES)
+
+
+def _rows(alike: pd.DataFrame) -> Iterator[dict[str, Any]]:
+    """Error-controlled settings of one mesh, each beside the front of fixed implicit steps."""
+    ours = alike[(alike["solver"] == "anctmm") & (alike["integrator"] == "generalized-alpha")]
+    controlled = ours["tolerance"] > 0
+    fixed = ours[~controlled & (ours["step_error"] > 0.0) & (ours["cpu_s"] > 0.0)]
+    front = [Priced(float(e), float(s)) for e, s in zip(fixed["step_error"], fixed["cpu_s"], strict=True)]
+    for line in ours[controlled].sort_values("tolerance", ascending=False).to_dict("records"):
+        error, asked = line["step_error"], line["tolerance"]
+        yield {str(name): value for name, value in line.items()} | {
+            "error_over_asked": error / asked,
+            "ratio_at_error": line["cpu_s"] / cost_at(front, error),
+            "ratio_at_target": line["cpu_s"] / cost_at(front, asked),
+        }

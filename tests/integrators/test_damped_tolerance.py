@@ -1,0 +1,66 @@
+"""Error-controlled steps of damped materials: the global equations with fine steps, and where the energy goes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from reference import global_dae
+
+RUBBER = at.Material(E=1e7, density=1000.0, damping=1e-3)
+SQUARE = at.Rectangle(0.02, 0.02)
+OPTIONS = {"mesh": 2, "t_end": 0.2, "output_dt": 0.02}
+PROBES = ["bar.end", "tail.end"]
+
+
+def falling(material=RUBBER, joints=None):
+    """Two beams of different damping, turned or held at their start, that fall."""
+    bodies = [
+        at.Beam("bar", (0.0, 0.0), (0.4, 0.0), SQUARE, material),
+        at.Beam("tail", (0.4, 0.0), (0.7, 0.0), SQUARE, replace(material, damping=0.2 * material.damping)),
+    ]
+    start = joints or at.Clamp("bar.start")
+    return at.Scene("damped", bodies, (start, at.Pin("bar.end", "tail.start")), gravity=(0.0, -9.81))
+
+
+SCENES = {
+    "held": falling(),
+    "strong": falling(replace(RUBBER, damping=5e-2)),
+    "turned": falling(joints=at.Clamp("bar.start", angle=at.Quintic(turn=0.8, duration=0.15))),
+    "pulled": replace(falling(), loads=[at.Force("tail.end", lambda t: (0.0, 20.0 * t))]),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.compiled
+@pytest.mark.parametrize("element", ["cable", "shear"])
+@pytest.mark.parametrize("name", SCENES)
+def test_a_small_tolerance_tends_to_the_global_equations_and_keeps_the_promise_on_the_way(name, element):
+    scene = SCENES[name]
+    dae = global_dae.solve(scene, element=element, dt=1e-4, newton_tolerance=1e-9, **OPTIONS)
+    assert dae.status.ok
+    for tolerance in (1e-2, 1e-3, 1e-4):
+        ours = at.solve(scene, element=element, tolerance=tolerance, **OPTIONS)
+        assert ours.status.ok, ours.status
+        assert at.compare(ours, dae, PROBES).error <= 3.0 * tolerance
+
+
+@pytest.mark.parametrize("damping", [1e-3, 5e-2])
+def test_damping_takes_the_energy_that_the_global_equations_lose(damping):
+    scene = falling(replace(RUBBER, damping=damping))
+    run = {"mesh": 1, "t_end": 0.1, "output_dt": 0.02}
+    ours = at.solve(scene, tolerance=1e-3, **run)
+    dae = global_dae.solve(scene, dt=2e-4, newton_tolerance=1e-9, **run)
+    lost = np.abs(dae.energy.work).max()
+    assert lost > 0.0
+    assert np.abs(ours.energy.work - dae.energy.work).max() < 0.02 * lost
+    assert np.abs(ours.energy.balance).max() < 0.02 * lost + 1e-2 * np.abs(dae.energy.kinetic).max()
+
+
+def test_without_damping_nothing_is_added_to_the_kernels_arguments():
+    elastic = replace(RUBBER, damping=0.0)
+    run = {"mesh": 1, "tolerance": 1e-2, "t_end": 0.02, "output_dt": 0.01}
+    plain, slight = (at.solve(falling(m), **run) for m in (elastic, replace(elastic, damping=1e-12)))
+    assert plain.cost.steps == slight.cost.steps
+    assert np.abs(plain.position("tail.end") - slight.position("tail.end")).max() < 1e-8

@@ -1,0 +1,29 @@
+"""The table of what error control costs: ratios to the front of fixed steps of the same mesh."""
+
+import pandas as pd
+import pytest
+
+from studies.trade.control import error_control
+
+NONE = float("nan")
+ALIKE = {"scene": "arm", "element": "cable", "quadrature": "full", "elements": "4", "solver": "anctmm",
+         "integrator": "generalized-alpha", "status": "ok", "steps": 1, "newton_iterations": 1}  # fmt: skip
+
+
+def points():
+    """Fixed steps whose cost is that of a second order method, slow ones beside them, and two controlled runs."""
+    rows = [ALIKE | {"tolerance": NONE, "step_error": e, "cpu_s": 1e-3 * e**-0.5} for e in (1e-2, 1e-3, 1e-4)]
+    rows += [ALIKE | {"tolerance": NONE, "step_error": 1e-3, "cpu_s": 1.0}]
+    rows += [ALIKE | {"solver": "global-dae", "tolerance": NONE, "step_error": 1e-4, "cpu_s": 1e-9}]
+    rows += [ALIKE | {"elements": "8", "tolerance": NONE, "step_error": 1e-4, "cpu_s": 1e-9}]
+    rows += [ALIKE | {"tolerance": 4e-3, "step_error": 1e-3, "cpu_s": 2e-3 * 1e-3**-0.5}]
+    return pd.DataFrame([*rows, ALIKE | {"tolerance": 1e-5, "step_error": 1e-6, "cpu_s": 1.0}])
+
+
+def test_cost_is_compared_with_the_best_fixed_step_of_the_same_error_and_of_the_target():
+    frame = error_control(points()).frame
+    assert list(frame["tolerance"]) == [4e-3, 1e-5]
+    assert frame["error_over_asked"].iloc[0] == pytest.approx(0.25)
+    assert frame["ratio_at_error"].iloc[0] == pytest.approx(2.0)
+    assert frame["ratio_at_target"].iloc[0] == pytest.approx(4.0)
+    assert frame[["ratio_at_error", "ratio_at_target"]].iloc[1].isna().all()  # no fixed step tried is as good
