@@ -19,7 +19,8 @@ from studies.engine.richardson import left_in
 from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
-SHARE = 0.1
+#: A tenth was seen to be too small by an eighth.
+SHARE = 0.2
 #: Digits that are counted at most.
 MOST_DIGITS = 12
 #: Digits of a value whose uncertainty is not known.

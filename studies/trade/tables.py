@@ -62,8 +62,8 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
         f"cpu_s: of the steps, median of repeats; settings within {NEAR:g} times their solver's front (in_turn) ran "
         "again in turn, and the median is of these runs. excess: cost over that of the cheapest setting of no "
         "larger error: 1 on the front.",
-        "opensees: frames of its own, on finer meshes and where they can do the scene: they know no whole turn of the "
-        "four-bar's crank. They are measured against the cable's reference, of the same continuum.",
+        "opensees: frames of its own, on finer meshes and where they can do the scene: they know no whole turn of a "
+        "beam. They are measured against the cable's reference, of the same continuum.",
         BUILD,
         REISSNER,
     )
