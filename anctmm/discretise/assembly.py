@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.mesh import BodyMesh
 from anctmm.elements.dispatch import (
-    BOTH,
+    ALL,
     KERNELS,
     components,
     element_damping,
@@ -59,8 +59,8 @@ def _constants_of(element: Element, kernels: int) -> tuple[float, ...]:
 class Bodies:
     """Bodies laid one after another.
 
-    Component k of node i is q[k, i]: 0, 1 position, 2, 3 r_x and, where there is a shear element, 4, 5 r_y. In a scene
-    with both kinds the nodes of cables have two components that nothing uses.
+    Component k of node i is q[k, i]: 0, 1 position, 2, 3 r_x and, where a kind has a third vector, 4, 5: r_y or l r_xx.
+    In a scene that has such a kind and cables the nodes of cables have two components that nothing uses.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ class Bodies:
 
     @cached_property
     def rows(self) -> int:
-        """Components of a node: 4, or 6 where there is a shear element."""
+        """Components of a node: 4, or 6 where a kind of element has three vectors."""
         return 2 * max(2, *(m.vectors for m in self.meshes))
 
     @cached_property
@@ -91,13 +91,13 @@ class Bodies:
 
     @cached_property
     def kinds(self) -> Ints:
-        """Kernels of each body, CABLE or SHEAR; of one without elements those of any other, to compile nothing more."""
+        """Kernels of each body, by number; of one without elements those of any other, to compile nothing more."""
         any_one = next((m.kernels for m in self.meshes if m.kernels is not None), CABLE)
         return np.array([any_one if m.kernels is None else m.kernels for m in self.meshes], dtype=np.int64)
 
     @cached_property
     def formulations(self) -> tuple[int, ...]:
-        """CABLES, SHEARS or BOTH, whose type tells the compiler which kinds of element there are."""
+        """A tuple whose type tells the compiler which kinds of element there are."""
         return formulations_of(self.kinds.tolist())
 
     @cached_property
@@ -122,7 +122,7 @@ class Bodies:
 
     @cached_property
     def masses(self) -> Array:
-        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in the rows r, r_x, r_y of I and O.
+        """Scalar mass matrices of one element of each body, (bodies, 6, 6), in rows r, r_x, third vector of I and O.
 
         That of a body of one node stands in the rows of I.
         """
@@ -265,6 +265,8 @@ def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type:
                     i = node + j
                     out[c * BLOCK + j] += dd * w[c, i] + od * w[c, i + 1]
                     out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, i + 1]
+            if m[0, 2] != 0.0:
+                _add_coupled_inertia(w, factor, m, node, count, out)
         node += count
         if node == last and node < end:
             if node == first[body]:  # a body of one node
@@ -272,6 +274,19 @@ def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type:
                     buffer[c * BLOCK + node - start] += factor * m[c // 2, c // 2] * w[c, node]
             node += 1
             body += 1
+
+
+@embedded
+def _add_coupled_inertia(w, factor, m, node, count, out):  # type: ignore[no-untyped-def]
+    """Add what the third vector of a node has in common with the others: that of a quintic cable, no r_y."""
+    for k in range(6):
+        for n in range(6):
+            if (k % 3 == 2) != (n % 3 == 2):
+                x = factor * m[k, n]
+                for c in range(2):
+                    to, of = (6 * (k // 3) + 2 * (k % 3) + c) * BLOCK, 2 * (n % 3) + c
+                    for j in range(count):
+                        out[to + j] += x * w[of, node + j + n // 3]
 
 
 @inlined
@@ -425,7 +440,7 @@ def block_tangents(
     q : ndarray, shape (rows, nodes)
     node, count : int
     kind : int
-        CABLE or SHEAR.
+        CABLE, SHEAR or QUINTIC.
     constants : ndarray
         The body's row of `Bodies.constants`.
     buffer : ndarray, shape (TANGENT_BUFFER,)
@@ -438,7 +453,7 @@ def block_tangents(
 def unpack_tangent(buffer: Array, j: int, kind: int, K: Array) -> None:
     """Tangent of element j of a block, (2 rows, 2 rows): the components of node I, then those of node O."""
     rows = K.shape[0] // 2
-    own = components(BOTH, kind)
+    own = components(ALL, kind)
     K[:] = 0.0  # a cable among shear elements
     for k in range(2 * own):
         for m in range(k + 1):

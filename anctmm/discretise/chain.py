@@ -21,7 +21,7 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.maps import add_force, constant_forces_on
 from anctmm.discretise.mesh import passed_meshes
 from anctmm.discretise.node_mesh import BarMesh
-from anctmm.discretise.plan import BREAK, WELD, Kept, Plan, plan_of
+from anctmm.discretise.plan import BREAK, TANGENT, WELD, Kept, Plan, plan_of
 from anctmm.discretise.segments import Segments
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
@@ -70,8 +70,8 @@ class Chain:
     UnsupportedError
         If the scene needs what ANC-TMM lacks.
     DiscretisationError
-        If a weld joins a shear element to another kind, or rigid bodies stand in a singular position.
-        If a weld joins kinds of element whose nodes have different vectors.
+        If a weld joins kinds of element of which it would hold different vectors, or rigid bodies stand in a singular
+        position.
     """
 
     scene: Scene
@@ -92,7 +92,7 @@ class Chain:
                 ):
                     raise DiscretisationError(
                         f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
-                        f"a weld needs one kind on both sides, or kinds whose nodes have the same vectors "
+                        f"a weld needs one kind on both sides, or kinds of which it holds the same vectors "
                         f"(a pin does not)"
                     )
         check_rigid_loops(self.parts, self.rigid)
@@ -156,8 +156,17 @@ class Chain:
 
     @cached_property
     def link(self) -> Ints:
-        """BREAK, PIN or WELD behind the last node of each body."""
-        return np.array([step.link for step in self.plan.steps], dtype=np.int64)
+        """BREAK, PIN, WELD or TANGENT behind the last node of each body."""
+        found = np.array([step.link for step in self.plan.steps], dtype=np.int64)
+        if self.released:
+            held = np.array([mesh.held for mesh in self.bodies.meshes])
+            found[(found == WELD) & (held < self.bodies.rows)] = TANGENT
+        return found
+
+    @property
+    def released(self) -> bool:
+        """Whether welds leave a vector of some body free at its ends."""
+        return any(mesh.held < 2 * mesh.vectors for mesh in self.bodies.meshes)
 
     @cached_property
     def onward(self) -> Ints:
@@ -170,7 +179,7 @@ class Chain:
     def turn(self) -> Array:
         """Cosine and sine of the turn from each body's frame to that of the end it is welded to, (bodies, 2)."""
         table = np.tile([1.0, 0.0], (len(self.plan.steps), 1))
-        for b in map(int, np.flatnonzero(self.link == WELD)):
+        for b in map(int, np.flatnonzero(self.link >= WELD)):
             step = self.plan.steps[b]
             assert step.to is not None  # a weld leads somewhere
             table[b] = self.turn_between(step.outboard, self.frame_of(step.to))
@@ -190,9 +199,11 @@ class Chain:
 
     @property
     def split(self) -> bool:
-        """Whether x and y, and r_y and the rest, do not mix in the mass, but for a few guides or a few kept unknowns:
-        no weld at an angle elsewhere.
+        """Whether x and y, and a third vector and the rest, do not mix in the mass, but for a few guides or a few kept
+        unknowns: no weld at an angle elsewhere, and no quintic cable.
         """
+        if self.released:
+            return False
         turn = self.turn[[not isinstance(step.to, Kept) for step in self.plan.steps]]
         straight = (turn[:, 1] == 0.0).all() and (turn[:, 0] > 0.0).all()
         few = self.kept.few if self.plan.kept else len(self.guided) <= FEW_GUIDES
@@ -237,13 +248,12 @@ class Chain:
             mask[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = True
         for junction in self.junctions:
             for group, clamp in zip(junction.groups, junction.clamps, strict=True):
-                held = None if clamp is not None else 2 if junction.grounded else 0
-                nodes = [
-                    self.node(end) for end in group if end[0] not in self.rigid
-                ]  # those have constraints
-                mask[:held, nodes] = True
-                if len(nodes) == len(group) and self._does_not_turn(junction, group):
-                    mask[2:, nodes] = True
+                beams = [end for end in group if end[0] not in self.rigid]  # those have constraints
+                fixed = len(beams) == len(group) and self._does_not_turn(junction, group)
+                for end in beams:
+                    held, node = bodies.mesh(end[0]).held, self.node(end)
+                    mask[: held if clamp is not None else 2 if junction.grounded else 0, node] = True
+                    mask[2 : held if fixed else 2, node] = True
         return mask
 
     def start_coordinates(self) -> Array:
@@ -307,7 +317,9 @@ class Chain:
             if vertex.body is not None:
                 continue
             shared = [(0, [end for group in vertex.groups for end in group])]
-            shared += [(row, list(g)) for g in vertex.groups for row in range(2, self.bodies.rows, 2)]
+            shared += [
+                (row, list(g)) for g in vertex.groups for row in range(2, self.bodies.mesh(g[0][0]).held, 2)
+            ]
             yield from ((row, ends) for row, ends in shared if len(ends) > 1)
 
     def by_body(self, flat: Array) -> dict[str, Array]:

@@ -9,7 +9,16 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.methods import METHODS, Coefficients, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import QUADRATURES, kind_of
-from anctmm.errors import DiscretisationError, MeshError, StepError, listed, reason, shown, unknown_option
+from anctmm.errors import (
+    DiscretisationError,
+    MeshError,
+    StepError,
+    UnsupportedError,
+    listed,
+    reason,
+    shown,
+    unknown_option,
+)
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
 
@@ -40,7 +49,8 @@ class Discretisation:
     mesh : int or mapping of body name to int, optional
         Elements of each beam; a scene without beams needs none.
     element : str or mapping of body name to str
-        "cable" (gradient-deficient, Euler-Bernoulli), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
+        "cable" (gradient-deficient, Euler-Bernoulli), "quintic" (such a cable
+        of order 8), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
     integrator : Zhai, GeneralizedAlpha, Esdirk or str
@@ -186,6 +196,8 @@ class Discretisation:
             If a mapping misses a beam of the scene or names one it does not have, or a rigid one has several elements.
         UnknownOptionError
             If a kind of element is not known.
+        UnsupportedError
+            If a joint acts between the ends of a beam whose elements need it at an end.
         """
         names = [b.name for b in checked_scene(scene).beams]
         if self.mesh is None and names:
@@ -203,7 +215,24 @@ class Discretisation:
         for name, (elements, kind) in cut.items():
             if kind_of(kind, f"element of body {name!r}").rigid and elements != 1:
                 raise MeshError(f"mesh is {elements!r} for rigid body {name!r}; 1 is needed")
+        if any(not kind_of(kind).jointed_inside for _, kind in cut.values()):
+            _refuse_inside(scene, cut)
         return cut
+
+
+def _refuse_inside(scene: Scene, cut: Mapping[str, tuple[int, str]]) -> None:
+    """Refuse joints between the ends of beams whose elements need them at an end."""
+    for joint in scene.joints:
+        for place in map(scene.place, joint.ends):
+            if not place.interior or place.body.name not in cut:
+                continue
+            kind = kind_of(cut[place.body.name][1])
+            if not kind.jointed_inside:
+                raise UnsupportedError(
+                    f"{shown(joint)} acts at {place}, between the ends of a beam of element {kind.name!r}, whose "
+                    f"second derivative is continuous there; two beams welded to each other there are needed, or "
+                    f"another element"
+                )
 
 
 def discretise(

@@ -108,7 +108,7 @@ class KeptUnknowns:
         return numbers
 
     def _gradients(self, group: Sequence[End]) -> int:
-        return 2 * self.chain.bodies.mesh(group[0][0]).vectors - 2
+        return int(self.chain.bodies.mesh(group[0][0]).held) - 2
 
     @cached_property
     def few(self) -> bool:
@@ -186,7 +186,7 @@ class KeptUnknowns:
         vertex = self.chain.plan.kept[kept.junction]
         d, node = self.chain.bodies.rows, self.chain.node(end)
         unknowns, map_ = np.full(d, -1), np.zeros((d, d))
-        own = 2 * self.chain.bodies.mesh(end[0]).vectors if kept.group is not None else 2
+        own = self.chain.bodies.mesh(end[0]).held if kept.group is not None else 2
         c, s = self.chain.turn_between(self.chain.frame_of(kept), end) if turned and own > 2 else (1.0, 0.0)
         turn = np.array([[c, -s], [s, c]])
         place, gradients = self.first.get((kept.junction, None)), self.first.get((kept.junction, kept.group))

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.mesh import BodyMesh
 from anctmm.discretise.node_mesh import NodeMesh
-from anctmm.elements.shapes import hermite, hermite_load
 from anctmm.errors import unknown_kind
 from anctmm.jit.compiling import embedded, uncompiled
 from anctmm.model.loads import LOADS
@@ -104,9 +103,18 @@ def position_of(bodies: Bodies, place: Place) -> Map:
     node, inside = _within(mesh, place)
     if inside == 0.0:
         return Map((Term(first + node, 0, 1.0),))
-    weights = hermite(inside, mesh.element.l)[0]
-    at = [(0, 0), (0, 2), (1, 0), (1, 2)]
-    return Map(tuple(Term(first + node + k, row, float(w)) for (k, row), w in zip(at, weights, strict=True)))
+    return _weighted(mesh, first + node, mesh.element.axis(inside)[0])
+
+
+def _weighted(mesh: BodyMesh, node: int, weights: Array) -> Map:
+    """A sum over the vectors of the element behind a node."""
+    return Map(
+        tuple(
+            Term(node + k // mesh.vectors, 2 * (k % mesh.vectors), float(w))
+            for k, w in enumerate(weights)
+            if w != 0.0
+        )
+    )
 
 
 def direction_of(bodies: Bodies, place: Place) -> Map:
@@ -117,14 +125,9 @@ def direction_of(bodies: Bodies, place: Place) -> Map:
     if mesh.nodes == 1:
         return Map((Term(first, 2, 1.0),))
     node, inside = _within(mesh, place)
-    row = bodies.turning_row(place.body.name)
     if inside == 0.0:
-        return Map((Term(first + node, row, 1.0),))
-    if row == 4:
-        return Map((Term(first + node, row, 1.0 - inside), Term(first + node + 1, row, inside)))
-    weights = hermite(inside, mesh.element.l, order=1)[0]
-    at = [(0, 0), (0, 2), (1, 0), (1, 2)]
-    return Map(tuple(Term(first + node + k, row, float(w)) for (k, row), w in zip(at, weights, strict=True)))
+        return Map((Term(first + node, bodies.turning_row(place.body.name), 1.0),))
+    return _weighted(mesh, first + node, mesh.element.turning(inside)[0])
 
 
 def sum_along(bodies: Bodies, name: str) -> Map:
@@ -132,17 +135,15 @@ def sum_along(bodies: Bodies, name: str) -> Map:
     mesh, first = bodies.mesh(name), bodies.first_node(name)
     if mesh.nodes == 1:
         return Map((Term(first, 0, mesh.body.length),))
-    r_I, g_I, r_O, g_O = hermite_load(mesh.element.l)
-    r, g = np.zeros(mesh.nodes), np.zeros(mesh.nodes)
-    r[:-1] += r_I
-    r[1:] += r_O
-    g[:-1] += g_I
-    g[1:] += g_O
+    weights = np.zeros((mesh.nodes, mesh.vectors))
+    of_element = mesh.element.load.reshape(2, mesh.vectors)
+    weights[:-1] += of_element[0]
+    weights[1:] += of_element[1]
     return Map(
         tuple(
-            Term(first + i, row, float(w))
-            for i in range(mesh.nodes)
-            for row, w in ((0, r[i]), (2, g[i]))
+            Term(first + i, 2 * k, float(w))
+            for i, of_node in enumerate(weights)
+            for k, w in enumerate(of_node)
             if w != 0.0
         )
     )

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.node_mesh import NodeMesh, node_mesh
-from anctmm.elements.kinds import Element, ElementKind, kind_of
+from anctmm.elements.kinds import SIGNS, Element, ElementKind, kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.loads import LOADS
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Key
 from anctmm.model.scene import Beam, Force, LineLoad, Load, Scene, Torque
+from anctmm.model.velocities import second_derivative
 
 Array = NDArray[np.float64]
 #: Elements up to which a body's mesh is kept for the next run: building it takes longer than the steps of a short one.
@@ -68,15 +69,16 @@ class BodyMesh:
         q = np.empty((self.nodes, self.vectors, 2))
         q[:, 0] = (1.0 - x) * start + x * end
         q[:, 1] = along
-        if self.vectors == 3:
-            q[:, 2] = [-along[1], along[0]]
+        for k, vector in enumerate(self.kind.vectors):
+            if k > 1:
+                q[:, k] = [-along[1], along[0]] if vector == "r_y" else 0.0
         return q
 
     @cached_property
     def initial_velocity(self) -> Array:
         """Velocities of the coordinates at t = 0, (nodes, vectors, 2).
 
-        The gradient's is the velocity's derivative along the axis; the director turns with the axis.
+        The gradient's is the velocity's derivative along the axis, and so on; the director turns with the axis.
         """
         v = np.zeros((self.nodes, self.vectors, 2))
         if self.body.velocity is None:
@@ -88,9 +90,16 @@ class BodyMesh:
         v[:, 1] = (
             sign * np.array([self.body.velocity_slope_at(float(s)) for s in fractions]) / self.body.length
         )
-        if self.vectors == 3:
-            along, normal = self.reference[0, 1], self.reference[0, 2]
-            v[:, 2] = -(v[:, 1] @ normal)[:, None] * along
+        for k, vector in enumerate(self.kind.vectors):
+            match vector:
+                case "r_y":
+                    along, normal = self.reference[0, 1], self.reference[0, k]
+                    v[:, k] = -(v[:, 1] @ normal)[:, None] * along
+                case "l r_xx":
+                    bends = [
+                        second_derivative(self.body.velocity_at, float(s), self.elements) for s in fractions
+                    ]
+                    v[:, k] = self.element.l * np.array(bends) / self.body.length**2
         return v
 
     @cached_property
@@ -106,6 +115,11 @@ class BodyMesh:
     def kernels(self) -> int:
         """Which kernels its elements have."""
         return self.kind.kernels
+
+    @property
+    def held(self) -> int:
+        """Components of a node that joints can hold: the first ones."""
+        return 2 * len(self.kind.held)
 
     @property
     def turning_row(self) -> int:
@@ -139,9 +153,8 @@ class BodyMesh:
         """Coordinates (…, nodes, vectors, 2) in the body's own direction."""
         if not self.flipped:
             return coordinates
-        turned = coordinates[..., ::-1, :, :].copy()
-        turned[..., 1:, :] *= -1.0
-        return turned
+        signs = np.array([SIGNS[vector] for vector in self.kind.vectors])
+        return signs[:, None] * coordinates[..., ::-1, :, :]  # type: ignore[no-any-return]
 
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)

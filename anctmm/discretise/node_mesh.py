@@ -64,6 +64,11 @@ class NodeMesh:
         return 1 if self.inertia is None else 2
 
     @property
+    def held(self) -> int:
+        """Components that joints can hold: all."""
+        return 2 * self.vectors
+
+    @property
     def reach(self) -> float:
         """Largest distance of its places from its centre, m; the radius of inertia where it has no others."""
         if self.inertia is None:

@@ -20,8 +20,9 @@ from typing import NamedTuple
 from anctmm.discretise.junctions.vertices import Vertex
 from anctmm.model.places import End
 
-#: What leads from a body's outboard node onwards: nothing, the place alone, or the place and all gradients.
-BREAK, PIN, WELD = 0, 1, 2
+#: What leads from a body's outboard node onwards: nothing, the place alone, all vectors, or, where an element has one
+#: that a weld leaves free, the place and r_x (which a chain knows, not its plan).
+BREAK, PIN, WELD, TANGENT = 0, 1, 2, 3
 
 
 class Kept(NamedTuple):

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass, lobatto
 from anctmm.model.scene import Beam
@@ -52,6 +52,8 @@ class CableElement:
     damping: float = 0.0
 
     vectors_per_node = 2
+    #: Degree of the axis in ξ.
+    degree = 3
 
     @classmethod
     def of(cls, body: Beam, elements: int, quadrature: str = "full") -> "CableElement":
@@ -70,19 +72,27 @@ class CableElement:
         """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
         return replace(self, EA=factor * self.EA, EI=factor * self.EI)
 
+    def axis(self, xi: ArrayLike, order: int = 0) -> Array:
+        """Weights of the coordinates, (points, 4), in the axis at ξ, or in a derivative of it by x."""
+        return hermite(xi, self.l, order)
+
+    def turning(self, xi: ArrayLike) -> Array:
+        """Weights of the coordinates, (points, 4), in the vector that a torque turns at ξ."""
+        return self.axis(xi, 1)
+
     @cached_property
     def axial_rule(self) -> tuple[Array, Array]:
         """B, (points, 4), with r' = B q, and the weights times l."""
         rule, points, _, _ = RULES[self.quadrature]
         xi, w = rule(points)
-        return hermite(xi, self.l, 1), w * self.l
+        return self.axis(xi, 1), w * self.l
 
     @cached_property
     def bending_rule(self) -> tuple[Array, Array, Array]:
         """B and C, (points, 4), with r' = B q and r'' = C q, and the weights times l."""
         _, _, rule, points = RULES[self.quadrature]
         xi, w = rule(points)
-        return hermite(xi, self.l, 1), hermite(xi, self.l, 2), w * self.l
+        return self.axis(xi, 1), self.axis(xi, 2), w * self.l
 
     def energy(self, q: Array) -> float:
         """Strain energy, J; complex-step safe."""
@@ -163,9 +173,14 @@ class CableElement:
         return self.mass_per_length * hermite_mass(self.l)
 
     @cached_property
+    def load(self) -> Array:
+        """∫N dx, (4,), m: times a force per length it is the consistent force."""
+        return hermite_load(self.l)
+
+    @cached_property
     def gravity(self) -> Array:
-        """∫ρN dV, (4,), kg: times the gravity vector it is the consistent force."""
-        return self.mass_per_length * hermite_load(self.l)
+        """∫ρN dV, a number for each coordinate vector, kg: times the gravity vector it is the consistent force."""
+        return self.mass_per_length * self.load
 
     @staticmethod
     def _curvature(b: Array, c: Array) -> tuple[Array, Array, Array, Array]:

@@ -8,108 +8,138 @@ from collections.abc import Callable, Iterable, Mapping
 from types import ModuleType
 from typing import Any
 
-from anctmm.elements import cable_kernel, shear_kernel
-from anctmm.elements.kinds import CABLE, SHEAR
-from anctmm.jit.compiling import chosen_by_types
+from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
+from anctmm.elements.kinds import CABLE, KINDS, QUINTIC, SHEAR
+from anctmm.jit.compiling import chosen_by_types, inlined
 
 #: Modules of kernels, by the number that a kind of element has of them.
-KERNELS: Mapping[int, ModuleType] = {CABLE: cable_kernel, SHEAR: shear_kernel}
-#: Kernels that a scene needs, by the length of the tuple: the sum of 2 ** number.
-CABLES, SHEARS, BOTH = (0,), (0, 0), (0, 0, 0)
+KERNELS: Mapping[int, ModuleType] = {CABLE: cable_kernel, SHEAR: shear_kernel, QUINTIC: quintic_kernel}
+#: Components of a node, by the same numbers.
+COMPONENTS = {kind.kernels: 2 * len(kind.vectors) for kind in KINDS.values()}
 
 
 def formulations_of(numbers: Iterable[int]) -> tuple[int, ...]:
-    """CABLES, SHEARS or BOTH: what tells the compiler which kernels are needed."""
+    """What tells the compiler which kernels are needed: a tuple whose length is the sum of 2 ** number."""
     return (0,) * sum(2**number for number in set(numbers))
 
 
+#: That of all kernels.
+ALL = formulations_of(KERNELS)
+
+
 def components(formulations, kind):  # type: ignore[no-untyped-def]
-    """Components of a node of an element: 4 of a cable, 6 of a shear element."""
-    return 6 if kind == SHEAR else 4
+    """Components of a node of an element: 4 of a cable, 6 of a shear element or a quintic cable."""
+    return COMPONENTS[int(kind)]
 
 
 def element_forces(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     """Elastic forces of a row of elements of one kind, as `shear_kernel.forces` gives them."""
-    if kind == SHEAR:
-        shear_kernel.forces(q, node, count, constants, out)
-    else:
-        cable_kernel.forces(q, node, count, constants, out)
+    KERNELS[int(kind)].forces(q, node, count, constants, out)
 
 
 def element_tangents(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
     """Tangents of a row of elements of one kind, as `shear_kernel.tangents` gives them."""
-    if kind == SHEAR:
-        shear_kernel.tangents(q, node, count, constants, out)
-    else:
-        cable_kernel.tangents(q, node, count, constants, out)
+    KERNELS[int(kind)].tangents(q, node, count, constants, out)
 
 
 def element_energy(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
     """Strain energy of a row of elements of one kind, J."""
-    if kind == SHEAR:
-        return shear_kernel.energy(q, node, count, constants)
-    return cable_kernel.energy(q, node, count, constants)
+    return KERNELS[int(kind)].energy(q, node, count, constants)
 
 
 def element_damping(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Damping forces of a row of elements of one kind, as `shear_kernel.damping_forces` gives them."""
-    if kind == SHEAR:
-        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
-    else:
-        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+    KERNELS[int(kind)].damping_forces(q, v, node, count, constants, damping, out)
 
 
-def _choose(
-    formulations: Any, cables: Callable[..., Any], shears: Callable[..., Any], both: Callable[..., Any]
-) -> Any:
-    """The implementation for the type of a formulations."""
-    return (cables, shears, both)[formulations.count - 1]
+def _choice(formulations: Any, make: Callable[..., Any]) -> Any:
+    """The implementation for the type of a formulations: its kinds are tried one after another.
+
+    `make(number)` implements a kind alone, `make(number, rest)` tries it before the rest.
+    """
+    number, *others = (n for n in KERNELS if formulations.count & 2**n)
+    found = make(number)
+    for one in others:
+        found = make(one, inlined(found))
+    return found
 
 
 @chosen_by_types(components)
 def _components(formulations, kind):  # type: ignore[no-untyped-def]
-    return _choose(formulations, lambda formulations, kind: 4, lambda formulations, kind: 6, components)
+    def make(number: int, rest: Any = None) -> Any:
+        size = COMPONENTS[number]
+        if rest is None:
+            return lambda formulations, kind: size
+        return lambda formulations, kind: size if kind == number else rest(formulations, kind)
+
+    return _choice(formulations, make)
+
+
+def _filling(name: str) -> Callable[..., Any]:
+    """Makes implementations of a kernel that fills `out` from coordinates."""
+
+    def make(number: int, rest: Any = None) -> Any:
+        of_kind = getattr(KERNELS[number], name)
+
+        def alone(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+            of_kind(q, node, count, constants, out)
+
+        def before(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
+            if kind == number:
+                of_kind(q, node, count, constants, out)
+            else:
+                rest(formulations, kind, q, node, count, constants, out)
+
+        return alone if rest is None else before
+
+    return make
+
+
+_forces, _tangents = _filling("forces"), _filling("tangents")
 
 
 @chosen_by_types(element_forces)
 def _element_forces(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-    def cables(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-        cable_kernel.forces(q, node, count, constants, out)
-
-    def shears(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-        shear_kernel.forces(q, node, count, constants, out)
-
-    return _choose(formulations, cables, shears, element_forces)
+    return _choice(formulations, _forces)
 
 
 @chosen_by_types(element_tangents)
 def _element_tangents(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-    def cables(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-        cable_kernel.tangents(q, node, count, constants, out)
-
-    def shears(formulations, kind, q, node, count, constants, out):  # type: ignore[no-untyped-def]
-        shear_kernel.tangents(q, node, count, constants, out)
-
-    return _choose(formulations, cables, shears, element_tangents)
+    return _choice(formulations, _tangents)
 
 
 @chosen_by_types(element_energy)
 def _element_energy(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
-    def cables(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
-        return cable_kernel.energy(q, node, count, constants)
+    def make(number: int, rest: Any = None) -> Any:
+        of_kind = KERNELS[number].energy
 
-    def shears(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
-        return shear_kernel.energy(q, node, count, constants)
+        def alone(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+            return of_kind(q, node, count, constants)
 
-    return _choose(formulations, cables, shears, element_energy)
+        def before(formulations, kind, q, node, count, constants):  # type: ignore[no-untyped-def]
+            if kind == number:
+                return of_kind(q, node, count, constants)
+            return rest(formulations, kind, q, node, count, constants)
+
+        return alone if rest is None else before
+
+    return _choice(formulations, make)
 
 
 @chosen_by_types(element_damping)
 def _element_damping(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
-    def cables(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
-        cable_kernel.damping_forces(q, v, node, count, constants, damping, out)
+    def make(number: int, rest: Any = None) -> Any:
+        of_kind = KERNELS[number].damping_forces
 
-    def shears(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
-        shear_kernel.damping_forces(q, v, node, count, constants, damping, out)
+        def alone(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+            of_kind(q, v, node, count, constants, damping, out)
 
-    return _choose(formulations, cables, shears, element_damping)
+        def before(formulations, kind, q, v, node, count, constants, damping, out):  # type: ignore[no-untyped-def]
+            if kind == number:
+                of_kind(q, v, node, count, constants, damping, out)
+            else:
+                rest(formulations, kind, q, v, node, count, constants, damping, out)
+
+        return alone if rest is None else before
+
+    return _choice(formulations, make)

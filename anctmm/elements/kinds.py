@@ -6,9 +6,10 @@ what solvers offer, studies and their tables.
 A new kind needs an entry in `KINDS`, and of what it does not share with another kind:
 
 - a readable element, a class such as `CableElement`: `of`, `energy`, `force`, `tangent`, `dissipation`,
-  `damping_force`, `mass`, `gravity`, `stiffened`, `damping`, `l` and `vectors_per_node`; energy, force
-  and dissipation complex-step safe;
-- kernels, a module such as `cable_kernel`, with a number here and their choice in `dispatch`;
+  `damping_force`, `mass`, `gravity`, `load`, `axis`, `turning`, `degree`, `stiffened`, `damping`, `l` and
+  `vectors_per_node`; energy, force and dissipation complex-step safe;
+- kernels, a module such as `cable_kernel`, with a number here and a line in `dispatch.KERNELS`;
+- where its axis is another polynomial, its field in `anctmm.results.fields`;
 - where it has no strain, its node in `anctmm.discretise.node_mesh`.
 
 A solver that stands beside ANC-TMM names the kinds it takes (`check_kinds`): a new kind is refused by all of them until
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from anctmm.elements.cable import RULES, CableElement
+from anctmm.elements.quintic import QuinticElement
 from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import DiscretisationError, unknown_option
@@ -29,7 +31,10 @@ from anctmm.validation import one_of
 Element = ShearElement | CableElement
 
 #: Kernels of elements, by the numbers that `dispatch` chooses by.
-CABLE, SHEAR = 0, 1
+CABLE, SHEAR, QUINTIC = 0, 1, 2
+#: Vectors of a node: their sign where the beam is passed from its end to its start, and whether joints hold them.
+SIGNS = {"r": 1.0, "r_x": -1.0, "r_y": -1.0, "l r_xx": 1.0}
+HELD = "r", "r_x", "r_y"
 #: Rules of quadrature, by name, of the elements that have a choice.
 QUADRATURES = tuple(RULES)
 
@@ -47,9 +52,10 @@ class ElementKind:
     element : type
         The readable element.
     kernels : int
-        CABLE or SHEAR.
+        CABLE, SHEAR or QUINTIC.
     vectors : tuple of str
-        Coordinate vectors of a node, in their order: "r", "r_x" and maybe "r_y".
+        Coordinate vectors of a node, in their order, those that joints hold first: "r", "r_x" and maybe "r_y" or
+        "l r_xx", l the length of an element.
     turned : str
         The one of them that a torque turns.
     quadratures : tuple of str
@@ -88,6 +94,16 @@ class ElementKind:
         """First component of the vector that a torque turns."""
         return 2 * self.vectors.index(self.turned)
 
+    @property
+    def held(self) -> tuple[str, ...]:
+        """Vectors that joints can hold, the place first."""
+        return tuple(vector for vector in self.vectors if vector in HELD)
+
+    @property
+    def jointed_inside(self) -> bool:
+        """Whether joints may act at nodes between the ends of a beam: not where these share what a joint must free."""
+        return self.held == self.vectors
+
     def element_of(self, body: Beam, elements: int, quadrature: str) -> Element:
         """Each of a body's equal elements.
 
@@ -102,8 +118,8 @@ class ElementKind:
         return self.element.of(body, elements, rule)  # type: ignore[call-arg]
 
     def welds_to(self, other: "ElementKind") -> bool:
-        """Whether a weld can join it to another kind: all vectors of a node pass through, so both have the same."""
-        return self.vectors == other.vectors
+        """Whether a weld can join it to another kind: all vectors that joints hold pass through, so both have these."""
+        return self.held == other.held
 
     def quadrature_shown(self, quadrature: str) -> str:
         """A quadrature as tables show it: "-" where the element has no choice."""
@@ -118,13 +134,17 @@ _SHEAR = ElementKind(
     "shear", "shear-deformable elements", ShearElement, SHEAR, ("r", "r_x", "r_y"), "r_y",
     continuum="director", order=2.0,
 )  # fmt: skip
+_QUINTIC = ElementKind(
+    "quintic", "quintic cable elements", QuinticElement, QUINTIC, ("r", "r_x", "l r_xx"), "r_x",
+    optional=True, continuum="elastica", order=8.0,
+)  # fmt: skip
 _RIGID = ElementKind(
     "rigid", "rigid bodies", RigidElement, CABLE, ("r", "r_x"), "r_x",
     rigid=True, optional=True, integrators=("zhai", "generalized-alpha"),
 )  # fmt: skip
 
 #: All kinds, by name.
-KINDS: Mapping[str, ElementKind] = {kind.name: kind for kind in (_CABLE, _SHEAR, _RIGID)}
+KINDS: Mapping[str, ElementKind] = {kind.name: kind for kind in (_CABLE, _SHEAR, _QUINTIC, _RIGID)}
 
 
 def kind_of(name: Any, what: str = "element") -> ElementKind:
@@ -147,6 +167,11 @@ def kind_of(name: Any, what: str = "element") -> ElementKind:
 def flexible() -> tuple[str, ...]:
     """Names of the kinds that deform."""
     return tuple(name for name, kind in KINDS.items() if not kind.rigid)
+
+
+def wholly_held() -> tuple[str, ...]:
+    """Names of those that deform of which joints hold all vectors."""
+    return tuple(name for name in flexible() if KINDS[name].held == KINDS[name].vectors)
 
 
 def with_statics() -> tuple[str, ...]:

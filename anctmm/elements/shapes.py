@@ -37,6 +37,57 @@ def hermite(xi: ArrayLike, l: float, order: int = 0) -> Array:  # noqa: E741
     return np.stack(rows, axis=-1)
 
 
+#: Coefficients, (degree, function), of functions of ξ: each is 1 in its value, first or second derivative at 0 or 1.
+QUINTIC = np.array(
+    [
+        [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
+        [0.0, 0.0, 0.5, 0.0, 0.0, 0.0],
+        [-10.0, -6.0, -1.5, 10.0, -4.0, 0.5],
+        [15.0, 8.0, 1.5, -15.0, 7.0, -1.0],
+        [-6.0, -3.0, -0.5, 6.0, -3.0, 0.5],
+    ]
+)
+
+
+def quintic(xi: ArrayLike, l: float, order: int = 0) -> Array:  # noqa: E741
+    """Quintic Hermite functions of [r_I, r'_I, l r''_I, r_O, r'_O, l r''_O], or a derivative with respect to x.
+
+    Parameters
+    ----------
+    xi : array_like, shape (m,)
+    l : float
+        Element length, m.
+    order : int
+        Of the derivative: 0 to 5.
+
+    Returns
+    -------
+    ndarray, shape (m, 6)
+    """
+    x = np.atleast_1d(np.asarray(xi, dtype=float))
+    coefficients = np.polynomial.polynomial.polyder(QUINTIC, order) / l**order
+    return np.polynomial.polynomial.polyval(x, coefficients).T * _scales(l)
+
+
+def _scales(l: float) -> Array:  # noqa: E741
+    """What a unit of each coordinate is in a function of ξ."""
+    return np.array([1.0, l, l, 1.0, l, l])
+
+
+def quintic_mass(l: float) -> Array:  # noqa: E741
+    """∫ N N^T dx of the quintic Hermite functions, (6, 6)."""
+    degree = np.arange(6)
+    moments = 1.0 / (degree[:, None] + degree + 1.0)
+    scales = _scales(l)
+    return l * (QUINTIC.T @ moments @ QUINTIC) * np.outer(scales, scales)  # type: ignore[no-any-return]
+
+
+def quintic_load(l: float) -> Array:  # noqa: E741
+    """∫ N dx of the quintic Hermite functions, (6,)."""
+    return np.array([l / 2, l**2 / 10, l**2 / 120, l / 2, -(l**2) / 10, l**2 / 120])
+
+
 @lru_cache
 def gauss(points: int) -> tuple[Array, Array]:
     """Gauss points and weights on [0, 1], exact for polynomials of degree 2·points − 1."""

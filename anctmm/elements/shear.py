@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass
 from anctmm.model.scene import Beam
@@ -57,6 +57,8 @@ class ShearElement:
     damping: float = 0.0
 
     vectors_per_node = 3
+    #: Degree of the axis in ξ.
+    degree = 3
 
     @classmethod
     def of(cls, body: Beam, elements: int) -> "ShearElement":
@@ -69,6 +71,18 @@ class ShearElement:
     def stiffened(self, factor: float) -> "ShearElement":
         """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
         return replace(self, lam=factor * self.lam, G=factor * self.G)
+
+    def axis(self, xi: ArrayLike, order: int = 0) -> Array:
+        """Weights of the coordinates, (points, 6), in the axis at ξ, or in a derivative of it by x."""
+        found = np.zeros((np.size(xi), 6))
+        found[:, HERMITE_ROWS] = hermite(xi, self.l, order)
+        return found
+
+    def turning(self, xi: ArrayLike) -> Array:
+        """Weights of the coordinates, (points, 6), in the vector that a torque turns at ξ."""
+        found = np.zeros((np.size(xi), 6))
+        found[:, 2], found[:, 5] = 1.0 - np.asarray(xi), xi
+        return found
 
     @cached_property
     def stiffness(self) -> Array:
@@ -138,10 +152,17 @@ class ShearElement:
         return m
 
     @cached_property
+    def load(self) -> Array:
+        """∫N dx of the axis, (6,), m: times a force per length it is the consistent force."""
+        found = np.zeros(6)
+        found[HERMITE_ROWS] = hermite_load(self.l)
+        return found
+
+    @cached_property
     def gravity(self) -> Array:
         """∫ρN dV, (6,), kg: times the gravity vector it is the consistent force."""
         g = np.zeros(6)
-        g[HERMITE_ROWS] = self.density * self.A * hermite_load(self.l)
+        g[HERMITE_ROWS] = self.density * self.A * self.load[HERMITE_ROWS]
         return g
 
     def _state(self, q: Array) -> tuple[Array, Array, Array, Array]:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
 from anctmm.elements.tangent_blocks import (
-    ROWS,
     add_full,
     add_symmetric,
     clear_sums,
@@ -32,7 +31,9 @@ TABLE = np.column_stack([_XI, 1.0 - _XI, hermite(_XI, 1.0, 1)[:, [0, 1, 3]], _W]
 P0, P1, P2, P3, P4 = (tuple(float(v) for v in row[:5]) for row in TABLE)
 W0, W1, W2, W3, W4 = (float(w) for w in _W)
 
-#: Where the sums of tangents go: 18 rows by u, r_x,I and r_x,O, 24 by r_y,I or r_y,O and one of these, 10 by r_y twice.
+#: Rows of sums of tangents.
+ROWS = 52
+#: Where they go: 18 rows by u, r_x,I and r_x,O, 24 by r_y,I or r_y,O and one of these, 10 by r_y twice.
 PLACES = placement(
     [
         (0, 0, "symmetric", 0, 2),

@@ -18,9 +18,9 @@ Ints = NDArray[np.int64]
 
 #: Elements whose tangents are found at once.
 TANGENT_BLOCK = 16
-#: Rows of the result for a shear element, the larger one, and rows of its sums.
-SUMS, ROWS = 78, 52
-TANGENT_BUFFER = (SUMS + ROWS) * TANGENT_BLOCK
+#: Rows of the result for an element of 12 components, the largest, and of what a kind keeps behind it at most.
+SUMS, KEPT = 78, 70
+TANGENT_BUFFER = (SUMS + KEPT) * TANGENT_BLOCK
 
 
 @inlined

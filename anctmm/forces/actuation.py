@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
-from anctmm.elements.dispatch import components, element_forces
+from anctmm.elements.dispatch import element_forces
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
 from anctmm.forces.loads import Loads, loads_of, loads_power, loads_work
@@ -36,6 +36,8 @@ class DrivenClamps(NamedTuple):
     nodes : ndarray of int, shape (clamps,)
     of : ndarray of int, shape (2, bodies)
         Driven clamp at the first and at the last node of each body, or −1.
+    held : ndarray of int, shape (clamps,)
+        Components of the nodes that are held, the first ones.
     reference : ndarray, shape (clamps, rows)
         Coordinates of the nodes before they turn.
     motion : ndarray, shape (3, clamps, rows)
@@ -48,6 +50,7 @@ class DrivenClamps(NamedTuple):
 
     nodes: Ints
     of: Ints
+    held: Ints
     reference: Array
     motion: Array
     reaction: Array
@@ -95,9 +98,10 @@ class Actuation:
         of = np.full(ends.shape, -1, dtype=np.int64)
         for clamp, node in enumerate(nodes):
             of[ends == node] = clamp
+        held = np.array([self.bodies.mesh(name).held for (name, _), _ in self.driven], dtype=np.int64)
         reference = np.ascontiguousarray(self.bodies.reference()[:, nodes].T)
         return DrivenClamps(
-            nodes, of, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows))
+            nodes, of, held, reference, np.zeros((3, n, rows)), np.zeros((n, rows)), np.zeros((2, n, rows))
         )
 
     def loads(self) -> Loads:
@@ -139,7 +143,7 @@ def turn_clamps(clamps: DrivenClamps, drives: Array) -> None:
         w, a = drives[h, 1], drives[h, 2]
         for k in range(2):
             clamps.motion[0, h, k] = clamps.reference[h, k]
-        for k in range(2, clamps.reference.shape[1], 2):
+        for k in range(2, clamps.held[h], 2):
             x, y = clamps.reference[h, k], clamps.reference[h, k + 1]
             gx, gy = c * x - s * y, s * x + c * y
             clamps.motion[0, h, k], clamps.motion[0, h, k + 1] = gx, gy
@@ -151,7 +155,7 @@ def turn_clamps(clamps: DrivenClamps, drives: Array) -> None:
 def place_clamps(q: Array, v: Array, clamps: DrivenClamps) -> None:
     """Give the driven clamps' nodes the positions and velocities of their motion."""
     for h in range(len(clamps.nodes)):
-        for k in range(q.shape[0]):
+        for k in range(clamps.held[h]):
             q[k, clamps.nodes[h]] = clamps.motion[0, h, k]
             v[k, clamps.nodes[h]] = clamps.motion[1, h, k]
 
@@ -172,7 +176,7 @@ def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: Driven
             element_forces(
                 tables.formulations, tables.kinds[b], q, i, one, tables.constants[b], tables.buffer
             )
-            for k in range(components(tables.formulations, tables.kinds[b])):
+            for k in range(clamps.held[clamp]):
                 r = tables.buffer[(6 * side + k) * BLOCK] - f[k, node]
                 for n in range(k % 2, q.shape[0], 2):
                     r += (
@@ -201,6 +205,6 @@ def power_of(q: Array, v: Array, clamps: DrivenClamps, loads: Loads, values: Arr
     """Power of driven clamps and varying loads, and of connectors beside their energy, at velocities v, W."""
     power = 0.0
     for h in range(len(clamps.nodes)):
-        for k in range(q.shape[0]):
+        for k in range(clamps.held[h]):
             power += clamps.reaction[h, k] * clamps.motion[1, h, k]
     return power + loads_power(q, v, loads, values)  # type: ignore[no-any-return]

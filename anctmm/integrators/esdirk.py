@@ -279,7 +279,7 @@ def _drive(q, v, w, clamps, part):  # type: ignore[no-untyped-def]
     """Give the nodes of driven clamps their motion; v is that before the end of the step, as of all nodes."""
     for n in range(len(clamps.nodes)):
         i = clamps.nodes[n]
-        for k in range(q.shape[0]):
+        for k in range(clamps.held[n]):
             q[k, i], w[k, i] = clamps.motion[0, n, k], clamps.motion[2, n, k]
             v[k, i] = clamps.motion[1, n, k] - part * w[k, i]
 

@@ -52,7 +52,8 @@ def start(
     """
     uncompiled(turn_clamps)(clamps, drives)
     for field, motion in zip((state.q, state.v, state.w), clamps.motion, strict=True):
-        field[:, clamps.nodes] = motion.T
+        for h, held in enumerate(clamps.held):
+            field[:held, clamps.nodes[h]] = motion[h, :held]
     newton.counts[2] = 1
     for _ in range(REFINED if single else 1):
         solve(newton._replace(tolerance=np.inf))

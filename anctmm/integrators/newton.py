@@ -135,7 +135,7 @@ def solve_step(state, coefficients, tables, links, factors, clamps, loads, load_
         if not solved:
             if full == 1:
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
-            _drag(q, w, clamps.nodes, clamps.motion, coefficients)
+            _drag(q, w, clamps, coefficients)
             hold_on_lines(links.turned, q, w, coefficients)
             solved = iterate(
                 full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
@@ -144,13 +144,13 @@ def solve_step(state, coefficients, tables, links, factors, clamps, loads, load_
 
 
 @inlined
-def _drag(q, w, nodes, motion, c):  # type: ignore[no-untyped-def]
+def _drag(q, w, clamps, c):  # type: ignore[no-untyped-def]
     """Give the driven clamps' nodes their known positions; w follows, and with it a and v."""
-    for h in range(len(nodes)):
-        i = nodes[h]
-        for k in range(q.shape[0]):
-            w[k, i] += c.to_w * (motion[0, h, k] - q[k, i])
-            q[k, i] = motion[0, h, k]
+    for h in range(len(clamps.nodes)):
+        i = clamps.nodes[h]
+        for k in range(clamps.held[h]):
+            w[k, i] += c.to_w * (clamps.motion[0, h, k] - q[k, i])
+            q[k, i] = clamps.motion[0, h, k]
 
 
 @inlined

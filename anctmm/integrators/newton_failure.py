@@ -88,8 +88,9 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
     q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * a + c.beta * new)
     for h, i in enumerate(clamps.nodes):
-        w[:, i] += c.to_w * (clamps.motion[0, h] - q[:, i])
-        q[:, i] = clamps.motion[0, h]
+        held = clamps.held[h]
+        w[:held, i] += c.to_w * (clamps.motion[0, h, :held] - q[:held, i])
+        q[:held, i] = clamps.motion[0, h, :held]
     found: list[float] = []
     with np.errstate(all="ignore"):
         while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():

@@ -1,7 +1,7 @@
 """What a run keeps: coordinates and energies at the output steps, and how it ended."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple, assert_never
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
+from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
@@ -19,7 +20,7 @@ from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
-from anctmm.results.fields import HermiteField, RigidField
+from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import (
     Cost,
     Energy,
@@ -103,8 +104,9 @@ class Record:
         chain = self.chain
         q, static = self.q[:kept], t is not None
         rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
+        cut = chain.run.of(chain.scene)
         fields = {
-            name: field_of(chain.scene.body(name), path, rates.get(name), second.get(name))
+            name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
             for name, path in chain.by_body(q).items()
         }
         kinetic, strain, work = self.energy[:kept].T
@@ -133,11 +135,13 @@ def _reference(chain: Chain) -> Array:
     return chain.bodies.reference()
 
 
-def field_of(body: Body, q: Array, v: Array | None, a: Array | None) -> HermiteField | RigidField:
-    """Motion of a body from its coordinates and their rates, (outputs, nodes, vectors, 2)."""
+def field_of(
+    body: Body, cut: Mapping[str, tuple[int, str]], q: Array, v: Array | None, a: Array | None
+) -> HermiteField | RigidField:
+    """Motion of a body, cut as `Discretisation.of` says, from coordinates and rates, (outputs, nodes, vectors, 2)."""
     match body:
         case Beam():
-            return HermiteField(q, body.length, v, a)
+            return beam_field(kind_of(cut[body.name][1]), body, q, v, a)
         case RigidBody():
             arms = {key: body.arm(key) for key in body.points}
             return RigidField(q[:, 0], arms, None if v is None else v[:, 0], None if a is None else a[:, 0])

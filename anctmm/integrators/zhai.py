@@ -323,7 +323,7 @@ def _accelerate(block, rows, state, tables, clamps, split, now):  # type: ignore
     """Accelerations, `now`, and reactions of driven clamps."""
     first, formulations, kinds, constants, masses, buffer = tables
     if block is None:
-        _, of, _, motion, reaction, _ = clamps
+        _, of, _, _, motion, reaction, _ = clamps
         L, G, D, places, lines, kept = split
         by_scalars(
             formulations, state.q, state.f, first, kinds, constants, masses, buffer, of, motion, reaction,

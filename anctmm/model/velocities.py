@@ -65,6 +65,22 @@ def size_of(velocity: Callable[[float], Point]) -> float:
     return max(max(map(abs, velocity(s))) for s in np.linspace(0.0, 1.0, SAMPLES).tolist()) or 1.0
 
 
+def second_derivative(velocity: Callable[[float], Point], fraction: float, elements: int) -> Array:
+    """Second derivative of a velocity by the fraction, (2,), m/s, at a node of so many equal elements.
+
+    That of a polynomial through the velocities at points of both elements that meet there, or of the one at an end: as
+    exact as a polynomial of degree five in each element needs it.
+    """
+    reach = 1.0 / elements
+    low, high = max(0.0, fraction - reach), min(1.0, fraction + reach)
+    nodes = np.cos(np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES)
+    values = np.array([velocity(0.5 * (low + high) + 0.5 * (high - low) * x) for x in nodes.tolist()])
+    scale = 2.0 / (high - low)
+    fitted = np.polynomial.chebyshev.chebfit(nodes, values, SAMPLES - 1)
+    bent = np.polynomial.chebyshev.chebder(fitted, 2, scl=scale)
+    return np.asarray(np.polynomial.chebyshev.chebval(scale * (fraction - 0.5 * (low + high)), bent))
+
+
 def slope_of(velocity: Callable[[float], Point], fraction: float, size: float) -> tuple[Point, float]:
     """Derivative of a velocity by the fraction, and its error, m/s; one-sided at the ends.
 

@@ -232,14 +232,20 @@ def by_blocks(
     for b in range(len(tables.kinds)):
         for side in range(2):
             clamp = clamps.of[side, b]
-            if clamp >= 0:  # inertia that the driven clamp's motion puts on the element's other node
+            if clamp >= 0:  # inertia that the driven clamp's motion puts on the element's nodes
+                one = first[b] if side == 0 else first[b + 1] - 1
                 other = first[b] + 1 if side == 0 else first[b + 1] - 2
                 for k in range(rows):
                     for n in range(k % 2, rows, 2):
                         m = masses[b, 3 * (1 - side) + k // 2, 3 * side + n // 2]
                         load[k, other] -= m * clamps.motion[2, clamp, n]
+                for k in range(clamps.held[clamp], rows):
+                    for n in range(k % 2, rows, 2):
+                        load[k, one] -= (
+                            masses[b, 3 * side + k // 2, 3 * side + n // 2] * clamps.motion[2, clamp, n]
+                        )
     sweep(factors, load, a)
     for h in range(len(clamps.nodes)):
-        for k in range(rows):
+        for k in range(clamps.held[h]):
             a[k, clamps.nodes[h]] = clamps.motion[2, h, k]
     clamp_reactions(q, a, f, tables, clamps)

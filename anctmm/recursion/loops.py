@@ -175,17 +175,23 @@ def eliminate_coupled(size, loops, port, known, i, work):  # type: ignore[no-unt
 
 
 @embedded
-def release_coupled(size, loops, known, i, work):  # type: ignore[no-untyped-def]
-    """Pass a pin as `riccati` does, and the coupling. Returns the number of negative pivots."""
+def release_coupled(size, loops, passed, turn, known, i, work):  # type: ignore[no-untyped-def]
+    """Pass a joint as `riccati` does, of which so many components pass, and the coupling.
+
+    Returns the number of negative pivots.
+    """
     d = len(size)
     K, L = 2 * d * d, 3 * d * d
     for m in range(d):
         for k in range(d):
-            work[K + d * m + k] = work[d * max(m, k) + min(m, k)] if m < 2 <= k else 0.0
-            loops.passed[m, k] = loops.coupling[m, k] if m < 2 else 0.0
-    negative = _eliminate(size, loops, known, 2, i, work)
-    for m in range(2):
+            work[K + d * m + k] = work[d * max(m, k) + min(m, k)] if m < passed <= k else 0.0
+            loops.passed[m, k] = loops.coupling[m, k] if m < passed else 0.0
+    negative = _eliminate(size, loops, known, passed, i, work)
+    for m in range(passed):
         work[L + d * m + m] = -1.0
+    for k in range(d if passed == 4 else 0):
+        x, y = loops.passed[2, k], loops.passed[3, k]
+        loops.passed[2, k], loops.passed[3, k] = turn[0] * x - turn[1] * y, turn[1] * x + turn[0] * y
     keep_coupling(loops, -1, i)
     return negative
 

@@ -8,7 +8,8 @@ passes it on. With a the unknowns, b the loads and the constant matrices of each
 
 the recursion is b_{i+1} += −L_i b_i forwards and a_i = G_i b_i − L_i^T a_{i+1} backwards. A pin, a weld and a break
 have the same form with other G and L: a pin takes P₃…P₆ = 0 to find the inboard gradients (L_rr = −1,
-L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹).
+L_rg = D_rg D_gg⁻¹, G_gg = D_gg⁻¹), a weld only turns (L = −W, G = 0), a break ends (L = 0, G = D⁻¹). A weld of quintic
+cables, which leaves their l r_xx free, is both: it takes P₅ = P₆ = 0 to find these, and turns r_x.
 
 Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is apart (any constant mass without a weld
 at an angle; what few unknowns are kept adds is apart, `kept_motions`), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, block_tangents, components
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.plan import BREAK, PIN, WELD, Kept
+from anctmm.discretise.plan import BREAK, PIN, TANGENT, WELD, Kept
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.loads import Loads, no_loads
 from anctmm.forces.stiffness import fill_local
@@ -161,7 +162,8 @@ def links(chain: Chain) -> Links:
     known = chain.prescribed.copy()
     for b, step in enumerate(chain.plan.steps):
         if step.start is not None:
-            known[: 2 if step.start.group is None else None, chain.bodies.first[b]] = True
+            held = 2 if step.start.group is None else chain.bodies.meshes[b].held
+            known[:held, chain.bodies.first[b]] = True
     for guided in chain.guided:
         known[1, chain.node(guided.carrier)] = True
     return Links(chain.link, chain.turn, known, turned(chain))
@@ -344,21 +346,23 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 if loops is not None:
                     turn_coupled(size, loops, i, work)
             else:
-                pinned = link[b] == PIN
+                passed = 2 if link[b] == PIN else 4 if link[b] == TANGENT else 0
                 for k in range(d * d):
                     work[d * d + k] = work[k]
                 if turned is not None and turned.node[line] == i:
                     turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
-                if loops is not None and pinned:
-                    negative += release_coupled(size, loops, known, i, work)
+                if loops is not None and passed > 0:
+                    negative += release_coupled(size, loops, passed, turn[b], known, i, work)
                 else:
-                    negative += _invert(size, known, 2 if pinned else 0, i, work)
-                    _release(size, pinned, work)
+                    negative += _invert(size, known, passed, i, work)
+                    _release(size, passed, work)
+                if passed == 4:
+                    turn_passed(size, turn[b, 0], turn[b, 1], work)
                 if turned is not None and turned.node[line] == i:
                     turn_back_node(size, turned.along[line, 0], turned.along[line, 1], work)
                     line += 1
                 _store(size, i, work, L, G)
-                _forget(size, pinned, work)
+                _forget(size, passed, work)
     if loops is not None:
         _pass_place(size, places, loops, place, work)
         fill(loops.rows, loops.matrix, q, stiffness)
@@ -624,34 +628,56 @@ def _eliminate(size, known, i, work):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _release(size, pinned, work):  # type: ignore[no-untyped-def]
-    """Pass a pin: the inboard gradients follow from P₃…P₆ = 0, of G; r and its force pass on. Or end a chain."""
+def _release(size, passed, work):  # type: ignore[no-untyped-def]
+    """Pass a joint: the first components and their forces pass on, the others follow from P = 0, of G. Or end a chain.
+
+    A pin passes r, two components; the joint that passes r_x too, but not l r_xx, four.
+    """
     d = len(size)
     A, L = d * d, 3 * d * d
     for k in range(d * d):
         work[L + k] = 0.0
-    if pinned:
-        for m in range(2):
-            work[L + d * m + m] = -1.0
-            for k in range(2, d):
-                s = 0.0
-                for n in range(2, d):
-                    s -= work[d * n + m] * work[A + d * max(n, k) + min(n, k)]
-                work[L + d * m + k] = s
-        for m in range(2):
-            for k in range(m + 1):
-                for n in range(2, d):
-                    work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
+    for m in range(passed):
+        work[L + d * m + m] = -1.0
+        for k in range(passed, d):
+            s = 0.0
+            for n in range(passed, d):
+                s -= work[d * n + m] * work[A + d * max(n, k) + min(n, k)]
+            work[L + d * m + k] = s
+    for m in range(passed):
+        for k in range(m + 1):
+            for n in range(passed, d):
+                work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
+
+
+@embedded
+def turn_passed(size, c, s, work):  # type: ignore[no-untyped-def]
+    """Turn r_x behind a joint that passes it: L ← W L, D ← W D W^T."""
+    d = len(size)
+    for k in range(d):
+        _turn_rows(c, s, 3 * d * d + 2 * d + k, 3 * d * d + 3 * d + k, work)
+    for k in range(2):
+        _turn_rows(c, s, 2 * d + k, 3 * d + k, work)
+    xx, xy, yy = work[2 * d + 2], work[3 * d + 2], work[3 * d + 3]
+    work[2 * d + 2] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    work[3 * d + 2] = c * s * (xx - yy) + (c * c - s * s) * xy
+    work[3 * d + 3] = s * s * xx + 2.0 * c * s * xy + c * c * yy
 
 
 @inlined
-def _forget(size, pinned, work):  # type: ignore[no-untyped-def]
-    """Keep of D what goes on beyond a body: behind a pin that of r, else nothing."""
+def _turn_rows(c, s, one, two, work):  # type: ignore[no-untyped-def]
+    """Turn two entries of a column."""
+    x, y = work[one], work[two]
+    work[one], work[two] = c * x - s * y, s * x + c * y
+
+
+@inlined
+def _forget(size, passed, work):  # type: ignore[no-untyped-def]
+    """Keep of D what goes on beyond a body: that of the components that pass a joint."""
     d = len(size)
-    for m in range(d):
+    for m in range(passed, d):
         for k in range(m + 1):
-            if not pinned or m > 1:
-                work[d * m + k] = 0.0
+            work[d * m + k] = 0.0
 
 
 @embedded

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.plan import PIN, WELD
-from anctmm.elements.kinds import check_kinds, flexible
+from anctmm.elements.kinds import check_kinds, wholly_held
 from anctmm.errors import SolverError
 
 Complex = NDArray[Any]
@@ -124,7 +124,7 @@ def row_of(chain: Chain, q: Real, f: Real, clamp: Real | None = None) -> Row:
             f"scene {chain.scene.name!r} mixes {' and '.join(sorted({m.kind.name for m in chain.bodies.meshes}))} "
             f"elements; one kind is needed here"
         )
-    check_kinds(chain.run.of(chain.scene), flexible(), "the readable form")
+    check_kinds(chain.run.of(chain.scene), wholly_held(), "the readable form of a row")
     k = bodies.rows // 2
     outer = complex_of(f)
     passages = []
@@ -281,11 +281,14 @@ def swapped(
     return by_force, S, e
 
 
-def pass_pin(S: Complex, e: Complex) -> tuple[Complex, Complex]:
-    """Pass a pin: P₃ … vanish on both sides, the outboard gradients are new and bear nothing yet."""
-    gain = np.linalg.solve(S[1:, 1:].T, S[0, 1:])
+def pass_pin(S: Complex, e: Complex, held: int = 1) -> tuple[Complex, Complex]:
+    """Pass a pin: P₃ … vanish on both sides, the outboard gradients are new and bear nothing yet.
+
+    Or another joint, that holds so many vectors.
+    """
+    gain = np.linalg.solve(S[held:, held:].T, S[:held, held:].T).T
     out, rest = np.zeros_like(S), np.zeros_like(e)
-    out[0, 0], rest[0] = S[0, 0] - gain @ S[1:, 0], e[0] - gain @ e[1:]
+    out[:held, :held], rest[:held] = S[:held, :held] - gain @ S[held:, :held], e[:held] - gain @ e[held:]
     return out, rest
 
 

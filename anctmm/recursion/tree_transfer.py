@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.plan import PIN, WELD
+from anctmm.discretise.plan import PIN, TANGENT, WELD
 from anctmm.elements.kinds import check_kinds, flexible
 from anctmm.errors import SolverError
 from anctmm.recursion.transfer import (
@@ -31,6 +31,9 @@ from anctmm.recursion.transfer import (
 Complex = NDArray[Any]
 Real = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+#: Vectors that pass a joint which leaves the others free: r and r_x.
+TANGENT_VECTORS = 2
 
 
 @dataclass
@@ -131,6 +134,9 @@ def _linked(chain: Chain, b: int, S: Complex, e: Complex, known: Mask) -> tuple[
     if chain.link[b] == WELD:
         W = _turn(chain, b)
         return W[:, None] * S * np.conj(W), W * e
+    if chain.link[b] == TANGENT:
+        W, (S, e) = _turn(chain, b), pass_pin(S, e, TANGENT_VECTORS)
+        return W[:, None] * S * np.conj(W), W * e
     if chain.link[b] == PIN:
         return pass_pin(S, e)
     return 0.0 * S, 0.0 * e
@@ -151,6 +157,9 @@ def _at_end(chain: Chain, b: int, body: _Passed, found: Complex, known: Mask) ->
     a, given = np.zeros(k, dtype=complex), known.copy()
     if chain.onward[b] >= 0 and chain.link[b] == WELD:
         a, given = np.conj(_turn(chain, b)) * found[:, chain.onward[b]], np.ones(k, dtype=bool)
+    elif chain.onward[b] >= 0 and chain.link[b] == TANGENT:
+        n = TANGENT_VECTORS
+        a[:n], given[:n] = (np.conj(_turn(chain, b)) * found[:, chain.onward[b]])[:n], True
     elif chain.onward[b] >= 0 and chain.link[b] == PIN:
         a[0], given[0] = found[0, chain.onward[b]], True
     free = ~given

@@ -9,6 +9,7 @@ looked for after the run, at the outputs: a step costs nothing.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ def inside_out(q: Array, length: float | Array) -> Mask:
     Parameters
     ----------
     q : ndarray, shape (…, nodes, 2 or 3, 2)
-        r, r_x and r_y of each node.
+        r, r_x and maybe r_y of each node.
     length : float or ndarray
         Of an undeformed element, m.
 
@@ -123,11 +124,11 @@ def _status(solution: Solution, finding: Finding, static: bool) -> Status:
 
 def _shape_findings(solution: Solution) -> Iterator[Finding]:
     """The first output of each body that is stretched beyond all bounds or turned inside out."""
-    alike: dict[tuple[int, ...], dict[str, HermiteField]] = {}
+    alike: dict[tuple[Any, ...], dict[str, HermiteField]] = {}
     for name, field in solution.fields.items():
         match field:
             case HermiteField():
-                alike.setdefault(field.coordinates.shape, {})[name] = field
+                alike.setdefault((field.sections, *field.coordinates.shape), {})[name] = field
             case LagrangeField():
                 yield from _shapes_of_lagrange(name, field, solution.scene.beam(name).length)
     for fields in alike.values():
@@ -137,13 +138,14 @@ def _shape_findings(solution: Solution) -> Iterator[Finding]:
 def _shapes_of_hermite(fields: Mapping[str, HermiteField]) -> Iterator[Finding]:
     """The same of bodies with as many nodes each, as far as the first outputs that show anything."""
     names, paths = list(fields), [field.coordinates for field in fields.values()]
+    vectors = 3 if fields[names[0]].sections else 2
     outputs, nodes = paths[0].shape[:2]
     lengths = np.array([[[field.length / (nodes - 1)]] for field in fields.values()])
     size = max(1, BATCH // (nodes * len(names)))
     for first in range(0, outputs, size):
         q = np.stack([path[first : first + size] for path in paths])
         wild = out_of_bounds(q)
-        bad = wild | inside_out(q, lengths)
+        bad = wild | inside_out(q[..., :vectors, :], lengths)
         if bad.any():
             for body in np.flatnonzero(bad.any(axis=(1, 2))):
                 k = int(bad[body].any(axis=1).argmax())

@@ -7,7 +7,10 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.kinds import ElementKind
+from anctmm.elements.shapes import quintic
 from anctmm.errors import ResultError
+from anctmm.model.bodies import Beam
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -96,6 +99,11 @@ class HermiteField:
             self, coordinates=q[:outputs], velocities=_first(v, outputs), accelerations=_first(a, outputs)
         )
 
+    @property
+    def sections(self) -> bool:
+        """Whether nodes have an r_y, which turns with the section."""
+        return self.coordinates.shape[2] == 3
+
     def _at(self, fraction: float) -> tuple[int, float, float]:
         """Element, place in it from 0 to 1, and its length, m."""
         elements = self.coordinates.shape[1] - 1
@@ -114,7 +122,7 @@ class HermiteField:
     def _direction(self, q: Array, fraction: float) -> Complex:
         """The vector that turns with the section, as complex numbers, (n,)."""
         i, x, l = self._at(fraction)  # noqa: E741
-        if q.shape[2] == 3:
+        if self.sections:
             vector = (1.0 - x) * q[:, i, 2] + x * q[:, i + 1, 2]
         else:
             vector = (
@@ -123,6 +131,38 @@ class HermiteField:
                 + (3.0 * x**2 - 2.0 * x) * q[:, i + 1, 1]
             )
         return _complex(vector)
+
+
+@dataclass(frozen=True)
+class QuinticField(HermiteField):
+    """Axis of a body of quintic cables, whose nodes have r (m), r_x and l r_xx; l is the length of an element.
+
+    Its parameters are those of `HermiteField`.
+    """
+
+    @property
+    def sections(self) -> bool:
+        """Whether nodes have an r_y: no."""
+        return False
+
+    def _axis(self, q: Array, fraction: float) -> Array:
+        return self._sum(q, fraction, 0)
+
+    def _direction(self, q: Array, fraction: float) -> Complex:
+        return _complex(self._sum(q, fraction, 1))
+
+    def _sum(self, q: Array, fraction: float, order: int) -> Array:
+        i, x, l = self._at(fraction)  # noqa: E741
+        weights = quintic(x, l, order)[0]
+        return np.einsum("i,nic->nc", weights, q[:, i : i + 2].reshape(len(q), 6, 2))
+
+
+def beam_field(
+    kind: ElementKind, body: Beam, q: Array, v: Array | None = None, a: Array | None = None
+) -> HermiteField:
+    """Motion of a beam cut into elements of a kind, from its coordinates and their rates."""
+    field = QuinticField if "l r_xx" in kind.vectors else HermiteField
+    return field(q, body.length, v, a)
 
 
 @dataclass(frozen=True)

@@ -124,11 +124,11 @@ class _Look:
         match self.solution.fields[place.body.name]:
             case RigidField(coordinates=q):
                 return np.asarray(q[:, 1] @ np.array([1.0, 1.0j]))
-            case HermiteField(coordinates=q):
+            case HermiteField(coordinates=q) as field:
                 beam = place.body
                 assert isinstance(beam, Beam)
-                node, section = round(float(place.key) * (q.shape[1] - 1)), q.shape[2] == 3
-                gradient = q[:, node, -1] @ np.array([1.0, 1.0j]) * (-1j if section else 1.0)  # r_y, or r_x
+                node, section = round(float(place.key) * (q.shape[1] - 1)), field.sections
+                gradient = q[:, node, 2 if section else 1] @ np.array([1.0, 1.0j]) * (-1j if section else 1.0)
                 return np.asarray(gradient / np.abs(gradient) * np.exp(-1j * beam.angle))
             case _:
                 return np.full(self.solution.t.size, np.nan + 0j)

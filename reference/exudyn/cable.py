@@ -27,7 +27,7 @@ from reference.exudyn.run import CHOICES, check_room, dynamics, statics
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS,
+    lacks=frozenset({"rigid", "quintic", "zhai + joints", "zhai + drives"}) | LACKS,
     element="cable",
     limits={"cable": "elastica"},
     choices=CHOICES,

@@ -26,7 +26,7 @@ from reference.exudyn.run import CHOICES, check_room, dynamics, statics
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "zhai + joints", "zhai + drives"}) | LACKS | {"interior-loads"},
+    lacks=frozenset({"rigid", "quintic", "zhai + joints", "zhai + drives"}) | LACKS | {"interior-loads"},
     element="reissner",
     limits={"shear": "reissner"},
     choices=CHOICES,

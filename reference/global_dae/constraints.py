@@ -86,7 +86,7 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
     for joint in scene.joints:
         ends = [scene.body_end(end) for end in joint.ends]
         nodes = [bodies.node(body.name, side) for body, side in ends]
-        vectors = meshes[ends[0][0].name].vectors
+        vectors = meshes[ends[0][0].name].held // 2  # what lies behind these is free at the ends of beams
         match joint:
             case Clamp():
                 drive = next((k for k, clamp in enumerate(drives) if clamp is joint), -1)

@@ -12,7 +12,7 @@ from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.results.divergence_checks import checked
-from anctmm.results.fields import HermiteField
+from anctmm.results.fields import beam_field
 from anctmm.results.solution import (
     Cost,
     Energy,
@@ -226,7 +226,9 @@ def solution(
     """
     series = [model.bodies.by_body(x) for x in (kept, *rates)]
     fields = {
-        name: HermiteField(q, model.scene.beam(name).length, *(x[name] for x in series[1:]))
+        name: beam_field(
+            model.bodies.mesh(name).kind, model.scene.beam(name), q, *(x[name] for x in series[1:])
+        )
         for name, q in series[0].items()
     }
     energy = Energy(*(column.copy() for column in energies.T))

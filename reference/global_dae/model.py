@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Matrix = sparse.csc_array
 #: Kinds of element that it knows.
-ELEMENTS = ("cable", "shear")
+ELEMENTS = ("cable", "shear", "quintic")
 
 
 class Parts(NamedTuple):

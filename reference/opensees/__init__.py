@@ -45,7 +45,7 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
     {"newton_tolerance": 1e-3, "beam": "elastic-lumped"},
 )
 OFFER = Offer(
-    lacks=frozenset({"zhai", "esdirk", "damping", "rigid", "stability", *MECHANISMS}),
+    lacks=frozenset({"zhai", "esdirk", "damping", "rigid", "quintic", "stability", *MECHANISMS}),
     element="frame",
     limits={"cable": "elastica"},
     choices=CHOICES,

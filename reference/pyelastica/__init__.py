@@ -56,6 +56,7 @@ OFFER = Offer(
             "varying-loads",
             "damping",
             "rigid",
+            "quintic",
             "stability",
             *MECHANISMS,
         }

@@ -86,7 +86,7 @@ class Plan:
 
     A reference is that of settings, which are run, or one that is there already.
     A solver that uses an element of its own is measured against that element's reference, where there is one, or else
-    against that of the element asked for.
+    against that of the element asked for, or of one that tends to the same continuum.
     `budget_s`: no further sample is taken of a run once its samples have taken that long; the
     runner's own limit without it.
     """
@@ -218,9 +218,12 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
 
 
 def _measured_by(case: Trial, references: Mapping[str, Any]) -> str:
-    """Element whose reference a case is measured against."""
+    """Element whose reference a case is measured against: its own, or one that tends to the same."""
     own = element_of(case.solver, case.element)
-    return own if own in references else case.element
+    if own in references or case.element in references:
+        return own if own in references else case.element
+    alike = (e for e in references if e in KINDS and KINDS[e].continuum == KINDS[case.element].continuum)
+    return next(alike, case.element)
 
 
 def _reference(base: Case, element: str, fine: Fine | Reference, runner: Runner) -> Reference:

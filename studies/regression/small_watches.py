@@ -3,7 +3,6 @@
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.elements.kinds import flexible
 from anctmm.model.scene import Beam, Probe, Scene
 from studies.regression import small_mechanisms as mechanisms
 from studies.regression import small_scenes as small
@@ -11,7 +10,7 @@ from studies.regression.readable import READABLE
 from studies.regression.scenes import ARC_LENGTH, FromRest, Run, Static, Watch, base_watches
 
 TIGHT = 1e-12
-ELEMENTS = flexible()
+ELEMENTS = "cable", "shear"
 #: Steps just below and just above the largest stable one of each scene, s: elements, ψ = φ, and that step (those of
 #: the global DAE, see `tests/of_studies/test_small_scenes.py`).
 LIMITS: dict[str, tuple[Scene, Any, Any, float, float]] = {

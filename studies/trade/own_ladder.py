@@ -3,6 +3,7 @@
 from math import isfinite
 
 from anctmm.model.case import Case
+from anctmm.model.needs import needs
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Mesh, Runner
 from studies.engine.study import Options, StudyError
@@ -12,8 +13,8 @@ from studies.trade.plan import TARGETS, Ladder
 SMALLEST = {False: 1e-5, True: 1e-3}
 #: Part of the smallest target error that a reference may be uncertain by.
 SHARE = 0.3
-#: Each is a model of its own.
-ELEMENTS = "cable", "shear"
+#: What may be asked for, and each model's element whose refined run is the reference without asking.
+ELEMENTS, REFERENCES = ("cable", "quintic", "shear"), ("cable", "shear")
 #: Steps, and elements of the solver with a dense matrix, at most.
 MOST_STEPS, MOST_DENSE = 6, 24
 
@@ -48,7 +49,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     found = {
         element: Refinement(case, Setup(element=element), runner).refined(SHARE * smallest)
         for element in ELEMENTS
-        if options.element in (None, element)
+        if options.element == element or (options.element is None and element in REFERENCES)
     }
     runner.heading = f"{case.name}: "
     of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
@@ -58,6 +59,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     return Ladder(
         case,
         cables,
+        of.get("quintic") or _of_high_order(case, cables),
         of.get("shear", ()),
         tuple(m for m in cables if sum(m) <= MOST_DENSE)[-2:],
         ("global-dae", "exudyn-cable"),
@@ -67,6 +69,12 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         quick_steps=steps,
         targets=(*(target for target in TARGETS if target > 1.01 * smallest), smallest),
     )
+
+
+def _of_high_order(case: Case, cable_meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
+    """Meshes of quintic cables: the coarser ones of cables; none where joints act between the ends of a beam."""
+    jointed_inside = any(feature == "interior-joints" for feature, _ in needs(case.scene))
+    return () if jointed_inside else cable_meshes[: (len(cable_meshes) + 1) // 2]
 
 
 def meshes(found: Refined, halfway: bool) -> tuple[Mesh, ...]:

@@ -28,6 +28,7 @@ MOST_EXPLICIT = 2e6
 IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
 #: Who makes implicit steps with each element.
 CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
+QUINTIC_SOLVERS = "anctmm", "global-dae"
 SHEAR_SOLVERS = "anctmm", "global-dae", "exudyn-reissner"
 #: Who makes them with frames of its own, which tend to what cables tend to; they know no quadrature of ours.
 FRAME_SOLVERS = ("opensees",)
@@ -45,8 +46,8 @@ class Ladder:
     Parameters
     ----------
     base : Case
-    cable, shear, dense : tuple of Mesh
-        Meshes of cables, of shear elements, and of the solver with a dense matrix.
+    cable, quintic, shear, dense : tuple of Mesh
+        Meshes of cables, of quintic ones, of shear elements, and of the solver with a dense matrix.
     explicit_peers : tuple of str
         Solvers other than ours that can run it explicitly.
     references : dict of element to Fine or Reference
@@ -62,6 +63,7 @@ class Ladder:
 
     base: Case
     cable: tuple[Mesh, ...]
+    quintic: tuple[Mesh, ...]
     shear: tuple[Mesh, ...]
     dense: tuple[Mesh, ...]
     explicit_peers: tuple[str, ...]
@@ -83,6 +85,8 @@ class Ladder:
             schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
             schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
         schemes += self._implicit("cable", "full", self.frames, FRAME_SOLVERS, self.steps)
+        schemes += self._implicit("quintic", "full", self.quintic, QUINTIC_SOLVERS, self.steps)
+        schemes += self._controlled("quintic", "full", self.quintic, TOLERANCES)
         schemes += self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.steps)
         schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
         schemes += self._explicit("shear", "full", self.shear, ("global-dae",))
@@ -148,12 +152,13 @@ class Ladder:
                 self.cable[:1],
                 self._stable("cable", "reduced", 1e6),
             ),
+            _scheme("quintic", "full", IMPLICIT, ("anctmm",), self.quintic[:1], steps[-1:], LOOSE),
             *self._few_of_shear(),
         )
 
     def _few_of_shear(self) -> list[Scheme]:
         """Few runs that are compared with cables; where there are none, as many as of cables."""
-        if self.cable:
+        if self.cable or self.quintic:
             return [
                 _scheme("shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], self.quick_steps[:1], LOOSE)
             ]
@@ -185,24 +190,33 @@ def _four_bar(quick: bool) -> Ladder:
         (1, 3, 1), (1, 4, 1), (1, 6, 1), (2, 6, 2), (2, 8, 2), (2, 12, 2), (3, 10, 3), (4, 12, 4), (4, 16, 4),
         (6, 24, 6),
     )  # fmt: skip
+    quintic: tuple[Mesh, ...] = ((1, 1, 1), (1, 2, 1), (1, 3, 1), (1, 4, 1), (2, 6, 2))
     shear: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8), (16, 64, 16))
     references: dict[str, Fine | Reference] = {
         "cable": _fine((16, 64, 16), (12, 48, 12), 5e-5, "lobatto"),
         "shear": _fine((32, 128, 32), (16, 64, 16), 2.5e-4, "full"),
     }
     if quick:
-        cable = ((1, 3, 1), (2, 6, 2), (3, 10, 3))
+        cable, quintic = ((1, 3, 1), (2, 6, 2), (3, 10, 3)), ((1, 3, 1),)
         references = {
             "cable": _fine((8, 32, 8), (6, 24, 6), 2.5e-4, "lobatto"),
             "shear": _fine((16, 64, 16), (8, 32, 8), 1e-3, "full"),
         }
     return Ladder(
-        four_bar(), cable, shear, ((1, 4, 1), (2, 8, 2)), ("global-dae",), references, FINE_STEP[quick]
+        four_bar(),
+        cable,
+        quintic,
+        shear,
+        ((1, 4, 1), (2, 8, 2)),
+        ("global-dae",),
+        references,
+        FINE_STEP[quick],
     )
 
 
 def _cantilever(quick: bool) -> Ladder:
     cable: tuple[Mesh, ...] = ((4,), (6,), (8,), (12,), (16,), (24,), (32,), (48,), (64,))
+    quintic: tuple[Mesh, ...] = ((2,), (3,), (4,), (6,), (8,), (12,), (16,), (24,))
     shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     frames: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     references: dict[str, Fine | Reference] = {
@@ -210,14 +224,22 @@ def _cantilever(quick: bool) -> Ladder:
         "shear": _fine((512,), (256,), 1.25e-4, "full"),
     }
     if quick:
-        cable = ((8,), (16,), (32,))
+        cable, quintic = ((8,), (16,), (32,)), ((8,),)
         references = {
             "cable": _fine((64,), (48,), 2.5e-4, "lobatto"),
             "shear": _fine((256,), (128,), 1e-3, "full"),
         }
     peers = ("global-dae", "exudyn-cable")
     return Ladder(
-        cantilever_fall(), cable, shear, ((8,), (16,)), peers, references, FINE_STEP[quick], frames=frames
+        cantilever_fall(),
+        cable,
+        quintic,
+        shear,
+        ((8,), (16,)),
+        peers,
+        references,
+        FINE_STEP[quick],
+        frames=frames,
     )
 
 

@@ -17,8 +17,8 @@ from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.discretise.mesh import build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
-from anctmm.elements.dispatch import BOTH, CABLES, KERNELS, SHEARS, components, formulations_of
-from anctmm.elements.kinds import CABLE, KINDS, QUADRATURES, SHEAR, check_kinds, kind_of, moved_by
+from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of
+from anctmm.elements.kinds import CABLE, KINDS, QUADRATURES, QUINTIC, SHEAR, check_kinds, kind_of, moved_by
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
 from anctmm.solve import OFFER
 from anctmm.solvers.capabilities import FEATURES, LIMITS
@@ -35,10 +35,11 @@ def test_what_a_kind_says_of_its_element_holds(kind):
     assert type(element) is kind.element
     assert len(kind.vectors) == element.vectors_per_node
     assert element.mass.shape == (2 * len(kind.vectors),) * 2
-    assert kind.vectors[:2] == ("r", "r_x")
+    assert kind.vectors[:2] == kind.held[:2] == ("r", "r_x")
+    assert kind.held == kind.vectors[: len(kind.held)]
     assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
     assert components(formulations_of([kind.kernels]), kind.kernels) == 2 * len(kind.vectors)
-    assert components(BOTH, kind.kernels) == 2 * len(kind.vectors)
+    assert components(ALL, kind.kernels) == 2 * len(kind.vectors)
     assert set(kind.integrators) <= set(INTEGRATORS)
     q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
     assert kind.rigid == (element.energy(q) == 0.0)
@@ -62,20 +63,23 @@ def test_what_solvers_offer_follows_the_kinds(kind):
 
 
 def test_formulations_tell_all_kernels_apart():
-    numbers = [{CABLE}, {SHEAR}, {CABLE, SHEAR}]
-    assert [formulations_of(n) for n in numbers] == [CABLES, SHEARS, BOTH]
-    assert set(KERNELS) == {kind.kernels for kind in KINDS.values()} == {CABLE, SHEAR}
+    numbers = [set(n) for k in range(1, 4) for n in combinations(KERNELS, k)]
+    assert len({formulations_of(n) for n in numbers}) == 7
+    assert formulations_of([CABLE, CABLE]) == formulations_of([CABLE])
+    assert formulations_of(KERNELS) == ALL
+    assert set(KERNELS) == {kind.kernels for kind in KINDS.values()} == {CABLE, SHEAR, QUINTIC}
 
 
-def test_kinds_weld_whose_nodes_have_the_same_vectors():
+def test_kinds_weld_of_which_joints_hold_the_same_vectors():
     welds = {(a, b) for a, b in product(KINDS, KINDS) if KINDS[a].welds_to(KINDS[b])}
-    assert welds == {*((a, a) for a in KINDS), ("cable", "rigid"), ("rigid", "cable")}
+    assert welds == {("shear", "shear"), *product(("cable", "quintic", "rigid"), repeat=2)}
 
 
 @pytest.mark.parametrize("name", ["rod", "", "Cable", None, 3, ["cable"]])
 def test_unknown_kinds_are_refused_by_name(name):
     with pytest.raises(
-        UnknownOptionError, match=r"element of body 'b' is .*; allowed are 'cable', 'rigid', 'shear'"
+        UnknownOptionError,
+        match=r"element of body 'b' is .*; allowed are 'cable', 'quintic', 'rigid', 'shear'",
     ):
         kind_of(name, "element of body 'b'")
     with pytest.raises(UnknownOptionError, match="allowed are"):

@@ -193,4 +193,4 @@ def test_no_kind_is_a_subclass_of_another():
 
 def test_the_roads_here_are_all_that_are_registered_and_the_kinds_all_names():
     assert set(names()) >= set(MOTION)
-    assert len({*KINDS, *INTEGRATORS, *QUADRATURES}) == 8
+    assert len({*KINDS, *INTEGRATORS, *QUADRATURES}) == 9

@@ -16,7 +16,9 @@ from anctmm.recursion.riccati import block_factors, factorize, links, mass_facto
 from anctmm.recursion.tree_transfer import accelerations_tree
 
 every_scene = pytest.mark.parametrize("name", SCENES)
-every_element = pytest.mark.parametrize("element", ["cable", "shear"])
+#: Roundings of the mass of quintic cables, whose functions are more alike, are larger by so much.
+ROUNDING = {"cable": 1.0, "shear": 1.0, "quintic": 20.0}
+every_element = pytest.mark.parametrize("element", ["cable", "shear", "quintic"])
 
 
 class Direct:
@@ -54,7 +56,7 @@ def error(found, exact):
 def test_accelerations_of_any_topology(name, element):
     d = Direct(SCENES[name], element)
     exact = d.solved(d.mass(), d.f - d.elastic())
-    assert error(solve(mass_factors(d.chain), d.f - d.elastic()), exact) < 1e-12
+    assert error(solve(mass_factors(d.chain), d.f - d.elastic()), exact) < 1e-12 * ROUNDING[element]
     if d.chain.split:
         t, clamps, a = d.bodies.tables(), Actuation(d.chain.scene, d.bodies).clamps(), np.zeros_like(d.q)
         tables = (t.first, t.kinds, t.constants, t.masses, t.buffer)
@@ -75,7 +77,8 @@ def test_tangent_solves_of_any_topology_count_negative_eigenvalues(name, element
             d.q, d.bodies.tables(), links(d.chain), weight, 1.0, loads, np.empty((0, 2)), factors
         )
         assert pivots == (np.linalg.eigvalsh((T.T @ matrix @ T).toarray()) < 0.0).sum()
-        assert error(solve(factors, d.f.copy()), d.solved(matrix, d.f)) < (1e-12 if pivots == 0 else 1e-9)
+        allowed = 1e-12 * ROUNDING[element] if pivots == 0 else 1e-9
+        assert error(solve(factors, d.f.copy()), d.solved(matrix, d.f)) < allowed
 
 
 @every_element
@@ -84,7 +87,7 @@ def test_branches_add_up_in_the_readable_form(name, element):
     d = Direct(SCENES[name], element)
     a = accelerations_tree(d.chain, d.q, d.f)
     found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
-    assert error(found, d.solved(d.mass(), d.f - d.elastic())) < 1e-10
+    assert error(found, d.solved(d.mass(), d.f - d.elastic())) < 1e-10 * ROUNDING[element]
 
 
 def test_readable_form_refuses_loops():

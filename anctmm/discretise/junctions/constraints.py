@@ -289,7 +289,7 @@ class _Writer:
         """The gradients of the second end are those of the first one, turned."""
         rows = []
         beam = second if second[0] not in self.rigid else first
-        for k in range(1, self.chain.bodies.mesh(beam[0]).vectors):
+        for k in range(1, self.chain.bodies.mesh(beam[0]).held // 2):
             one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
             rows += self._parts(_sum(two, self._further(one, weld, first, junction), -1.0), 1.0)
         name = "the driven weld" if weld is not None else "the direction"

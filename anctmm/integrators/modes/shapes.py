@@ -70,8 +70,9 @@ class Modes:
         name, at = self.scene.probe(place)
         shape = self.shapes[name]
         body = self.scene.body(name)
+        cut = self.run.of(self.scene)
         # a place is linear in the coordinates
-        parts: list[Any] = [field_of(body, part, None, None) for part in (shape.real, shape.imag)]
+        parts: list[Any] = [field_of(body, cut, part, None, None) for part in (shape.real, shape.imag)]
         return np.asarray(parts[0].position(at) + 1j * parts[1].position(at))
 
     def motion(self, mode: int = 1, amplitude: float | None = None) -> Solution:
@@ -99,9 +100,14 @@ class Modes:
             self._size() if amplitude is None else positive("amplitude (m)", amplitude, DiscretisationError)
         )
         phase = np.exp(2j * np.pi * np.linspace(0.0, 1.0, FRAMES + 1))[:, None, None, None]
+        cut = self.run.of(self.scene)
         fields = {
             name: field_of(
-                self.scene.body(name), self.equilibrium[name] + size * (shape[k] * phase).real, None, None
+                self.scene.body(name),
+                cut,
+                self.equilibrium[name] + size * (shape[k] * phase).real,
+                None,
+                None,
             )
             for name, shape in self.shapes.items()
         }

@@ -1,9 +1,9 @@
 """Section forces of beams, from the equilibrium of an element and not from differentiated strains.
 
 The generalized forces that hold an element in its motion are R = f(q) + M q̈ − g, f elastic and damping forces, g those
-of what acts on it. At its outboard node they are what lies beyond exerts: a force R_r, and the moment r_x × R_{r_x}
-(+ r_y × R_{r_y}). Shape functions contain every rigid motion, so these are in equilibrium with the inertia ρA r̈ of the
-element's own motion, and a section in between follows from that of the part beyond it, exactly:
+of what acts on it. At its outboard node they are what lies beyond exerts: a force R_r, and the moment Σ g × R_g over
+all other vectors g of the node. Shape functions contain every rigid motion, so these are in equilibrium with the
+inertia ρA r̈ of the element's own motion, and a section in between follows from that of the part beyond it, exactly:
 
     F(x) = R_r + Σ F_k + ∫_x^l (p − ρA r̈) ds,
     M(x) = M_O + (r_O − r) × R_r + Σ ((r_k − r) × F_k + M_k) + ∫_x^l ((r(s) − r) × (p − ρA r̈) − ρI d × d̈) ds.
@@ -20,15 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import Element, kind_of
-from anctmm.elements.shapes import gauss, hermite
+from anctmm.elements.shapes import gauss
+from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
 from anctmm.results.fields import HermiteField
 from anctmm.results.internal_forces.actions import Action, actions_on, along
 
 Array = NDArray[np.float64]
-
-#: Gauss points of the integrals: (r(s) − r) × r̈ is of degree 6.
-POINTS = 4
 
 
 def section_force(solution: Any, body: str, fraction: float) -> Array:
@@ -134,9 +132,9 @@ class HeldElement:
         return self.q.shape[1] // 2
 
     @property
-    def hermite_rows(self) -> list[int]:
-        """Rows that the Hermite functions multiply."""
-        return [0, 1, self.half, self.half + 1]
+    def points(self) -> int:
+        """Gauss points of the integrals: (r(s) − r) × r̈ is of twice the degree of the axis."""
+        return self.element.degree + 1
 
     @cached_property
     def actions(self) -> list[tuple[float, Action]]:
@@ -163,23 +161,14 @@ class HeldElement:
         if element.damping and not self.solution.static:
             R += np.stack([element.damping_force(q, w) for q, w in zip(self.q, v, strict=True)])
         R += np.einsum("ij,njc->nic", element.mass, self.a)
-        xi, weights = gauss(POINTS)
-        consistent = element.l * (weights @ hermite(xi, element.l))
-        R[:, self.hermite_rows] -= np.einsum("i,nc->nic", consistent, self.load)
+        R -= np.einsum("i,nc->nic", element.load, self.load)
         for x, action in self.actions:
-            shape = hermite(x, element.l)[0]
-            R[:, self.hermite_rows] -= np.einsum("i,nc->nic", shape, action.force)
-            rows, weight = self._turning(x)
-            g = np.einsum("i,nic->nc", weight, self.q[:, rows])
+            R -= np.einsum("i,nc->nic", element.axis(x)[0], action.force)
+            weight = element.turning(x)[0]
+            g = np.einsum("i,nic->nc", weight, self.q)
             turned = np.stack([-g[:, 1], g[:, 0]], axis=1) / np.einsum("nc,nc->n", g, g)[:, None]
-            R[:, rows] -= np.einsum("i,n,nc->nic", weight, action.moment, turned)
+            R -= np.einsum("i,n,nc->nic", weight, action.moment, turned)
         return R
-
-    def _turning(self, x: float) -> tuple[list[int], Array]:
-        """Rows and weights of the vector that a torque turns."""
-        if self.half == 3:
-            return [2, 5], np.array([1.0 - x, x])
-        return self.hermite_rows, hermite(x, self.element.l, 1)[0]
 
     def at_node(self, side: int) -> tuple[Array, Array]:
         """Force (n, 2) and moment (n,) that hold the element at its node I (0) or O (1)."""
@@ -193,10 +182,10 @@ class HeldElement:
 
     def slope(self, x: float) -> Array:
         """Slope of the axis at ξ, (n, 2)."""
-        return np.einsum("i,nic->nc", hermite(x, self.element.l, 1)[0], self.q[:, self.hermite_rows])
+        return np.einsum("i,nic->nc", self.element.axis(x, 1)[0], self.q)
 
     def _along(self, series: Array, x: float) -> Array:
-        return np.einsum("i,nic->nc", hermite(x, self.element.l)[0], series[:, self.hermite_rows])
+        return np.einsum("i,nic->nc", self.element.axis(x)[0], series)
 
     def beyond(self, x: float) -> tuple[Array, Array]:
         """Force (n, 2) and moment (n,) of what lies beyond ξ = x on what lies before."""
@@ -209,12 +198,12 @@ class HeldElement:
                 turning = turning + action.moment + cross(self.place(y) - here, action.force)
         body = self.solution.scene.beam(self.body)
         density, section = body.material.density, body.section
-        for y, w in zip(*gauss(POINTS), strict=True):
+        for y, w in zip(*gauss(self.points), strict=True):
             s, ds = x + (1.0 - x) * y, (1.0 - x) * w * element.l
             pull = self.load - density * section.area * self._along(self.a, s)
             total += ds * pull
             turning = turning + ds * cross(self.place(s) - here, pull)
-            if self.half == 3:
+            if isinstance(element, ShearElement):
                 d, dd = ((1.0 - s) * z[:, 2] + s * z[:, 5] for z in (self.q, self.a))
                 turning = turning - ds * density * section.second_moment * cross(d, dd)
         return total, turning

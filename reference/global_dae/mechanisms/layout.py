@@ -144,20 +144,10 @@ class Layout:
     def position(self, place: Place) -> Vector:
         """Position of a place."""
         if isinstance(place.body, Beam) and place.body.name not in self.rigid:
-            node, x, l = self._at(place)  # noqa: E741
-            r, g = (self._vector(place, k, node) for k in (0, 1))
+            node, x = self._at(place)
             if x == 0.0:
-                return Vector.of([(r, 1.0)])
-            R, G = (self._vector(place, k, node + 1) for k in (0, 1))
-            x2, x3 = x * x, x * x * x
-            return Vector.of(
-                [
-                    (r, 1.0 - 3.0 * x2 + 2.0 * x3),
-                    (g, l * (x - 2.0 * x2 + x3)),
-                    (R, 3.0 * x2 - 2.0 * x3),
-                    (G, l * (x3 - x2)),
-                ]
-            )
+                return Vector.of([(self._vector(place, 0, node), 1.0)])
+            return self._weighted(place, node, self._mesh(place).element.axis(x)[0])
         at = self.first[place.body.name]
         body = self.rigid[place.body.name]
         if isinstance(body, PointMass):
@@ -170,37 +160,28 @@ class Layout:
         name = place.body.name
         if name in self.rigid:
             return Vector.of([(self.first[name] + 2, 1.0)])
-        node, x, l = self._at(place)  # noqa: E741
-        if self._mesh(place).kind.turned == "r_y":
-            parts = [(self._vector(place, 2, node), 1.0 - x)]
-            return Vector.of(parts + ([(self._vector(place, 2, node + 1), x)] if x else []))
+        node, x = self._at(place)
         if x == 0.0:
-            return Vector.of([(self._vector(place, 1, node), 1.0)])
-        slope = 6.0 * (x * x - x) / l
-        return Vector.of(
-            [
-                (self._vector(place, 0, node), slope),
-                (self._vector(place, 1, node), 1.0 - 4.0 * x + 3.0 * x * x),
-                (self._vector(place, 0, node + 1), -slope),
-                (self._vector(place, 1, node + 1), 3.0 * x * x - 2.0 * x),
-            ]
-        )
+            return Vector.of([(self._vector(place, self._mesh(place).turning_row // 2, node), 1.0)])
+        return self._weighted(place, node, self._mesh(place).element.turning(x)[0])
 
     def gradients(self, place: Place) -> list[Vector]:
-        """All gradients at a node of a beam that bends, r_x first.
+        """All gradients that joints hold at a node of a beam that bends, r_x first.
 
         Raises
         ------
         MeshError
             If no node lies there.
         """
-        node, x, _ = self._at(place)
+        node, x = self._at(place)
         if x != 0.0:
             raise MeshError(
                 f"{place} is in a joint and lies between nodes of {self.cut[place.body.name][0]} elements; a node is "
                 f"needed there: fraction times elements must be whole"
             )
-        return [Vector.of([(self._vector(place, k, node), 1.0)]) for k in range(1, self._mesh(place).vectors)]
+        return [
+            Vector.of([(self._vector(place, k, node), 1.0)]) for k in range(1, self._mesh(place).held // 2)
+        ]
 
     def is_rigid(self, place: Place) -> bool:
         """Whether a place is of a body that does not bend."""
@@ -210,15 +191,21 @@ class Layout:
         assert self.beams is not None
         return self.beams.bodies.mesh(place.body.name)
 
-    def _at(self, place: Place) -> tuple[int, float, float]:
-        """Node before a place of a beam, fraction of the element behind it, and its length, m."""
+    def _weighted(self, place: Place, node: int, weights: Array) -> Vector:
+        """A sum over the vectors of the element behind a node."""
+        vectors = self._mesh(place).vectors
+        pairs = ((k, float(w)) for k, w in enumerate(weights) if w != 0.0)
+        return Vector.of([(self._vector(place, k % vectors, node + k // vectors), w) for k, w in pairs])
+
+    def _at(self, place: Place) -> tuple[int, float]:
+        """Node before a place of a beam, and the fraction of the element behind it."""
         mesh = self._mesh(place)
         assert self.beams is not None
         first, along = self.beams.bodies.node(place.body.name, 0), float(place.key) * mesh.elements
         near = round(along)
         if abs(along - near) <= AT_NODE:
-            return first + near, 0.0, mesh.element.l
-        return first + int(along), along - int(along), mesh.element.l
+            return first + near, 0.0
+        return first + int(along), along - int(along)
 
     def _vector(self, place: Place, k: int, node: int) -> int:
         """Number of the x component of vector k (0 r, 1 r_x, 2 r_y) of a node."""

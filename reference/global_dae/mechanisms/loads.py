@@ -153,13 +153,13 @@ def _mean(layout: Layout, name: str) -> Vector:
     assert layout.beams is not None
     bodies = layout.beams.bodies
     mesh: BodyMesh = bodies.mesh(name)
-    first, l = bodies.node(name, 0), mesh.element.l  # noqa: E741
+    first, weights = bodies.node(name, 0), np.zeros((mesh.nodes, mesh.vectors))
+    one, two = mesh.element.load.reshape(2, mesh.vectors)
+    weights[:-1] += one
+    weights[1:] += two
     at, A = list[int](), list[Array]()
-    for node in range(mesh.nodes):
-        inner = 0 < node < mesh.nodes - 1
-        end = 0.0 if inner else (1.0 if node == 0 else -1.0)
-        for k, factor in ((0, l if inner else l / 2.0), (1, end * l * l / 12.0)):
-            number = 2 * int(layout.beams.numbers[k, first + node])
-            at += [number, number + 1]
-            A.append(factor * np.eye(2))
+    for node, k in zip(*np.nonzero(weights), strict=True):
+        number = 2 * int(layout.beams.numbers[k, first + node])
+        at += [number, number + 1]
+        A.append(weights[node, k] * np.eye(2))
     return Vector(np.array(at), np.concatenate(A, axis=1), np.zeros(2))

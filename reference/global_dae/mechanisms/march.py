@@ -6,10 +6,11 @@ from time import perf_counter, process_time
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
-from anctmm.results.fields import Field, HermiteField, RigidField
+from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
 from reference.global_dae.mechanisms.layout import Layout
 from reference.global_dae.mechanisms.system import Account, System
@@ -148,7 +149,7 @@ def fields_of(layout: Layout, q: Array, *rates: Array) -> dict[str, Field]:
         if body.name in bending[0]:
             assert isinstance(body, Beam)
             first, *others = (nodal[body.name] for nodal in bending)
-            found[body.name] = HermiteField(first, body.length, *others)
+            found[body.name] = beam_field(kind_of(layout.cut[body.name][1]), body, first, *others)
         elif isinstance(body, Beam):
             first, *others = (_bar(layout, body, x) for x in series)
             found[body.name] = HermiteField(first, body.length, *others)

@@ -1,0 +1,308 @@
+"""Compiled twin of `quintic`: the same numbers for a block of elements; layout as in `shear_kernel`.
+
+Derivatives are taken by the five vectors u = (r_O − r_I)/l, r'_I, l r''_I, r'_O, l r''_O: all weights of r' and of
+l r'' are numbers then, the same for every element.
+"""
+
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.elements.quintic import AXIAL, BENDING, QuinticElement
+from anctmm.elements.shapes import gauss, quintic
+from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.tangent_blocks import SUMS, TANGENT_BLOCK, clear_sums, place, placement
+from anctmm.jit.compiling import inlined, kernel
+
+Array = NDArray[np.float64]
+
+#: Vectors by which derivatives are taken, and sums of their second derivatives, in rows of four: xx, xy, yx, yy.
+VECTORS, PAIRS = 5, 15
+#: Where the second derivatives of one point stand, behind all sums: by r' twice, by r' and r'', by r'' twice.
+POINT = 4 * PAIRS
+
+
+def _weights(points: int) -> Array:
+    """Of each Gauss point the weights of u, r'_I, l r''_I, r'_O, l r''_O in r', those in l r'', and the point's own."""
+    xi, w = gauss(points)
+    columns = [3, 1, 2, 4, 5]
+    return np.column_stack([quintic(xi, 1.0, 1)[:, columns], quintic(xi, 1.0, 2)[:, columns], w])
+
+
+AXIAL_POINTS, BENDING_POINTS = _weights(AXIAL), _weights(BENDING)
+
+
+def _blocks() -> list[tuple[int, int, str, int, int]]:
+    """Blocks of `placement`: those of r_I and r_O are those of u, times ∓1/l."""
+    vector, sign = (0, 1, 2, 0, 3, 4), (-1, 1, 1, 1, 1, 1)
+    found = []
+    for k in range(6):
+        for m in range(k + 1):
+            one, two = vector[k], vector[m]
+            row, column = max(one, two), min(one, two)
+            power = (one == 0) + (two == 0)
+            form = "full" if one >= two else "transposed"
+            found.append((k, m, form, 4 * (row * (row + 1) // 2 + column), sign[k] * sign[m] * power))
+    return found
+
+
+PLACES = placement(_blocks())
+
+
+def constants(e: QuinticElement) -> Array:
+    """What the kernels need of an element: l, EA, EI."""
+    return np.array([e.l, e.EA, e.EI])
+
+
+@kernel
+def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
+    """Elastic forces of a block of elements on their nodes.
+
+    Parameters
+    ----------
+    q : ndarray, shape (6, nodes)
+    first, count : int
+        First node of the block, number of its elements, at most BLOCK.
+    constants : ndarray, shape (≥ 3,)
+        See `constants`.
+    out : ndarray, shape (12 * BLOCK,)
+        Written: component k of the force of element j on node I at k BLOCK + j, on node O at (6 + k) BLOCK + j.
+    """
+    l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
+    r = 1.0 / l
+    _clear(out, count)
+    for p in range(AXIAL):
+        W = AXIAL_POINTS[p]
+        w = EA * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, r)
+            n = w * (1.0 - 1.0 / sqrt(bx * bx + by * by))
+            _add(out, j, l, W, 0, n * bx, n * by)
+    for p in range(BENDING):
+        W = BENDING_POINTS[p]
+        w = EI * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, r)
+            cx, cy = _slope(q, first + j, W, 5, r)
+            s = 1.0 / (bx * bx + by * by)
+            curvature = (bx * cy - by * cx) * s * r
+            m = w * curvature * s
+            _add(out, j, l, W, 0, m * (cy * r - 2.0 * curvature * bx), -m * (cx * r + 2.0 * curvature * by))
+            _add(out, j, l, W, 5, -m * by * r, m * bx * r)
+    _balance_positions(out, count)
+
+
+@kernel
+def damping_forces(
+    q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
+) -> None:
+    """Kelvin-Voigt forces of a block of elements at velocities v, (6, nodes); the rest as in `forces`.
+
+    damping: τ, s.
+    """
+    l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
+    r = 1.0 / l
+    _clear(out, count)
+    for p in range(AXIAL):
+        W = AXIAL_POINTS[p]
+        w = EA * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, r)
+            gx, gy = _slope(v, first + j, W, 0, r)
+            n = w * (bx * gx + by * gy) / (bx * bx + by * by)
+            _add(out, j, l, W, 0, n * bx, n * by)
+    for p in range(BENDING):
+        W = BENDING_POINTS[p]
+        w = EI * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, r)
+            cx, cy = _slope(q, first + j, W, 5, r)
+            gx, gy = _slope(v, first + j, W, 0, r)
+            hx, hy = _slope(v, first + j, W, 5, r)
+            s = 1.0 / (bx * bx + by * by)
+            curvature = (bx * cy - by * cx) * s * r
+            ux, uy = (cy * r - 2.0 * curvature * bx) * s, -(cx * r + 2.0 * curvature * by) * s
+            tx, ty = -by * s * r, bx * s * r
+            m = w * (ux * gx + uy * gy + tx * hx + ty * hy)
+            _add(out, j, l, W, 0, m * ux, m * uy)
+            _add(out, j, l, W, 5, m * tx, m * ty)
+    _balance_positions(out, count)
+
+
+@inlined
+def _clear(out, count):  # type: ignore[no-untyped-def]
+    """Make the forces of a block zero."""
+    for k in range(12):
+        for j in range(count):
+            out[k * BLOCK + j] = 0.0
+
+
+@inlined
+def _slope(q, i, W, at, r):  # type: ignore[no-untyped-def]
+    """r' (at = 0) or l r'' (at = 5) of the element behind node i at a point of weights W."""
+    return (
+        W[at] * ((q[0, i + 1] - q[0, i]) * r)
+        + W[at + 1] * q[2, i]
+        + W[at + 2] * q[4, i]
+        + W[at + 3] * q[2, i + 1]
+        + W[at + 4] * q[4, i + 1],
+        W[at] * ((q[1, i + 1] - q[1, i]) * r)
+        + W[at + 1] * q[3, i]
+        + W[at + 2] * q[5, i]
+        + W[at + 3] * q[3, i + 1]
+        + W[at + 4] * q[5, i + 1],
+    )
+
+
+@inlined
+def _add(out, j, l, W, at, px, py):  # type: ignore[no-untyped-def]  # noqa: E741
+    """Add what p, the energy's derivative by r' or l r'', gives on the coordinates of element j, r of node I apart."""
+    out[2 * BLOCK + j] += l * W[at + 1] * px
+    out[3 * BLOCK + j] += l * W[at + 1] * py
+    out[4 * BLOCK + j] += l * W[at + 2] * px
+    out[5 * BLOCK + j] += l * W[at + 2] * py
+    out[6 * BLOCK + j] += W[at] * px
+    out[7 * BLOCK + j] += W[at] * py
+    out[8 * BLOCK + j] += l * W[at + 3] * px
+    out[9 * BLOCK + j] += l * W[at + 3] * py
+    out[10 * BLOCK + j] += l * W[at + 4] * px
+    out[11 * BLOCK + j] += l * W[at + 4] * py
+
+
+@inlined
+def _balance_positions(out, count):  # type: ignore[no-untyped-def]
+    """The forces on r of node I are those of node O reversed."""
+    for k in range(2):
+        for j in range(count):
+            out[k * BLOCK + j] = -out[(6 + k) * BLOCK + j]
+
+
+@kernel
+def energy(q: Array, first: int, count: int, constants: Array) -> float:
+    """Strain energy of a row of elements, J."""
+    l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
+    r = 1.0 / l
+    total = 0.0
+    for i in range(first, first + count):
+        for p in range(AXIAL):
+            bx, by = _slope(q, i, AXIAL_POINTS[p], 0, r)
+            strain = sqrt(bx * bx + by * by) - 1.0
+            total += 0.5 * EA * AXIAL_POINTS[p, 10] * l * strain * strain
+        for p in range(BENDING):
+            bx, by = _slope(q, i, BENDING_POINTS[p], 0, r)
+            cx, cy = _slope(q, i, BENDING_POINTS[p], 5, r)
+            curvature = (bx * cy - by * cx) * r / (bx * bx + by * by)
+            total += 0.5 * EI * BENDING_POINTS[p, 10] * l * curvature * curvature
+    return total
+
+
+@kernel
+def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
+    """Hessians of the energy of a block of elements, by the five vectors, then by the nodal ones.
+
+    At each point the second derivatives by r' and l r'' come first, for all elements; then each pair of vectors takes
+    its parts of them.
+
+    Parameters
+    ----------
+    q : ndarray, shape (6, nodes)
+    first, count : int
+        First node of the block, number of its elements, at most TANGENT_BLOCK.
+    constants : ndarray, shape (≥ 3,)
+    out : ndarray, shape (TANGENT_BUFFER,)
+        Written, as `tangent_blocks` tells; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
+    """
+    v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
+    clear_sums(out, POINT)
+    for p in range(AXIAL):
+        W = AXIAL_POINTS[p]
+        f = EA * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, v)
+            s = 1.0 / (bx * bx + by * by)
+            h = f * sqrt(s)
+            _keep(out, j, 0, f - h + h * bx * bx * s, h * bx * by * s, f - h + h * by * by * s)
+        row = 0
+        for k in range(VECTORS):
+            for m in range(k + 1):
+                n = W[k] * W[m]
+                for j in range(count):
+                    xx, xy, yy = _kept(out, j, 0)
+                    _add_block(out, row, j, n * xx, n * xy, n * xy, n * yy)
+                row += 1
+    for p in range(BENDING):
+        W = BENDING_POINTS[p]
+        f = EI * W[10]
+        for j in range(count):
+            bx, by = _slope(q, first + j, W, 0, v)
+            cx, cy = _slope(q, first + j, W, 5, v)
+            _keep_second_derivatives(out, j, bx, by, cx, cy, v, f)
+        row = 0
+        for k in range(VECTORS):
+            for m in range(k + 1):
+                n, o, t, u = W[k] * W[m], W[k] * W[5 + m], W[5 + k] * W[m], W[5 + k] * W[5 + m]
+                for j in range(count):
+                    Pxx, Pxy, Pyy = _kept(out, j, 0)
+                    Qxx, Qxy, Qyx = _kept(out, j, 3)
+                    Qyy, Sxx, Sxy = _kept(out, j, 6)
+                    Syy = out[(SUMS + POINT + 9) * TANGENT_BLOCK + j]
+                    _add_block(
+                        out,
+                        row,
+                        j,
+                        n * Pxx + (o + t) * Qxx + u * Sxx,
+                        n * Pxy + o * Qxy + t * Qyx + u * Sxy,
+                        n * Pxy + o * Qyx + t * Qxy + u * Sxy,
+                        n * Pyy + (o + t) * Qyy + u * Syy,
+                    )
+                row += 1
+    place(PLACES, v, count, out)
+
+
+@inlined
+def _keep(out, j, row, a, b, c):  # type: ignore[no-untyped-def]
+    """Keep three numbers of a point and an element."""
+    at = (SUMS + POINT + row) * TANGENT_BLOCK + j
+    out[at], out[at + TANGENT_BLOCK], out[at + 2 * TANGENT_BLOCK] = a, b, c
+
+
+@inlined
+def _kept(out, j, row):  # type: ignore[no-untyped-def]
+    """Three numbers of a point and an element."""
+    at = (SUMS + POINT + row) * TANGENT_BLOCK + j
+    return out[at], out[at + TANGENT_BLOCK], out[at + 2 * TANGENT_BLOCK]
+
+
+@inlined
+def _add_block(out, row, j, xx, xy, yx, yy):  # type: ignore[no-untyped-def]
+    """Add a block to the sums of a pair of vectors."""
+    at = (SUMS + 4 * row) * TANGENT_BLOCK + j
+    out[at] += xx
+    out[at + TANGENT_BLOCK] += xy
+    out[at + 2 * TANGENT_BLOCK] += yx
+    out[at + 3 * TANGENT_BLOCK] += yy
+
+
+@inlined
+def _keep_second_derivatives(out, j, bx, by, cx, cy, v, f):  # type: ignore[no-untyped-def]
+    """Of ½ f κ², κ = v (r' × l r'')/|r'|²: by r' twice, by r' and l r'', by l r'' twice."""
+    s = 1.0 / (bx * bx + by * by)
+    curvature = (bx * cy - by * cx) * s * v
+    # gradient of κ by r', g, and by l r'', h; κ is linear in r''
+    gx, gy = (cy * v - 2.0 * curvature * bx) * s, -(cx * v + 2.0 * curvature * by) * s
+    hx, hy = -by * s * v, bx * s * v
+    m = f * curvature
+    n = 2.0 * m * s
+    _keep(
+        out,
+        j,
+        0,
+        f * gx * gx - n * (2.0 * bx * gx + curvature),
+        f * gx * gy - n * (bx * gy + by * gx),
+        f * gy * gy - n * (2.0 * by * gy + curvature),
+    )
+    t = m * s * v
+    _keep(out, j, 3, (f * gx - n * bx) * hx, (f * gx - n * bx) * hy + t, (f * gy - n * by) * hx - t)
+    _keep(out, j, 6, (f * gy - n * by) * hy, f * hx * hx, f * hx * hy)
+    out[(SUMS + POINT + 9) * TANGENT_BLOCK + j] = f * hy * hy
