@@ -27,9 +27,9 @@ SLOW = {
                      "junctions", "peer_opensees",
                      "peer_pyelastica", "times"],
     "of_studies": ["bench", "check", "check_of_cases", "cluster", "command_lines", "conform", "convergence", "extremes",
-                   "extremes_of_cases", "failures", "fidelity", "fidelity_of_cases", "interruption", "page", "plugins",
-                   "progress", "recommend_anywhere", "refinement", "report_of_cases", "single_run", "small_scenes",
-                   "studies", "sweeps", "trade", "trade_of_cases", "width"],
+                   "extremes_of_cases", "failures", "fidelity", "fidelity_of_cases", "high_order", "interruption",
+                   "page", "plugins", "progress", "recommend_anywhere", "refinement", "report_of_cases", "single_run",
+                   "small_scenes", "studies", "sweeps", "trade", "trade_of_cases", "width"],
     "recursion": ["free_stretch", "graphs", "lines", "random_graphs", "rigid"],
     "results": ["energy_check"],
 }  # fmt: skip

@@ -26,7 +26,7 @@ ELEMENT_TITLES = {
 }
 #: Observed by theory: how the error of each element falls with the mesh.
 MESH_ORDERS = {**{name: KINDS[name].order for name in flexible()}, "reissner": 2.0}
-SHORT = {"generalized-alpha": "implicit", "zhai": "explicit", "static": ""}
+SHORT = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "fourth order", "static": ""}
 #: Quadratures other than the first have colours of their own.
 RULE_COLOURS = {"reduced": PALETTE[4], "lobatto": PALETTE[6]}
 

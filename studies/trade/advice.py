@@ -14,6 +14,7 @@ OTHER_STEPS = {
     "explicit": "explicit steps",
     "implicit": "steps of one length",
     "implicit, error-controlled": "error-controlled steps",
+    "implicit, fourth order": "steps of fourth order",
 }
 PARTS = {
     "mesh": "the mesh's part {mesh:.1g} outweighs the step's {step:.1g}",

@@ -9,7 +9,7 @@ from studies.engine.choices import NONE
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
-STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit"}
+STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
 
 
 def stepping(points: pd.DataFrame) -> pd.Series:

@@ -7,6 +7,8 @@ from math import ceil
 from anctmm.elements.kinds import QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
+from anctmm.model.needs import needs
+from anctmm.solvers import registry
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.engine.choices import choices_of
 from studies.engine.dynamics import Fine, Plan, Scheme
@@ -25,7 +27,10 @@ TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 QUICK_TOLERANCES = (1e-2, 3e-3, 1e-3, 1e-4)
 #: An explicit run is tried where elements times steps do not exceed this: some 0.15 s of ANC-TMM, 2 s of a peer.
 MOST_EXPLICIT = 2e6
-IMPLICIT, EXPLICIT = "generalized-alpha", "zhai"
+IMPLICIT, EXPLICIT, HIGH = "generalized-alpha", "zhai", "esdirk"
+#: Steps of fourth order, s: each costs that of five others. Only our own solver has them to compare: the implicit steps
+#: of Exudyn and OpenSees are of second order, and those of the global DAE are a reference, not made to be fast.
+HIGH_STEPS, QUICK_HIGH_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4), (2e-3, 1e-3)
 #: Who makes implicit steps with each element.
 CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
 QUINTIC_SOLVERS = "anctmm", "global-dae"
@@ -82,6 +87,7 @@ class Ladder:
         schemes: list[Scheme] = []
         for quadrature in QUADRATURES:
             schemes += self._implicit("cable", quadrature, self.cable, CABLE_SOLVERS, self.steps)
+            schemes += self._high("cable", quadrature, self.cable, HIGH_STEPS)
             schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
             schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
         schemes += self._implicit("cable", "full", self.frames, FRAME_SOLVERS, self.steps)
@@ -103,6 +109,18 @@ class Ladder:
             Scheme(element, quadrature, IMPLICIT, (solver,), meshes, lambda mesh: steps, shared, own)
             for solver in solvers
             for shared, own in choices_of(solver)
+        ]
+
+    def _high(
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], steps: tuple[float, ...]
+    ) -> list[Scheme]:
+        """Steps of fourth order, where our solver has them for the scene."""
+        if not high_order(self.base):
+            return []
+        steps = tuple(step for step in steps if step <= self.base.interval)
+        return [
+            Scheme(element, quadrature, HIGH, ("anctmm",), meshes, lambda mesh: steps, shared, own)
+            for shared, own in choices_of("anctmm")
         ]
 
     def _controlled(
@@ -143,6 +161,7 @@ class Ladder:
         steps = self.quick_steps
         return (
             *self._implicit("cable", "lobatto", self.cable, CABLE_SOLVERS, steps),
+            *self._high("cable", "lobatto", self.cable[-1:], QUICK_HIGH_STEPS),
             *self._controlled("cable", "lobatto", self.cable[1:2], QUICK_TOLERANCES),
             Scheme(
                 "cable",
@@ -180,6 +199,12 @@ def _scheme(
     )
 
 
+def high_order(case: Case) -> bool:
+    """Whether our solver has steps of fourth order for a case."""
+    needed = [feature for feature, _ in needs(case.scene)]
+    return not registry.offer_of(registry.load("anctmm")).lacking([*needed, HIGH])
+
+
 def ladders(quick: bool) -> list[Ladder]:
     """Of the two moving base scenes, each by hand."""
     return [_four_bar(quick), _cantilever(quick)]
@@ -193,13 +218,13 @@ def _four_bar(quick: bool) -> Ladder:
     quintic: tuple[Mesh, ...] = ((1, 1, 1), (1, 2, 1), (1, 3, 1), (1, 4, 1), (2, 6, 2))
     shear: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8), (16, 64, 16))
     references: dict[str, Fine | Reference] = {
-        "cable": _fine((16, 64, 16), (12, 48, 12), 5e-5, "lobatto"),
+        "cable": _smooth((16, 64, 16), (12, 48, 12), 2.5e-4),
         "shear": _fine((32, 128, 32), (16, 64, 16), 2.5e-4, "full"),
     }
     if quick:
         cable, quintic = ((1, 3, 1), (2, 6, 2), (3, 10, 3)), ((1, 3, 1),)
         references = {
-            "cable": _fine((8, 32, 8), (6, 24, 6), 2.5e-4, "lobatto"),
+            "cable": _smooth((8, 32, 8), (6, 24, 6), 1e-3),
             "shear": _fine((16, 64, 16), (8, 32, 8), 1e-3, "full"),
         }
     return Ladder(
@@ -220,13 +245,13 @@ def _cantilever(quick: bool) -> Ladder:
     shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     frames: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     references: dict[str, Fine | Reference] = {
-        "cable": _fine((192,), (128,), 5e-5, "lobatto"),
+        "cable": _smooth((192,), (128,), 1.25e-4),
         "shear": _fine((512,), (256,), 1.25e-4, "full"),
     }
     if quick:
         cable, quintic = ((8,), (16,), (32,)), ((8,),)
         references = {
-            "cable": _fine((64,), (48,), 2.5e-4, "lobatto"),
+            "cable": _smooth((64,), (48,), 5e-4),
             "shear": _fine((256,), (128,), 1e-3, "full"),
         }
     peers = ("global-dae", "exudyn-cable")
@@ -241,6 +266,11 @@ def _cantilever(quick: bool) -> Ladder:
         FINE_STEP[quick],
         frames=frames,
     )
+
+
+def _smooth(mesh: Mesh, coarser: Mesh, dt: float) -> Fine:
+    """By steps of fourth order, which leave an error of 1e-7 and less: what is left is the mesh's."""
+    return Fine(("anctmm", "global-dae"), mesh, coarser, dt, 2 * dt, HIGH, "lobatto")
 
 
 def _fine(mesh: Mesh, coarser: Mesh, dt: float, quadrature: str) -> Fine:

@@ -16,7 +16,7 @@ from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.runner import Reference
 from studies.engine.tables import BUILD, Table, failed, times
-from studies.trade.choice import KIND, milliseconds, reaching, setting_of, stepping
+from studies.trade.choice import KIND, STEPPING, milliseconds, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 
 #: The target error that sentences speak of, or else the smallest.
@@ -228,6 +228,7 @@ def _against(rivals: pd.DataFrame, target: float) -> str:
     own = sound["solver"] == "anctmm"
     kinds = {
         "explicit steps": own & (sound["stepping"] == "explicit") & (sound["element"] == "cable"),
+        "steps of fourth order": own & (sound["stepping"] == STEPPING["esdirk"]),
         "error-controlled steps": own
         & sound["stepping"].str.contains("controlled")
         & (sound["element"] == "cable"),
@@ -238,6 +239,40 @@ def _against(rivals: pd.DataFrame, target: float) -> str:
     cheapest = {name: sound[mine].groupby("scene")["ratio_at_error"].min() for name, mine in kinds.items()}
     parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
     return f"the cheapest of other kinds cost more: {', '.join(parts)} times" if parts else ""
+
+
+def where_high_order_pays(rivals: pd.DataFrame) -> list[str]:
+    """For each scene the target errors at which our steps of fourth order cost less than those of second order."""
+    said = []
+    names = STEPPING["generalized-alpha"], STEPPING["esdirk"]
+    ours = rivals[
+        (rivals["solver"] == "anctmm") & (rivals["element"] == "cable") & (rivals["status"] == "ok")
+    ]
+    for scene, mine in ours.groupby("scene", sort=False):
+        second, fourth = (
+            mine[mine["stepping"] == name].set_index("target_error")["cpu_s_at_error"] for name in names
+        )
+        if fourth.empty:
+            continue
+        ratios = {
+            float(t): float(second[t] / fourth[t])
+            for t in sorted(set(second.index) & set(fourth.index), reverse=True)
+        }
+        parts = ", ".join(f"{times(ratio)} at {target:g}" for target, ratio in ratios.items())
+        alone = sorted(set(fourth.index) - set(second.index), reverse=True)
+        met = f"; it alone meets {', '.join(f'{t:g}' for t in alone)}" if alone else ""
+        paying = [t for t in ratios if all(ratio > 1.0 for other, ratio in ratios.items() if other <= t)]
+        pays = (
+            f"pays from a target error of {max(paying):g} on"
+            if paying
+            else "does not pay at the errors asked for"
+        )
+        if parts or alone:
+            said.append(
+                f"{scene}: fourth order in time {pays if parts else 'has no rival'} (cost of second order over that of "
+                f"fourth, at equal error: {parts or '-'}{met})."
+            )
+    return said
 
 
 def _range(values: pd.Series) -> str:
@@ -276,7 +311,13 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
         for r in records(best.frame)
     ]
     said += filter(
-        None, [*map(str, answers(best.frame, rivals.frame)), _models(known.frame), _sources(points)]
+        None,
+        [
+            *map(str, answers(best.frame, rivals.frame)),
+            *where_high_order_pays(rivals.frame),
+            _models(known.frame),
+            _sources(points),
+        ],
     )
     if failures := len(failed(points)):
         said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")

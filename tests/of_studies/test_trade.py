@@ -78,7 +78,7 @@ def test_every_way_to_step_and_every_peer_takes_part(points):
     assert set(points[~early]["status"]) == {"ok"}
     assert (points[early]["status"] == "ok").sum() > 10
     assert set(points["solver"]) == {"anctmm", "global-dae", "exudyn-cable"}
-    assert set(points["integrator"]) == {"zhai", "generalized-alpha"}
+    assert set(points["integrator"]) == {"zhai", "generalized-alpha", "esdirk"}
     controlled = points[points["tolerance"] > 0]
     assert len(controlled) == 2
     assert controlled["dt"].isna().all()
