@@ -336,7 +336,7 @@ def integrators_agree(s: Subject) -> Measure:
 
 
 def order_is_high(s: Subject) -> Measure:
-    """Steps of high order: halved, they leave an eighth of the difference or less, where all vibrations are resolved."""
+    """Steps of high order: halved, they leave an eighth of the difference or less where vibrations are resolved."""
     runs = [s.motion(cantilever(), mesh=2, integrator="esdirk", dt=dt) for dt in (2e-3, 1e-3, 5e-4)]
     one, two, three = (run.displacement("bar.end") for run in runs)
     differences = np.abs(one - two).max(), np.abs(two - three).max()
@@ -446,7 +446,7 @@ RULES = (
     Rule("failure", "divergence: named status, history kept", tells_divergence),
     Rule("limits", "what it lacks it refuses by name", refuses_what_it_lacks),
     Rule("integrators", "both make one motion", integrators_agree, ("zhai", "generalized-alpha")),
-    Rule("integrators", "high order", order_is_high, ("esdirk",)),
+    Rule("high order", "the order of steps shows", order_is_high, ("esdirk",)),
     Rule("joints", "pinned ends stay together", joints_hold, ("joints",)),
     Rule("branches", "three ends at one place stay together", branches_hold, ("branches",)),
     Rule("loops", "a swinging triangle stays closed", loops_hold, ("loops",)),
