@@ -222,12 +222,12 @@ OPTIONS = {
     "unknown element": (
         lambda: run_of(element="rod"),
         errors.UnknownOptionError,
-        ["element", "'rod'", "'cable', 'rigid', 'shear'"],
+        ["element", "'rod'", "'cable', 'quintic', 'rigid', 'shear'"],
     ),
     "unknown element of a body": (
         lambda: run_of(element={"a": 1}),
         errors.UnknownOptionError,
-        ["1", "'cable', 'rigid', 'shear'"],
+        ["1", "'cable', 'quintic', 'rigid', 'shear'"],
     ),
     "unknown quadrature": (
         lambda: run_of(quadrature="exact"),
