@@ -92,6 +92,7 @@ class Ladder:
             schemes += self._explicit("cable", quadrature, self.cable, self.explicit_peers)
         schemes += self._implicit("cable", "full", self.frames, FRAME_SOLVERS, self.steps)
         schemes += self._implicit("quintic", "full", self.quintic, QUINTIC_SOLVERS, self.steps)
+        schemes += self._high("quintic", "full", self.quintic, HIGH_STEPS)
         schemes += self._controlled("quintic", "full", self.quintic, TOLERANCES)
         schemes += self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.steps)
         schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
