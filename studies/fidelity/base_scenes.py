@@ -33,11 +33,11 @@ TAU = 1e-5
 #: Features and the function that only they need.
 FEATURES = (
     ("damping", "damping_forces"),
-    ("rigid bodies", "constrain_motion"),
+    ("rigid bodies", "constrain_few"),
     ("shear elements", "shear_kernel"),
 )
-#: What the types of an explicit kernel say of features: damping, rigid bodies, shear elements alone or with cables.
-TYPES_OF_FEATURES = ("Damping", "Rigid", "UniTuple(int64 x 2)", "UniTuple(int64 x 3)")
+#: What the types of an explicit kernel say of features: damping, constraints, shear elements alone or with cables.
+TYPES_OF_FEATURES = ("Damping", "Rows", "UniTuple(int64 x 2)", "UniTuple(int64 x 3)")
 #: Verdict of a rule where the measured distance is not told from 0.
 UNKNOWN = "below the reference's uncertainty"
 PHYSICS = (
