@@ -107,12 +107,12 @@ class Sweep:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """A row a run."""
-        return [row(o, self.references[_measured_by(o.case, self.references)]) for o in self.outcomes]
+        return [row(o, self.references[measured_by(o.case, self.references)]) for o in self.outcomes]
 
     @property
     def frame(self) -> pd.DataFrame:
         """The rows as a frame, with the number of all elements and the element whose reference they have."""
-        families = [_measured_by(o.case, self.references) for o in self.outcomes]
+        families = [measured_by(o.case, self.references) for o in self.outcomes]
         return rows_frame(self.rows, self.outcomes, families)
 
     def solution(self, **wanted: Any) -> Solution | None:
@@ -161,7 +161,7 @@ def quick_plan(quick: Plan, full: Plan, options: Options) -> Plan:
 def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
-    elements = dict.fromkeys(_measured_by(case, plan.references) for case in cases)
+    elements = dict.fromkeys(measured_by(case, plan.references) for case in cases)
     runner.compute([*cases, *(run for e in elements for run in _reference_runs(base, e, plan.references[e]))])
     references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
     return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
@@ -217,7 +217,7 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
     return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
 
 
-def _measured_by(case: Trial, references: Mapping[str, Any]) -> str:
+def measured_by(case: Trial, references: Mapping[str, Any]) -> str:
     """Element whose reference a case is measured against: its own, or one that tends to the same."""
     own = element_of(case.solver, case.element)
     if own in references or case.element in references:

@@ -7,7 +7,7 @@ from typing import Any
 from anctmm.elements.kinds import KINDS
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
-from studies.engine.dynamics import Sweep
+from studies.engine.dynamics import Sweep, measured_by
 from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of
 
 #: One error outweighs the other when it is this many times larger.
@@ -46,7 +46,7 @@ def split(swept: Sweep, outcome: Outcome, fine: Mapping[Place, SameMesh]) -> dic
     nan = float("nan")
     if beside is None or not outcome.solution.status.ok:
         return {"mesh_error": nan, "step_error": nan, "step_reference_error": nan, "error_from": "-"}
-    mesh = swept.references[outcome.case.element].error_of(beside.solution)
+    mesh = swept.references[measured_by(outcome.case, swept.references)].error_of(beside.solution)
     step = compare(outcome.solution, beside.solution, swept.base.probes).error
     return {
         "mesh_error": mesh,

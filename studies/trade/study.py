@@ -10,7 +10,7 @@ import pandas as pd
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
 from studies.engine.choices import written
-from studies.engine.dynamics import Sweep, check_mesh, sweep
+from studies.engine.dynamics import Sweep, check_mesh, measured_by, sweep
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Outcome, Runner, Sample, Trial, label_of, row, sample_rows
 from studies.engine.running.turns import at_work
@@ -96,7 +96,9 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     swept = sweep(ladder.base, ladder.plan(options.quick), options, runner)
     fine = same_mesh(swept, ladder.fine_step, runner)
     rows = [
-        row(o, swept.references[o.case.element]) | _asked(o.case) | split(swept, o, fine)
+        row(o, swept.references[measured_by(o.case, swept.references)])
+        | _asked(o.case)
+        | split(swept, o, fine)
         for o in swept.outcomes
     ]
     frame = pd.DataFrame(rows, columns=[c for c in COLUMNS if c not in ("in_turn", "excess")])
