@@ -14,7 +14,7 @@ from anctmm.errors import AnctmmError, MemoryLimitError
 from anctmm.integrators.statics import equilibria
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force
-from anctmm.solve import EXPLICIT, IMPLICIT, solve
+from anctmm.solve import BYTES, solve
 from reference import exudyn_cable, exudyn_reissner, global_dae, pyelastica
 
 DRIVEN = bar([Clamp("bar.start", Quintic(1.0, 1.0))], [Force("bar.end", lambda t: (np.sin(t), 0.0 * t))])
@@ -51,12 +51,12 @@ def test_a_long_run_with_one_output_takes_no_more_memory_than_a_short_one(road, 
 
 
 @pytest.mark.parametrize("kind", ["cable", "shear"])
-@pytest.mark.parametrize(("each", "options"), [(EXPLICIT, {"integrator": "zhai"}), (IMPLICIT, {})])
-def test_the_estimate_is_what_a_run_takes(kind, each, options):
+@pytest.mark.parametrize(("integrator", "each"), BYTES.items())
+def test_the_estimate_is_what_a_run_takes(kind, integrator, each):
     """Large meshes, and many outputs of a small one."""
     scene = bar([Clamp("bar.start")])
     rows = 6 if kind == "shear" else 4
-    fixed = {"element": kind, "dt": 1e-9, "check_stability": False, **options}
+    fixed = {"element": kind, "dt": 1e-9, "check_stability": False, "integrator": integrator}
     taken = peak(lambda: solve(scene, mesh=20_000, t_end=2e-9, output_dt=2e-9, **fixed))
     assert 0.5 < taken / (20_001 * rows * (each + 2 * memory.HISTORIES * memory.NUMBER)) < 1.1
     taken = peak(lambda: solve(scene, mesh=100, t_end=1.2e-5, **fixed))
@@ -112,7 +112,8 @@ def test_too_much_memory_in_a_peer_is_refused_by_name(road, options):
 
 @pytest.mark.parametrize("kind", ["cable", "shear"])
 @pytest.mark.parametrize(
-    ("road", "each"), [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.IMPLICIT)]
+    ("road", "each"),
+    [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.BYTES["generalized-alpha"])],
 )
 def test_the_estimate_is_what_equilibria_take(road, each, kind):
     scene = bar([Clamp("bar.start")], [Force("bar.end", (0.0, -1e-6))])
@@ -127,13 +128,13 @@ def test_the_advised_output_interval_and_mesh_are_accepted(monkeypatch):
     with pytest.raises(
         MemoryLimitError, match=r"takes about 9[.]28 GB.* 1 GB are free; output_dt of"
     ) as caught:
-        check_memory(scene, Discretisation(mesh=8, dt=1e-7), IMPLICIT)
+        check_memory(scene, Discretisation(mesh=8, dt=1e-7), BYTES["generalized-alpha"])
     interval = float(str(caught.value).partition("output_dt of ")[2].partition(" s")[0])
-    check_memory(scene, Discretisation(mesh=8, dt=1e-7, output_dt=interval), IMPLICIT)
+    check_memory(scene, Discretisation(mesh=8, dt=1e-7, output_dt=interval), BYTES["generalized-alpha"])
     with pytest.raises(MemoryLimitError, match="coarser mesh is needed, of about") as caught:
-        check_memory(scene, Discretisation(mesh=10**7), IMPLICIT)
+        check_memory(scene, Discretisation(mesh=10**7), BYTES["generalized-alpha"])
     nodes = int(str(caught.value).partition("of about ")[2].partition(" nodes")[0])
-    check_memory(scene, Discretisation(mesh=nodes - 1, t_end=1.0, output_dt=1.0), IMPLICIT)
+    check_memory(scene, Discretisation(mesh=nodes - 1, t_end=1.0, output_dt=1.0), BYTES["generalized-alpha"])
 
 
 def test_a_dense_matrix_counts():
@@ -145,4 +146,6 @@ def test_what_is_free_is_known_or_not_but_never_wrong_in_its_unit(monkeypatch):
     free = memory.free_memory()
     assert free is None or 1e6 < free < 1e15
     monkeypatch.setattr(memory, "free_memory", lambda: None)
-    check_memory(bar(), Discretisation(mesh=10**9), IMPLICIT)  # nothing is known, nothing is refused
+    check_memory(
+        bar(), Discretisation(mesh=10**9), BYTES["generalized-alpha"]
+    )  # nothing is known, nothing is refused
