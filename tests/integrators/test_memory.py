@@ -113,7 +113,7 @@ def test_too_much_memory_in_a_peer_is_refused_by_name(road, options):
 @pytest.mark.parametrize("kind", ["cable", "shear"])
 @pytest.mark.parametrize(
     ("road", "each"),
-    [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.BYTES["generalized-alpha"])],
+    [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.IMPLICIT)],
 )
 def test_the_estimate_is_what_equilibria_take(road, each, kind):
     scene = bar([Clamp("bar.start")], [Force("bar.end", (0.0, -1e-6))])
