@@ -1,6 +1,6 @@
 """Arithmetic of the kernels, counted, and the rate they reach beside the core's own multiply-add peak."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from types import FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -104,14 +104,17 @@ def readable(function: Any, known: dict[int, Any] | None = None) -> Any:
     plain = FunctionType(source.__code__, names, source.__name__, source.__defaults__, source.__closure__)
     known[id(function)] = plain
     for name in names.keys() & set(source.__code__.co_names):
-        value = names[name]
-        if name == "sqrt":
-            names[name] = _root
-        elif isinstance(value, ModuleType) and value.__name__.startswith("anctmm"):
-            names[name] = SimpleNamespace(**{k: readable(v, known) for k, v in vars(value).items()})
-        else:
-            names[name] = readable(value, known)
+        names[name] = _root if name == "sqrt" else _readable_inside(names[name], known)
     return plain
+
+
+def _readable_inside(value: Any, known: dict[int, Any]) -> Any:
+    """The same of what holds kernels: a module, or a table of such."""
+    if isinstance(value, ModuleType) and value.__name__.startswith("anctmm"):
+        return SimpleNamespace(**{k: readable(v, known) for k, v in vars(value).items()})
+    if isinstance(value, Mapping):
+        return {k: _readable_inside(v, known) for k, v in value.items()}
+    return readable(value, known)
 
 
 def counted(array: Array) -> Any:
