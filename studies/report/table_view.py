@@ -71,9 +71,7 @@ def view(table: Table) -> View:
     """What is shown of a table."""
     frame = table.frame
     told = [c for c in COMMON if len(frame) > 1 and c in frame and frame[c].nunique(dropna=False) == 1]
-    if "digits" in frame:  # a value with its uncertainty and unit
-        told += ["value", "uncertainty", "unit"]
-    shown = frame.drop(columns=told)
+    shown = frame.drop(columns=told + told_by_digits(frame))
     columns = [
         Column(label(str(n)), numeric(t), numeric(t) and str(n) not in CHOSEN)
         for n, t in shown.dtypes.items()
@@ -85,6 +83,12 @@ def view(table: Table) -> View:
     ]
     common = [(label(c), text(frame[c].iloc[0])) for c in told if c in COMMON]
     return View(common, columns, rows)
+
+
+def told_by_digits(frame: pd.DataFrame) -> list[str]:
+    """Columns of numbers that the column `digits` tells as one text, a value with its uncertainty and unit."""
+    numbers = ["value", "uncertainty", "unit"]
+    return numbers if {"digits", *numbers} <= set(frame.columns) else []
 
 
 def numeric(kind: object) -> bool:

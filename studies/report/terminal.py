@@ -9,7 +9,7 @@ from rich.table import Table as RichTable
 from studies.engine.console import say, show_table
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, text
-from studies.report.table_view import label
+from studies.report.table_view import label, told_by_digits
 
 #: Below it whole numbers are written out.
 MOST_WHOLE = 1e6
@@ -37,7 +37,7 @@ def _shown(table: Table, console: Console) -> None:
         return
     about = [c for c in ("scene", "solver", "element", "integrator") if c in table.frame.columns]
     for values, rows in table.frame.groupby(about, sort=False):
-        hidden = {*about, "status", *(("value", "uncertainty", "unit") if "digits" in table.frame else ())}
+        hidden = {*about, "status", *told_by_digits(table.frame)}
         columns = [c for c in table.frame.columns if c not in hidden]
         constant = [c for c in columns if len(rows) > 1 and _is_one_text(rows[c])]
         columns = [c for c in columns if c not in constant and rows[c].notna().any()]
