@@ -30,6 +30,9 @@ from studies.report.plots import (
 #: How much is seen of settings that are not on the front.
 FADED = 0.22
 COLOURS = "viridis"
+CONTROLLED = "error-controlled"
+#: Colour and marker of kinds of steps that our solver alone has.
+OWN_LOOKS = {CONTROLLED: ("#8c6d5a", "X"), SHORT["esdirk"]: ("#12245c", "P")}
 SIGNS = {"mesh": "m", "step": "s", "both": "="}
 
 
@@ -72,14 +75,18 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
 
 
 def _styled(sound: pd.DataFrame) -> pd.DataFrame:
-    """Points with a look and a text: colour and marker tell the solver, hollow the explicit runs."""
+    """Points with a look and a text: colour and marker tell solver and kind of steps, hollow the explicit runs."""
     controlled = sound["tolerance"] > 0
     rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_COLOURS)), "")
-    kind = sound["integrator"].map(lambda i: SHORT.get(i, i)).mask(controlled, "error-controlled")
+    kind = sound["integrator"].map(lambda i: SHORT.get(i, i)).mask(controlled, CONTROLLED)
+    looks = [
+        OWN_LOOKS.get(k, (solver_colour(s), solver_marker(s)))
+        for s, k in zip(sound["solver"], kind, strict=True)
+    ]
     return sound.assign(
         label=sound["solver"] + ", " + kind,
-        colour=["#8c6d5a" if c else solver_colour(s) for s, c in zip(sound["solver"], controlled, strict=True)],
-        marker=["X" if c else solver_marker(s) for s, c in zip(sound["solver"], controlled, strict=True)],
+        colour=[look[0] for look in looks],
+        marker=[look[1] for look in looks],
         hollow=sound["integrator"] == "zhai",
         alpha=sound["excess"].eq(1.0).map({True: 1.0, False: FADED}),
         tip=[_tip(line, str(r)) for line, r in zip(sound.to_dict("records"), rule, strict=True)],
