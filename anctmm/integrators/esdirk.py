@@ -36,31 +36,39 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients, Stages, stages
 from anctmm.errors import UnsupportedError
-from anctmm.forces.actuation import DrivenClamps, clamp_reactions, power_of, turn_clamps
+from anctmm.forces.actuation import clamp_reactions, power_of, turn_clamps
 from anctmm.forces.driving import drive_table, drive_width
-from anctmm.forces.loads import Loads
-from anctmm.integrators.generalized_alpha import System, coefficients_of, new_system, why_it_ended
+from anctmm.integrators.generalized_alpha import coefficients_of, why_it_ended
 from anctmm.integrators.implicit_start import start
-from anctmm.integrators.implicit_step import Damping, State, copy, predict
-from anctmm.integrators.newton import Newton, iterate, parts
+from anctmm.integrators.implicit_step import copy, predict
+from anctmm.integrators.implicit_system import Newton, System, new_system
+from anctmm.integrators.newton import iterate, parts
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches, too_large
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.second_process import Parts, side_by_side
 from anctmm.recursion.constrained import set_drives
 from anctmm.recursion.lines import hold_on_lines
-from anctmm.recursion.riccati import BlockFactors, Links
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, step (s), the method, and coefficients of the implicit solves of its stages."""
+
+    steps: int
+    stride: int
+    h: float
+    stages: Stages
+    coefficients: Coefficients
 
 
 @writes("q", "v", "w", "power", "at")
@@ -108,8 +116,8 @@ def integrate(chain: Chain) -> Solution:
     def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
         t = stage_times(chain, begin, end)
         values = drive_table(chain, actuation, t), actuation.load_table(t)
-        fixed = (*system._replace(newton=newton)[:-1], out, system.damping)
-        return begin, end, run.steps, run.stride, run.exact_dt, table, room, c, *fixed, *values
+        numbers = Numbers(run.steps, run.stride, run.exact_dt, table, c)
+        return begin, end, numbers, room, system._replace(newton=newton), out, *values
 
     def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
         return int(advance(*arguments(begin, end, c, newton)))
@@ -161,8 +169,8 @@ def stage_times(chain: Chain, begin: int, end: int) -> Array:
 
 def _parts(system: System, c: Coefficients, out: Output) -> Parts:
     """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
-    state, tables, links, factors, clamps, loads, newton, _ = system
-    aside, here = parts(state, c, tables, links, factors, loads, newton)
+    state, tables, _, _, clamps, loads, _, _ = system
+    aside, here = parts(system, c)
     outside = [
         (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
         (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
@@ -174,21 +182,10 @@ def _parts(system: System, c: Coefficients, out: Output) -> Parts:
 def advance(
     begin: int,
     end: int,
-    steps: int,
-    stride: int,
-    h: float,
-    table: Stages,
+    numbers: Numbers,
     room: Room,
-    c: Coefficients,
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    clamps: DrivenClamps,
-    loads: Loads,
-    newton: Newton,
+    system: System,
     out: Output,
-    damping: Damping | None,
     clamp_table: Array,
     load_table: Array,
 ) -> int:
@@ -197,6 +194,8 @@ def advance(
     The two tables hold the values of drives and of loads at the times of `stage_times`, row after row.
     Step −1 finds the accelerations at t = 0, with the coefficients `NO_STEP`.
     """
+    steps, stride, h, table, c = numbers
+    state, tables, _, factors, clamps, loads, newton, damping = system
     q, v, w = state.q, state.v, state.w
     flat_q, flat_v, _, flat_w, was, had = state.flat
     count, row = len(table.c), 0
@@ -205,7 +204,7 @@ def advance(
             copy(flat_q, was)
             copy(flat_w, had)
             move_drives(factors, clamps, clamp_table[0])
-            _solve(state, c, tables, links, factors, clamps, loads, load_table[0], newton, damping)
+            _solve(system, c, load_table[0])
             copy(flat_w, room.w[count - 1])
             room.power[count - 1] = _power(state, tables, clamps, loads, load_table[0], damping)
             break
@@ -225,7 +224,7 @@ def advance(
             room.at[0] = i
             _begin_stage(i, h, c.h, table, room, state.flat)
             move_drives(factors, clamps, clamp_table[row])
-            if not _solve(state, c, tables, links, factors, clamps, loads, load_table[row], newton, damping):
+            if not _solve(system, c, load_table[row]):
                 return step + 1
             for k in range(len(flat_v)):
                 flat_v[k] += c.h * flat_w[k]
@@ -260,17 +259,17 @@ def move_drives(factors, clamps, drives):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _solve(state, c, tables, links, factors, clamps, loads, values, newton, damping):  # type: ignore[no-untyped-def]
+def _solve(system, c, values):  # type: ignore[no-untyped-def]
     """Find the end of an implicit Euler step: by modified Newton, and where that fails by Newton."""
-    q, v, w = state.q, state.v, state.w
-    flat_q, flat_v, flat_a, flat_w, was, had = state.flat
+    q, v, w = system.state.q, system.state.v, system.state.w
+    flat_q, flat_v, flat_a, flat_w, was, had = system.state.flat
     solved = False
     for full in range(2):
         if not solved:
             predict(flat_q, flat_v, flat_a, flat_w, was, had, c)
-            _drive(q, v, w, clamps, c.h)
-            hold_on_lines(links.turned, q, w, c)
-            solved = iterate(full == 1, state, c, tables, links, factors, loads, values, newton, damping)
+            _drive(q, v, w, system.clamps, c.h)
+            hold_on_lines(system.links.turned, q, w, c)
+            solved = iterate(full == 1, system, c, values, system.newton.tolerance)
     return solved
 
 

@@ -19,32 +19,16 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import (
-    Tables,
-)
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients
-from anctmm.forces.actuation import (
-    DrivenClamps,
-    clamp_reactions,
-    turn_clamps,
-    work_done,
-)
+from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.driving import drive_table, drive_width
-from anctmm.forces.loads import Loads
 from anctmm.integrators.implicit_start import start
-from anctmm.integrators.implicit_step import (
-    Damping,
-    State,
-    begin_step,
-    dissipated,
-    finish,
-    new_damping,
-    new_state,
-)
+from anctmm.integrators.implicit_step import begin_step, dissipated, finish
+from anctmm.integrators.implicit_system import Newton, System, new_system
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import Newton, new_newton, parts, single_will_do, solve_step
+from anctmm.integrators.newton import parts, solve_step
 from anctmm.integrators.newton_failure import stalled
 from anctmm.integrators.output import (
     Output,
@@ -57,12 +41,6 @@ from anctmm.integrators.output import (
 from anctmm.jit.compiling import kernel
 from anctmm.jit.second_process import Parts, side_by_side
 from anctmm.recursion.constrained import set_drives, work_of_drives
-from anctmm.recursion.riccati import (
-    BlockFactors,
-    Links,
-    block_factors,
-    links,
-)
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution, Status
 
@@ -70,17 +48,12 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-class System(NamedTuple):
-    """What `advance` takes, the output apart."""
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, and coefficients of a step."""
 
-    state: State
-    tables: Tables
-    links: Links
-    factors: BlockFactors
-    clamps: DrivenClamps
-    loads: Loads
-    newton: Newton
-    damping: Damping | None
+    steps: int
+    stride: int
+    coefficients: Coefficients
 
 
 def integrate(chain: Chain) -> Solution:
@@ -101,8 +74,8 @@ def integrate(chain: Chain) -> Solution:
     def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
         tables = drive_table(chain, actuation, t), actuation.load_table(t)
-        fixed = (*system._replace(newton=newton)[:-1], out, system.damping)
-        return begin, end, run.steps, run.stride, c, *fixed, *tables
+        numbers = Numbers(run.steps, run.stride, c)
+        return begin, end, numbers, system._replace(newton=newton), out, *tables
 
     def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
         return int(advance(*arguments(begin, end, c, newton)))
@@ -136,8 +109,8 @@ def why_it_ended(chain: Chain, system: System, failed: int, when: float) -> Stat
 
 def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts:
     """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
-    state, tables, links, factors, clamps, loads, newton, _ = system
-    aside, here = parts(state, c, tables, links, factors, loads, newton)
+    state, tables, _, _, clamps, loads, _, _ = system
+    aside, here = parts(system, c)
     outside = [
         (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
         (work_done, (True, state.q, clamps, loads, values)),
@@ -151,39 +124,9 @@ def coefficients_of(chain: Chain) -> Coefficients:
     return chain.run.coefficients
 
 
-def new_system(chain: Chain) -> System:
-    """What the steps of a run start from."""
-    actuation = once(chain, actuation_of)
-    return System(
-        new_state(chain),
-        chain.bodies.tables(),
-        links(chain),
-        block_factors(chain, single_will_do(chain)),
-        actuation.clamps(),
-        actuation.loads(),
-        new_newton(chain),
-        new_damping(chain),
-    )
-
-
 @kernel
 def advance(
-    begin: int,
-    end: int,
-    steps: int,
-    stride: int,
-    coefficients: Coefficients,
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    clamps: DrivenClamps,
-    loads: Loads,
-    newton: Newton,
-    out: Output,
-    damping: Damping | None,
-    clamp_table: Array,
-    load_table: Array,
+    begin: int, end: int, numbers: Numbers, system: System, out: Output, clamp_table: Array, load_table: Array
 ) -> int:
     """From step `begin` to step `end`; the step whose Newton iteration failed, or −1.
 
@@ -191,6 +134,8 @@ def advance(
     `begin` on.
     Step −1 has no length (`NO_STEP`) and ends at t = 0.
     """
+    steps, stride, coefficients = numbers
+    state, tables, _, factors, clamps, loads, newton, damping = system
     q, v, _, w, _, _, f, _, _, flat = state
     _, flat_v, flat_a, flat_w, _, flat_before = flat
     driven = len(clamps.nodes) + len(loads.touched) > 0
@@ -216,22 +161,10 @@ def advance(
         if driven:
             turn_clamps(clamps, clamp_table[step + 1 - first])
         set_drives(factors.loops, clamp_table[step + 1 - first], len(clamps.nodes))
-        if not solve_step(
-            state,
-            coefficients,
-            tables,
-            links,
-            factors,
-            clamps,
-            loads,
-            load_table[step + 1 - first],
-            newton,
-            damping,
-        ):
+        if not solve_step(system, coefficients, load_table[step + 1 - first], newton.tolerance):
             return step + 1
         unfinished = True
-        if damping is not None:
-            out.work[0] += dissipated(q, state.q_before, damping)
+        out.work[0] += dissipated(damping, q, state.q_before)
     if unfinished:
         finish(flat_v, flat_a, flat_w, flat_before, coefficients)
     return -1

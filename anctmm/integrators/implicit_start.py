@@ -9,16 +9,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables
 from anctmm.forces.actuation import DrivenClamps, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
-from anctmm.forces.loads import Loads, set_loads
-from anctmm.integrators.implicit_step import Damping, State, add_damping_forces, copy, dissipated
-from anctmm.integrators.newton import Newton
+from anctmm.forces.loads import set_loads
+from anctmm.integrators.implicit_step import copy, damp_now
+from anctmm.integrators.implicit_system import Newton, State, System
 from anctmm.jit.compiling import kernel, uncompiled
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
-from anctmm.recursion.riccati import BlockFactors, Links, factorize
+from anctmm.recursion.riccati import factorize
 
 Array = NDArray[np.float64]
 
@@ -61,26 +60,13 @@ def start(
 
 
 @kernel
-def balance(
-    state: State,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    clamps: DrivenClamps,
-    loads: Loads,
-    drives: Array,
-    values: Array,
-    damping: Damping | None,
-) -> None:
+def balance(system: System, drives: Array, values: Array) -> None:
     """True accelerations of the present state, w and a, by other kernels: where a run starts anew between two steps."""
+    state, tables, links, factors, clamps, loads, _, damping = system
     turn_clamps(clamps, drives)
     place_clamps(state.q, state.v, clamps)
     set_loads(state.q, state.f, state.dead, loads, values)
-    if damping is not None:
-        _, flat_v, _, _, _, _ = state.flat
-        copy(flat_v, damping.flat)
-        add_damping_forces(state.q, state.f, state.dead, tables, loads, values, damping)
-        dissipated(state.q, state.q, damping)
+    damp_now(damping, state, tables, loads, values)
     add_connectors(loads.connectors, state.q, state.v, values, state.f)
     set_drives(factors.loops, drives, len(clamps.nodes))
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)

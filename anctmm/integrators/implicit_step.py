@@ -1,90 +1,14 @@
-"""State of an implicit run, and what a step does before and after Newton's iteration: predict, finish.
+"""What an implicit step does before and after Newton's iteration: predict, finish; and the forces of damping in it.
 
 The formulas stand in `generalized_alpha`.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
-
-from anctmm.discretise.assembly import (
-    Bodies,
-    Tables,
-    damping_forces,
-)
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.fitting import fitting_velocity
-from anctmm.discretise.methods import Coefficients
+from anctmm.discretise.assembly import damping_forces
 from anctmm.forces.loads import set_loads
 from anctmm.jit.compiling import embedded, inlined
-from anctmm.jit.copies import writes
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Components that pass through the cache together between two steps.
 PART = 1024
-
-
-@writes("q", "v", "a", "w", "q_before", "w_before", "f", "loads", "flat")
-class State(NamedTuple):
-    """q, v, a and w, q and w at the start of the step, external force and dead load: each (rows, nodes).
-
-    loads: those that arrive at each node in a solution, and then the unknowns, (nodes, rows). flat: the first six
-    again, as vectors.
-    """
-
-    q: Array
-    v: Array
-    a: Array
-    w: Array
-    q_before: Array
-    w_before: Array
-    f: Array
-    dead: Array
-    loads: Array
-    flat: tuple[Array, ...]
-
-
-class Damping(NamedTuple):
-    """Kelvin-Voigt damping of each body, s, and velocities at the end of the step, (rows, nodes).
-
-    force: damping forces at the last evaluation and at the end of the step before, (2, rows, nodes). stiff: tables
-    whose stiffness is that of the iteration matrix. flat: the velocities again, as a vector.
-    """
-
-    of: Array
-    v: Array
-    force: Array
-    stiff: Tables
-    flat: Array
-
-
-def new_state(chain: Chain) -> State:
-    """State of a scene at t = 0, accelerations apart."""
-    q, v, dead = chain.start_coordinates(), fitting_velocity(chain), chain.dead_load
-    a, w, q_before, w_before = (np.zeros_like(q) for _ in range(4))
-    flat = tuple(x.ravel() for x in (q, v, a, w, q_before, w_before))
-    return State(q, v, a, w, q_before, w_before, dead.copy(), dead, np.zeros(q.shape[::-1]), flat)
-
-
-def new_damping(chain: Chain) -> Damping | None:
-    """Damping of a scene that has some, for steps of the discretisation's length."""
-    bodies, c = chain.bodies, chain.run.coefficients
-    if bodies.damping is None:
-        return None
-    v = bodies.initial_velocity()
-    return Damping(
-        bodies.damping, v, np.zeros((2, *v.shape)), stiffened_bodies(bodies, c).tables(), v.ravel()
-    )
-
-
-def stiffened_bodies(bodies: Bodies, c: Coefficients) -> Bodies:
-    """The bodies with the stiffness that the iteration matrix has of them."""
-    if bodies.damping is None:
-        return bodies
-    return bodies.stiffened([1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping])
 
 
 @embedded
@@ -144,11 +68,30 @@ def velocities_at_end(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def
         out[i] = v[i] + c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
 
 
+@embedded
+def damp_at_end(damping, state, c, tables, loads, load_values):  # type: ignore[no-untyped-def]
+    """Add the damping forces at the end of a step, if there are some."""
+    if damping is not None:
+        _, v, a, w, _, had = state.flat
+        velocities_at_end(v, a, w, had, c, damping.flat)
+        _add_damping_forces(damping, state, tables, loads, load_values)
+
+
+@embedded
+def damp_now(damping, state, tables, loads, load_values):  # type: ignore[no-untyped-def]
+    """Add the damping forces of the present velocities, if there are some; the next step starts with them."""
+    if damping is not None:
+        _, v, _, _, _, _ = state.flat
+        copy(v, damping.flat)
+        _add_damping_forces(damping, state, tables, loads, load_values)
+        dissipated(damping, state.q, state.q)
+
+
 @inlined
-def add_damping_forces(q, f, dead, tables, loads, load_values, damping):  # type: ignore[no-untyped-def]
+def _add_damping_forces(damping, state, tables, loads, load_values):  # type: ignore[no-untyped-def]
     """External forces and damping forces at the velocities of `damping`."""
     first, formulations, kinds, constants, _, buffer = tables
-    force = damping.force[0]
+    q, f, dead, force = state.q, state.f, state.dead, damping.force[0]
     for k in range(f.shape[0]):
         for i in range(f.shape[1]):
             f[k, i] = dead[k, i]
@@ -160,12 +103,14 @@ def add_damping_forces(q, f, dead, tables, loads, load_values, damping):  # type
             f[k, i] += force[k, i]
 
 
-@inlined
-def dissipated(q, q_before, damping):  # type: ignore[no-untyped-def]
+@embedded
+def dissipated(damping, q, q_before):  # type: ignore[no-untyped-def]
     """Work of the damping forces over the step, J: their mean times the displacement, as the integrator has it.
 
     The power lost, integrated in time, would count a motion that dies out within a step many times over.
     """
+    if damping is None:
+        return 0.0
     work = 0.0
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):

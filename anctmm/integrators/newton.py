@@ -3,41 +3,27 @@
 The matrix is kept as long as the corrections fall (modified Newton); where that fails, it is renewed at each one.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import (
     FIRST_BODY,
-    Tables,
     body_after,
     window_forces,
     window_inertia,
 )
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
-from anctmm.forces.loads import Loads, set_loads
-from anctmm.integrators.implicit_step import (
-    State,
-    add_damping_forces,
-    predict,
-    stiffened_bodies,
-    velocities_at_end,
-)
-from anctmm.integrators.stability import element_bound
+from anctmm.forces.loads import set_loads
+from anctmm.integrators.implicit_step import damp_at_end, predict
+from anctmm.integrators.implicit_system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined
-from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.jit.second_process import Parts
 from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
-    BlockFactors,
-    Links,
     factorize,
     find_unknowns,
     meet_inboard,
@@ -48,73 +34,17 @@ from anctmm.recursion.riccati import (
 )
 from anctmm.recursion.rows import KEPT
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-#: Newton corrections in a step before it is given up.
-ITERATIONS = 25
-#: Newton stops when the error left is this part of the tolerance (κ of Hairer & Wanner, IV.8): errors of steps add up.
-KAPPA = 0.01
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
-#: What rounding the factors may leave of the error at each correction, at most; measured, 0.7 makes no difference yet.
-ROUNDED = 0.1
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
 
 
-@writes("counts", "history")
-class Newton(NamedTuple):
-    """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
-
-    counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
-    of the last step, (ITERATIONS,).
-    """
-
-    scale: float
-    tolerance: float
-    counts: Ints
-    history: Array
-
-
-def new_newton(chain: Chain) -> Newton:
-    """Newton's iteration for a scene; what may be left of its tolerance is no less than rounding allows."""
-    left = max(KAPPA * chain.run.newton_tolerance, least_left(chain))
-    return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS))
-
-
-def least_left(chain: Chain) -> float:
-    """What rounding leaves of a step's error in Newton's iteration, relative to the scene's length."""
-    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    return 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
-
-
-def single_will_do(chain: Chain) -> bool:
-    """Whether the iteration matrix's factors may be kept in single precision, which moves half as much memory.
-
-    It pays where the factors do not stay in the cache. Residuals are in double precision and so is what Newton's
-    iteration tends to; a correction is wrong by ε (c_w + ω²)/c_w of itself or less, the condition of c_w M + K_T times
-    the rounding, with ω the highest frequency of a free element. (Kelley 2022, Newton's method in mixed precision.)
-    """
-    if chain.bodies.nodes <= LONG or chain.plan.kept or chain.scene.connectors:
-        return False
-    c = chain.run.coefficients
-    condition = 1.0 + element_bound(chain, stiffened_bodies(chain.bodies, c)) ** 2 / c.to_w
-    return float(np.finfo(np.float32).eps) * condition <= ROUNDED
-
-
-def parts(
-    state: State,
-    c: Coefficients,
-    tables: Tables,
-    links: Links,
-    factors: BlockFactors,
-    loads: Loads,
-    newton: Newton,
-) -> Parts:
+def parts(system: System, c: Coefficients) -> Parts:
     """The largest kernels of `solve_step`, for `side_by_side`: one half of all that is compiled, and some more."""
+    state, tables, links, factors, _, loads, newton, _ = system
     q, w, scale = state.q, state.w, newton.scale
     values = np.zeros((len(loads.kinds), 2))
     aside = [(factorize, (q, tables, links, c.to_w, c.to_q, loads, values, factors))]
@@ -126,20 +56,18 @@ def parts(
 
 
 @inlined
-def solve_step(state, coefficients, tables, links, factors, clamps, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
+def solve_step(system, coefficients, load_values, tolerance):  # type: ignore[no-untyped-def]
     """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton."""
-    q, w = state.q, state.w
-    flat_q, flat_v, flat_a, flat_w, was, had = state.flat
+    q, w = system.state.q, system.state.w
+    flat_q, flat_v, flat_a, flat_w, was, had = system.state.flat
     solved = False
     for full in range(2):
         if not solved:
             if full == 1:
                 predict(flat_q, flat_v, flat_a, flat_w, was, had, coefficients)
-            _drag(q, w, clamps, coefficients)
-            hold_on_lines(links.turned, q, w, coefficients)
-            solved = iterate(
-                full == 1, state, coefficients, tables, links, factors, loads, load_values, newton, damping
-            )
+            _drag(q, w, system.clamps, coefficients)
+            hold_on_lines(system.links.turned, q, w, coefficients)
+            solved = iterate(full == 1, system, coefficients, load_values, tolerance)
     return solved
 
 
@@ -154,11 +82,14 @@ def _drag(q, w, clamps, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def iterate(full, state, coefficients, tables, links, factors, loads, load_values, newton, damping):  # type: ignore[no-untyped-def]
-    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly."""
-    q, v, a, w, _, w_before, f, dead, arrived, flat = state
-    _, flat_v, flat_a, flat_w, _, had = flat
-    _, _, counts, history = newton
+def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore[no-untyped-def]
+    """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
+
+    It ends where the error left, positions relative to Newton's scale, is at most `tolerance`.
+    """
+    state, tables, links, factors, _, loads, newton, damping = system
+    q, v, a, w, _, w_before, f, dead, arrived, _ = state
+    scale, _, counts, history = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
     begin_newton(factors.loops)
@@ -166,31 +97,24 @@ def iterate(full, state, coefficients, tables, links, factors, loads, load_value
         set_loads(q, f, dead, loads, load_values)
         end_velocities(loads.connectors, v, a, w, w_before, coefficients)
         if full or counts[2] != 0:
-            if damping is None:
-                factorize(q, tables, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors)
-            else:
-                factorize(
-                    q, damping.stiff, links, coefficients.to_w, coefficients.to_q, loads, load_values, factors
-                )
+            _factorize(damping, q, tables, links, coefficients, loads, load_values, factors)
             factor_border(loads.border, q, coefficients.to_q, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
-        if damping is not None:
-            velocities_at_end(flat_v, flat_a, flat_w, had, coefficients, damping.flat)
-            add_damping_forces(q, f, dead, tables, loads, load_values, damping)
+        damp_at_end(damping, state, coefficients, tables, loads, load_values)
         add_connectors_at_end(loads.connectors, q, load_values, f)
         off = ask_correction(factors.loops, coefficients.to_q != 0.0, q, v, w)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
         take_correction(factors.loops)
-        size = _backward(q, w, coefficients, newton.scale, factors, factors.loops, arrived)
-        size = correct_step(loads.border, arrived, q, w, coefficients, newton.scale, size)
+        size = _backward(q, w, coefficients, scale, factors, factors.loops, arrived)
+        size = correct_step(loads.border, arrived, q, w, coefficients, scale, size)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:
             break
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else 1.0
-        small = size <= newton.tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= newton.tolerance)
+        small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             counts[2] = 1 if iteration >= MANY else 0
             end_newton(factors.loops)
@@ -204,6 +128,15 @@ def iterate(full, state, coefficients, tables, links, factors, loads, load_value
         last = size
     counts[2] = 1
     return False
+
+
+@embedded
+def _factorize(damping, q, tables, links, c, loads, load_values, factors):  # type: ignore[no-untyped-def]
+    """Renew the iteration matrix, with the stiffness of damping if there is some."""
+    if damping is None:
+        factorize(q, tables, links, c.to_w, c.to_q, loads, load_values, factors)
+    else:
+        factorize(q, damping.stiff, links, c.to_w, c.to_q, loads, load_values, factors)
 
 
 @embedded

@@ -25,34 +25,26 @@ first guessed by a few long steps of one Newton correction each. Where a run fin
 assumed, it is made again.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
+from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
-from anctmm.forces.actuation import Actuation, DrivenClamps, clamp_reactions, turn_clamps, work_done
+from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
-from anctmm.forces.loads import Loads
 from anctmm.forces.timeline import Timeline, set_actions, timeline
 from anctmm.integrators.implicit_start import balance
-from anctmm.integrators.implicit_step import (
-    Damping,
-    State,
-    begin_step,
-    copy,
-    dissipated,
-    finish,
-    new_damping,
-    new_state,
-)
+from anctmm.integrators.implicit_step import begin_step, copy, dissipated, finish
+from anctmm.integrators.implicit_system import System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import Newton, least_left, new_newton, solve_step
+from anctmm.integrators.newton import solve_step
 from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import (
     STEP,
@@ -68,7 +60,6 @@ from anctmm.integrators.step_error import measure_motion, step_error
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.pacing import paced
 from anctmm.recursion.constrained import constrained, set_drives, work_of_drives
-from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
@@ -126,7 +117,7 @@ class Control(NamedTuple):
     at the end of the step, (2, drives, 3) and (2, loads, 2). missed: scratch, (2,). reference: coordinates at the
     start. bulge: largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved:
     displacement of each node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and
-    what damping times rate adds to them, (2, bodies, ...). progress: where the run stands.
+    what damping times rate adds to them, (2, bodies, ...). progress: where the run stands. actions: what acts in time.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -155,20 +146,6 @@ class Control(NamedTuple):
     moved: Array
     elastic: Array
     progress: Array
-
-
-class System(NamedTuple):
-    """What `advance` takes, damping apart: what is absent is told by its type."""
-
-    control: Control
-    state: State
-    tables: Tables
-    links: Links
-    factors: BlockFactors
-    clamps: DrivenClamps
-    loads: Loads
-    newton: Newton
-    out: Output
     actions: Timeline
 
 
@@ -200,16 +177,16 @@ def integrate(chain: Chain) -> Solution:
         If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
     run, record = chain.run, Record(chain)
-    system, damping = _system(chain, record.arrays()), new_damping(chain)
+    system, control, out = _system(chain), _control(chain), record.arrays()
     outputs, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
-    still, counts = np.zeros(chain.bodies.nodes), system.control.counts
+    still, counts = np.zeros(chain.bodies.nodes), control.counts
 
     def so_far(kept: int, status: Status) -> Solution:
         corrections, factorizations, _ = system.newton.counts
         return record.solution(kept, status, int(counts[0]), int(corrections), int(factorizations))
 
     def march(times: Array, assumed: Array, scale: float = 0.0, guess: bool = False) -> March:
-        found = _march(chain, system, damping, times, assumed, scale, guess)
+        found = _march(chain, system, control, out, times, assumed, scale, guess)
         if found.stopped:
             raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
         return found
@@ -242,38 +219,25 @@ def _assumed(chain: Chain, guesses: list[Array]) -> tuple[Array, float]:
     return moved * (scale / max(float(moved.max()), STILL)), scale
 
 
-def _system(chain: Chain, out: Output) -> System:
-    """What the steps of a run take; each march starts it anew."""
-    run, bodies, state = chain.run, chain.bodies, new_state(chain)
-    factors, actuation = block_factors(chain), actuation_of(chain)
-    drives = drives_of(chain, actuation)
-    actions = timeline(
-        drives, varying_loads(chain.parts), driven_connectors(chain.parts), run.t_end, run.steps
-    )
-    return System(
-        _control(chain, state, actuation, actions),
-        state,
-        bodies.tables(),
-        links(chain),
-        factors,
-        actuation.clamps(),
-        actuation.loads(),
-        _newton(chain),
-        out,
-        actions,
-    )
+def _system(chain: Chain) -> System:
+    """What the steps take: without a tolerance of the user's, Newton's is a part of the error of a step alone."""
+    system = new_system(chain)
+    if chain.run.newton_given:
+        return system
+    return system._replace(newton=system.newton._replace(tolerance=np.inf))
 
 
-def _newton(chain: Chain) -> Newton:
-    """Newton's iteration, bounded by the error that a step may make alone where nothing else is asked for."""
-    newton = new_newton(chain)
-    return newton if chain.run.newton_given else newton._replace(tolerance=np.inf)
+def _actions(chain: Chain, drives: Sequence[Drive]) -> Timeline:
+    """What acts on a scene in time."""
+    parts, run = chain.parts, chain.run
+    return timeline(drives, varying_loads(parts), driven_connectors(parts), run.t_end, run.steps)
 
 
-def _control(chain: Chain, state: State, actuation: Actuation, actions: Timeline) -> Control:
+def _control(chain: Chain) -> Control:
     """Step control before the first march."""
     bodies, run, method = chain.bodies, chain.run, GeneralizedAlpha(chain.run.spectral_radius)
-    turns = [drive.turns for drive in drives_of(chain, actuation)]
+    driven, start = drives_of(chain, actuation_of(chain)), chain.start_coordinates()
+    turns, actions = [drive.turns for drive in driven], _actions(chain, driven)
     drives, histories = len(turns), len(actions.pieces.steady)
     return Control(
         allowed=np.inf,
@@ -286,17 +250,18 @@ def _control(chain: Chain, state: State, actuation: Actuation, actions: Timeline
         times=np.zeros(1),
         counts=np.zeros(2),
         scale=np.zeros(1),
-        load=np.zeros_like(state.q),
-        x=np.zeros_like(state.q),
-        w=np.zeros_like(state.q),
+        load=np.zeros_like(start),
+        x=np.zeros_like(start),
+        w=np.zeros_like(start),
         angles=np.zeros((2, drives, 3)),
         values=np.zeros((2, histories - drives + has_clock(chain.parts), 2)),
         missed=np.zeros(2),
-        reference=chain.start_coordinates(),
+        reference=start,
         bulge=np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
         progress=np.zeros(13),
+        actions=actions,
     )
 
 
@@ -314,32 +279,31 @@ def _elastic(chain: Chain) -> Array:
 def _march(
     chain: Chain,
     system: System,
-    damping: Damping | None,
+    control: Control,
+    out: Output,
     times: Array,
     assumed: Array,
     scale: float,
     guess: bool,
 ) -> March:
     """Run from the start over `times`, with displacements that are assumed, or a `guess` of them in one step."""
-    run, state, control, newton = chain.run, system.state, system.control, system.newton
+    run, state, newton = chain.run, system.state, system.newton
     tolerance = float(run.tolerance or 0.0)
     share = SHARE if rows_in(system.factors.loops) is None else WITH_CONSTRAINTS
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
     control.scale[0] = scale
-    system.out.work[0] = 0.0
+    out.work[0] = 0.0
     first = FIRST * min(1.0, np.sqrt(tolerance / LOOSE)) * run.exact_dt
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = times[-1] if guess else first, 1.0
     control.progress[CAP] = np.inf
-    system = system._replace(
-        control=control._replace(allowed=np.inf if guess else tolerance * share, times=times),
-        newton=newton._replace(tolerance=np.inf) if guess else newton,
-    )
+    control = control._replace(allowed=np.inf if guess else tolerance * share, times=times)
+    system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     code, stopped = UNFINISHED, False
     for begin, end in paced(UNLIMITED, STEP * chain.bodies.nodes):
         try:
-            code = int(advance(1 if guess else end - begin, len(times) - 1, system, damping))
+            code = int(advance(1 if guess else end - begin, len(times) - 1, system, control, out))
         except KeyboardInterrupt:
             stopped = True
         if code != UNFINISHED or stopped or guess:
@@ -375,22 +339,21 @@ def _stuck(chain: Chain, system: System, t: float) -> Status:
 
 
 @kernel
-def advance(budget: int, outputs: int, system: System, damping: Damping | None) -> int:
+def advance(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
     """Run over the intervals of output with at most `budget` steps, from where `control.progress` stands."""
-    control, state, progress = system.control, system.state, system.control.progress
+    state, progress = system.state, control.progress
     code = DONE
     for number in range(max(int(progress[KEPT]) - 1, 0), outputs + 1):
         end = control.times[min(number + 1, len(control.times) - 1)]
         while True:
             if progress[STARTS] != 0.0:
-                _start_anew(system, damping)
+                _start_anew(system, control)
             if number == int(progress[KEPT]):
                 if too_large(state.q, STRETCH_LIMIT):
                     system.newton.history[:] = 0.0  # no step was refused
                     code = STUCK
                     break
-                loads = system.loads
-                keep(number, 1, state.q, state.v, state.w, system.tables, loads.connectors, system.out)
+                keep(number, 1, state.q, state.v, state.w, system.tables, system.loads.connectors, out)
                 progress[KEPT] += 1.0
             if number == outputs or progress[TIME] >= end:
                 break
@@ -398,12 +361,12 @@ def advance(budget: int, outputs: int, system: System, damping: Damping | None) 
                 code = UNFINISHED
                 break
             budget -= 1
-            stop = min(end, system.actions.stops[int(progress[EVENT])])
+            stop = min(end, control.actions.stops[int(progress[EVENT])])
             h = _length(control, stop)
             if h < SMALLEST * control.t_end and progress[WANTED] < SMALLEST * control.t_end:
                 code = STUCK
                 break
-            _step(h, stop, system, damping)
+            _step(h, stop, system, control, out)
         if code != DONE:
             break
     return code
@@ -418,12 +381,11 @@ def _length(control, stop):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _start_anew(system, damping):  # type: ignore[no-untyped-def]
+def _start_anew(system, control):  # type: ignore[no-untyped-def]
     """Start the motion, or start it anew after a jump of what acts."""
-    control, q = system.control, system.state.q
-    progress, values = control.progress, control.values
-    set_actions(system.actions.pieces, progress[TIME], True, control.angles[1], values[1])
-    _accelerations(system, damping)
+    q, progress, values = system.state.q, control.progress, control.values
+    set_actions(control.actions.pieces, progress[TIME], True, control.angles[1], values[1])
+    _accelerations(system, control)
     clamp_reactions(q, system.state.w, system.state.f, system.tables, system.clamps)
     work_done(False, q, system.clamps, system.loads, values[1])
     work_of_drives(system.factors.loops, False, q)
@@ -432,49 +394,39 @@ def _start_anew(system, damping):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _accelerations(system, damping):  # type: ignore[no-untyped-def]
+def _accelerations(system, control):  # type: ignore[no-untyped-def]
     """Find the true accelerations of the present state, from which the next step starts as a first one."""
-    control, newton = system.control, system.newton
-    balance(
-        system.state, system.tables, system.links, system.factors, system.clamps, system.loads,
-        control.angles[1], control.values[1], damping,
-    )  # fmt: skip
+    newton = system.newton
+    balance(system, control.angles[1], control.values[1])
     newton.counts[1] += 1
     newton.counts[2] = 1
     control.progress[FIRST_STEP] = 1.0
 
 
 @inlined
-def _step(h, stop, system, damping):  # type: ignore[no-untyped-def]
+def _step(h, stop, system, control, out):  # type: ignore[no-untyped-def]
     """Try a step, and accept it or go back."""
-    control, state, newton = system.control, system.state, system.newton
-    progress, values = control.progress, control.values
+    state, newton, progress = system.state, system.newton, control.progress
     if progress[LAST] > 0.0 and h != progress[LAST]:
         if constrained(system.factors.loops):
-            _accelerations(system, damping)
+            _accelerations(system, control)
         else:
             _shift(state, control, 1.0 - h / progress[LAST])
     progress[LAST] = 0.0
     c = _coefficients(h, control.method)
-    _begin(h, stop, c, system)
-    _stiffen(damping, control, c)
+    _begin(h, stop, c, system, control)
+    _stiffen(system.damping, control, c)
     part = NEWTON_PART * control.allowed * h / control.t_end
     left = max(control.rounding, part * control.scale[0] / newton.scale)
     allowed = control.allowed * (progress[TIME] + h - progress[LOOKED]) / control.t_end
     before = newton.counts[0] + 2 * newton.counts[1]
-    solved = solve_step(
-        state, c, system.tables, system.links, system.factors, system.clamps, system.loads, values[1],
-        Newton(newton.scale, min(newton.tolerance, left), newton.counts, newton.history), damping,
-    )  # fmt: skip
+    solved = solve_step(system, c, control.values[1], min(newton.tolerance, left))
     look, error = _looks(h, control), np.inf
     if solved and look:
-        error = step_error(
-            progress[TIME], state, control, c, system.tables, system.factors, system.clamps, system.loads,
-            system.actions.pieces,
-        )  # fmt: skip
+        error = step_error(progress[TIME], system, control, c)
     guess = control.allowed == np.inf
     if solved and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)):
-        _accept(h, stop, c, system, damping)
+        _accept(h, stop, c, system, control, out)
         effort = newton.counts[0] + 2 * newton.counts[1] - before
         progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
         progress[STEADY_STEPS] += 1.0
@@ -484,7 +436,7 @@ def _step(h, stop, system, damping):  # type: ignore[no-untyped-def]
             if not guess:
                 _aim(h, error, control)
     else:
-        _refuse(solved, h, error, allowed, system)
+        _refuse(solved, h, error, allowed, system, control)
 
 
 @inlined
@@ -508,13 +460,13 @@ def _remember(control, state):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _begin(h, stop, c, system):  # type: ignore[no-untyped-def]
+def _begin(h, stop, c, system, control):  # type: ignore[no-untyped-def]
     """Predict the end of a step, and set what acts there."""
-    control, newton, progress = system.control, system.newton, system.control.progress
+    newton, progress = system.newton, control.progress
     angles, values, loops = control.angles, control.values, system.factors.loops
     begin_step(False, system.state.flat, c)
     _copy_actions(angles, values, 1, 0)
-    set_actions(system.actions.pieces, _end_of(h, stop, progress), False, angles[1], values[1])
+    set_actions(control.actions.pieces, _end_of(h, stop, progress), False, angles[1], values[1])
     turn_clamps(system.clamps, angles[1])
     set_drives(loops, angles[1], len(system.clamps.nodes))
     if abs(h - progress[FACTORED]) > STALE * h:
@@ -541,9 +493,9 @@ def _stiffen(damping, control, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _accept(h, stop, c, system, damping):  # type: ignore[no-untyped-def]
+def _accept(h, stop, c, system, control, out):  # type: ignore[no-untyped-def]
     """Go to the end of the step."""
-    control, state, progress = system.control, system.state, system.control.progress
+    state, progress = system.state, control.progress
     q, loops = state.q, system.factors.loops
     _, flat_v, flat_a, flat_w, _, flat_w_before = state.flat
     finish(flat_v, flat_a, flat_w, flat_w_before, c)
@@ -551,11 +503,10 @@ def _accept(h, stop, c, system, damping):  # type: ignore[no-untyped-def]
     progress[LAST], progress[FIRST_STEP] = h, 0.0
     control.counts[0] += 1
     clamp_reactions(q, state.w, state.f, system.tables, system.clamps)
-    system.out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
-    system.out.work[0] += work_of_drives(loops, True, q)
-    if damping is not None:
-        system.out.work[0] += dissipated(q, state.q_before, damping)
-    stops, anew = system.actions.stops, system.actions.anew
+    out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
+    out.work[0] += work_of_drives(loops, True, q)
+    out.work[0] += dissipated(system.damping, q, state.q_before)
+    stops, anew = control.actions.stops, control.actions.anew
     while stops[int(progress[EVENT])] <= progress[TIME]:
         if anew[int(progress[EVENT])]:
             progress[STARTS] = 1.0
@@ -579,9 +530,9 @@ def _aim(h, error, control):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _refuse(solved, h, error, allowed, system):  # type: ignore[no-untyped-def]
+def _refuse(solved, h, error, allowed, system, control):  # type: ignore[no-untyped-def]
     """Go back to the start of the step, with a shorter one; a first one was a try that told how a lags w."""
-    control, state, progress = system.control, system.state, system.control.progress
+    state, progress = system.state, control.progress
     flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
     if solved and progress[FIRST_STEP] != 0.0:
         _shift(state, control, -1.0)

@@ -16,16 +16,11 @@ TINY = 1e-300
 
 
 @inlined
-def step_error(t, state, control, c, tables, factors, clamps, loads, pieces):  # type: ignore[no-untyped-def]
+def step_error(t, system, control, c):  # type: ignore[no-untyped-def]
     """Filtered estimate of the error in displacement since the last one, relative, the largest of the nodes."""
-    q, load, x, angles, values, missed = (
-        state.q,
-        control.load,
-        control.x,
-        control.angles,
-        control.values,
-        control.missed,
-    )
+    state, tables, loads, pieces = system.state, system.tables, system.loads, control.actions.pieces
+    q, load, x, missed = state.q, control.load, control.x, control.missed
+    angles, values = control.angles, control.values
     factor = control.coefficient * c.h * c.h * c.to_w
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
@@ -37,7 +32,7 @@ def step_error(t, state, control, c, tables, factors, clamps, loads, pieces):  #
         fx, fy = load_at(loads, n, q, missed[0], missed[1])
         push_alike(loads.targets, n, c.to_w * c.h * fx, c.to_w * c.h * fy, load)
     _add_missed_lengths(loads.connectors, pieces, drives, t, c, q, values, missed, load)
-    sweep(factors, load, x)
+    sweep(system.factors, load, x)
     correct(loads.border, x)
     turned = 0.0
     for h in range(drives):

@@ -13,7 +13,7 @@ import anctmm as at
 from anctmm.discretise import kept_chains
 from anctmm.discretise.kept_chains import CHAINS, NODES, own
 from anctmm.errors import MeshError, StabilityError
-from anctmm.integrators import generalized_alpha, zhai
+from anctmm.integrators import implicit_system, zhai
 from anctmm.jit.copies import copier
 from anctmm.solve import _checked_chain
 
@@ -76,7 +76,7 @@ def test_a_second_run_is_the_first_one_again(name, run):
 
 @pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(
-    ("run", "system"), [("zhai", zhai._system), ("generalized-alpha", generalized_alpha.new_system)]
+    ("run", "system"), [("zhai", zhai._system), ("generalized-alpha", implicit_system.new_system)]
 )
 def test_what_runs_share_is_never_written(name, run, system):
     at.solve(SCENES[name], RUNS[run])

@@ -14,8 +14,8 @@ from anctmm.discretise import kept_chains
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
-from anctmm.integrators.implicit_step import new_state
-from anctmm.integrators.newton import KAPPA, ROUNDED, new_newton, single_will_do
+from anctmm.integrators import implicit_system
+from anctmm.integrators.implicit_system import KAPPA, ROUNDED, new_newton, new_state, single_will_do
 from anctmm.integrators.newton_failure import correction_size, residual_history
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
@@ -217,7 +217,9 @@ def test_a_correction_is_measured_in_lengths_of_the_chain(kind, part, correction
 def test_newtons_counts_are_those_of_its_rule(kind, monkeypatch):
     """Of one step, under bounds on either side of each sum of the series that the corrections left would make."""
     made = []
-    monkeypatch.setattr(implicit, "new_newton", lambda chain: made.append(new_newton(chain)) or made[-1])
+    monkeypatch.setattr(
+        implicit_system, "new_newton", lambda chain: made.append(new_newton(chain)) or made[-1]
+    )
     monkeypatch.setattr(
         implicit, "own", lambda chain, find: find(chain)
     )  # no copy, whose history is not seen
@@ -405,7 +407,7 @@ def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
     options = {"element": kind, "mesh": 4, "dt": 2e-3, "t_end": 0.3, "newton_tolerance": 1e-11}
     exact = solve(scene, **options)
     kept = []
-    monkeypatch.setattr(implicit, "single_will_do", lambda chain: kept.append(chain) or True)
+    monkeypatch.setattr(implicit_system, "single_will_do", lambda chain: kept.append(chain) or True)
     kept_chains.forget()
     rounded = solve(scene, **options)
     assert len(kept) == 1

@@ -6,11 +6,10 @@ from numpy.testing import assert_allclose
 from samples import SQUARE, chain_of
 
 from anctmm.forces.actuation import Actuation
-from anctmm.integrators import generalized_alpha
+from anctmm.integrators import generalized_alpha, implicit_system
 from anctmm.integrators.implicit_start import balance
-from anctmm.integrators.implicit_step import new_damping, new_state
+from anctmm.integrators.implicit_system import new_system
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
-from anctmm.recursion.riccati import block_factors, links
 
 
 @pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
@@ -31,23 +30,14 @@ def test_a_run_starts_with_mass_times_acceleration_equal_to_force(single, monkey
         found.append((state.q.copy(), state.v.copy(), state.a.copy(), state.w.copy()))
 
     monkeypatch.setattr(generalized_alpha, "start", watched)
-    monkeypatch.setattr(generalized_alpha, "single_will_do", lambda chain: single)
+    monkeypatch.setattr(implicit_system, "single_will_do", lambda chain: single)
     assert generalized_alpha.integrate(chain).status.ok
 
-    actuation, state, now = Actuation(chain.scene, chain.bodies), new_state(chain), np.zeros(1)
-    tables, factors = chain.bodies.tables(), block_factors(chain)
+    monkeypatch.undo()
+    actuation, system, now = Actuation(chain.scene, chain.bodies), new_system(chain), np.zeros(1)
+    state = system.state
     drives, values = actuation.clamp_table(now)[0], actuation.load_table(now)[0]
-    balance(
-        state,
-        tables,
-        links(chain),
-        factors,
-        actuation.clamps(),
-        actuation.loads(),
-        drives,
-        values,
-        new_damping(chain),
-    )
+    balance(system, drives, values)
     assert len(found) == 1
     size = np.abs(state.w).max()
     assert size > 5.0
