@@ -39,23 +39,21 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE
 from anctmm.discretise.kept_chains import once, own
-from anctmm.discretise.methods import NO_STEP, Coefficients, Stages, stages
+from anctmm.discretise.methods import Coefficients, Stages, stages
 from anctmm.errors import UnsupportedError
 from anctmm.forces.actuation import clamp_reactions, power_of, turn_clamps
 from anctmm.forces.driving import drive_table, drive_width
-from anctmm.integrators.generalized_alpha import coefficients_of, why_it_ended
-from anctmm.integrators.implicit_start import start
+from anctmm.integrators.implicit_run import Steps, take_steps
 from anctmm.integrators.implicit_step import copy, predict
-from anctmm.integrators.implicit_system import Newton, System, new_system
-from anctmm.integrators.newton import iterate, parts
-from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches, too_large
+from anctmm.integrators.implicit_system import System, new_system
+from anctmm.integrators.newton import iterate
+from anctmm.integrators.output import Output, actuation_of, keep, too_large
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
-from anctmm.jit.second_process import Parts, side_by_side
 from anctmm.recursion.constrained import set_drives
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,41 +105,20 @@ def integrate(chain: Chain) -> Solution:
         If the scene has constraints that are not linear, or driven.
     """
     once(chain, _check_constraints)
-    run, actuation, record = chain.run, once(chain, actuation_of), Record(chain)
-    system, room = own(chain, new_system), own(chain, new_room)
-    newton, clamps, table = system.newton, system.clamps, stages()
-    out, single = record.arrays(), system.factors.L.dtype == np.float32
-    of_step = once(chain, coefficients_of)
+    run, actuation, method = chain.run, once(chain, actuation_of), stages()
+    room = own(chain, new_room)
 
-    def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
+    def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         t = stage_times(chain, begin, end)
-        values = drive_table(chain, actuation, t), actuation.load_table(t)
-        numbers = Numbers(run.steps, run.stride, run.exact_dt, table, c)
-        return begin, end, numbers, room, system._replace(newton=newton), out, *values
+        tables = drive_table(chain, actuation, t), actuation.load_table(t)
+        return begin, end, Numbers(run.steps, run.stride, run.exact_dt, method, c), room, system, out, *tables
 
-    def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
-        return int(advance(*arguments(begin, end, c, newton)))
+    def failed_at(step: int) -> float:
+        before = float(run.times(np.array([step - 1]))[0])
+        return before + float(method.c[room.at[0]]) * run.exact_dt
 
-    def compiles(_: Chain) -> None:
-        call = arguments(0, 0, of_step, newton)
-        with side_by_side(lambda: _parts(system, of_step, out)):
-            advance(*call)
-
-    once(chain, compiles, what=advance)
-    record.start()
-    drives = drive_table(chain, actuation, np.zeros(1))[0]
-    start(system.state, clamps, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
-
-    def so_far(kept: int, status: Status, steps: int) -> Solution:
-        return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
-
-    width = (len(table.c) - 1) * drive_width(chain, actuation)
-    failed = run_batches(chain, width, one, so_far)
-    if failed < 0:
-        return so_far(len(record.q), Status(), run.steps)
-    before = float(run.times(np.array([failed - 1]))[0])
-    when = before + float(table.c[room.at[0]]) * run.exact_dt
-    return so_far(1 + (failed - 1) // run.stride, why_it_ended(chain, system, failed, when), failed)
+    width = (len(method.c) - 1) * drive_width(chain, actuation)
+    return take_steps(chain, own(chain, new_system), Steps(advance, arguments, width, failed_at))
 
 
 def _check_constraints(chain: Chain) -> bool:
@@ -165,17 +142,6 @@ def stage_times(chain: Chain, begin: int, end: int) -> Array:
     steps = np.arange(begin, min(end, run.steps))
     inner = run.times(steps)[:, None] + run.exact_dt * c
     return np.hstack([inner, run.times(steps + 1)[:, None]]).ravel()
-
-
-def _parts(system: System, c: Coefficients, out: Output) -> Parts:
-    """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
-    state, tables, _, _, clamps, loads, _, _ = system
-    aside, here = parts(system, c)
-    outside = [
-        (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
-        (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
-    ]
-    return [*outside, *aside], here
 
 
 @kernel

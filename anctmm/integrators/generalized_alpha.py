@@ -21,31 +21,25 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
-from anctmm.discretise.methods import NO_STEP, Coefficients
+from anctmm.discretise.methods import Coefficients
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.driving import drive_table, drive_width
-from anctmm.integrators.implicit_start import start
+from anctmm.integrators.implicit_run import Steps, take_steps
 from anctmm.integrators.implicit_step import begin_step, dissipated, finish
-from anctmm.integrators.implicit_system import Newton, System, new_system
-from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import parts, solve_step
-from anctmm.integrators.newton_failure import stalled
+from anctmm.integrators.implicit_system import System, new_system
+from anctmm.integrators.newton import solve_step
 from anctmm.integrators.output import (
     Output,
-    Record,
     actuation_of,
     keep,
-    run_batches,
     too_large,
 )
 from anctmm.jit.compiling import kernel
-from anctmm.jit.second_process import Parts, side_by_side
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Numbers(NamedTuple):
@@ -64,64 +58,20 @@ def integrate(chain: Chain) -> Solution:
     Solution
         With a status that names step, time and element if Newton's iteration failed.
     """
-    run = chain.run
-    actuation, record = once(chain, actuation_of), Record(chain)
-    system = own(chain, new_system)
-    state, newton, clamps = system.state, system.newton, system.clamps
-    out, single = record.arrays(), system.factors.L.dtype == np.float32
-    of_step = once(chain, coefficients_of)
+    run, actuation, system = chain.run, once(chain, actuation_of), own(chain, new_system)
 
-    def arguments(begin: int, end: int, c: Coefficients, newton: Newton) -> tuple[Any, ...]:
+    def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
         tables = drive_table(chain, actuation, t), actuation.load_table(t)
-        numbers = Numbers(run.steps, run.stride, c)
-        return begin, end, numbers, system._replace(newton=newton), out, *tables
+        return begin, end, Numbers(run.steps, run.stride, c), system, out, *tables
 
-    def one(begin: int, end: int, c: Coefficients = of_step, newton: Newton = newton) -> int:
-        return int(advance(*arguments(begin, end, c, newton)))
+    def failed_at(step: int) -> float:
+        return float(run.times(np.array([step]))[0])
 
-    def compiles(_: Chain) -> None:
-        call = arguments(0, 0, of_step, newton)
-        with side_by_side(lambda: _parts(system, of_step, out, call[-1][0])):
-            advance(*call)
-
-    once(chain, compiles, what=advance)
-    record.start()
-    drives = drive_table(chain, actuation, np.zeros(1))[0]
-    start(state, clamps, drives, newton, lambda first: one(-1, 0, NO_STEP, first), single)
-
-    def so_far(kept: int, status: Status, steps: int) -> Solution:
-        return record.solution(kept, status, steps, int(newton.counts[0]), int(newton.counts[1]))
-
-    failed = run_batches(chain, drive_width(chain, actuation), one, so_far)
-    if failed < 0:
-        return so_far(len(record.q), Status(), run.steps)
-    when = float(run.times(np.array([failed]))[0])
-    return so_far(1 + (failed - 1) // run.stride, why_it_ended(chain, system, failed, when), failed)
-
-
-def why_it_ended(chain: Chain, system: System, failed: int, when: float) -> Status:
-    """Status of a run whose step `failed` was not found, at a time in it, s."""
-    state = system.state
-    status = locked(chain, state.q, rows_in(system.factors.loops), when, failed)
-    return status or stalled(chain, failed, state, system.newton, when)
-
-
-def _parts(system: System, c: Coefficients, out: Output, values: Array) -> Parts:
-    """The largest kernels of `advance`, for `side_by_side`: those that it reaches first stand first."""
-    state, tables, _, _, clamps, loads, _, _ = system
-    aside, here = parts(system, c)
-    outside = [
-        (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
-        (work_done, (True, state.q, clamps, loads, values)),
-        (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
-    ]
-    return [*outside, *aside], here
-
-
-def coefficients_of(chain: Chain) -> Coefficients:
-    """Coefficients of the implicit solves of a step."""
-    return chain.run.coefficients
+    loads = system.loads
+    work = (work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
+    steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,))
+    return take_steps(chain, system, steps)
 
 
 @kernel

@@ -40,7 +40,7 @@ from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, set_actions, timeline
-from anctmm.integrators.implicit_start import balance
+from anctmm.integrators.implicit_run import balance
 from anctmm.integrators.implicit_step import begin_step, copy, dissipated, finish
 from anctmm.integrators.implicit_system import System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in

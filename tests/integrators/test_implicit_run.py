@@ -6,8 +6,8 @@ from numpy.testing import assert_allclose
 from samples import SQUARE, chain_of
 
 from anctmm.forces.actuation import Actuation
-from anctmm.integrators import generalized_alpha, implicit_system
-from anctmm.integrators.implicit_start import balance
+from anctmm.integrators import generalized_alpha, implicit_run, implicit_system
+from anctmm.integrators.implicit_run import balance
 from anctmm.integrators.implicit_system import new_system
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 
@@ -23,13 +23,14 @@ def test_a_run_starts_with_mass_times_acceleration_equal_to_force(single, monkey
     )
 
     found = []
-    start = generalized_alpha.start
+    start = implicit_run.start
 
-    def watched(state, *arguments):
-        start(state, *arguments)
+    def watched(chain, system, solve):
+        start(chain, system, solve)
+        state = system.state
         found.append((state.q.copy(), state.v.copy(), state.a.copy(), state.w.copy()))
 
-    monkeypatch.setattr(generalized_alpha, "start", watched)
+    monkeypatch.setattr(implicit_run, "start", watched)
     monkeypatch.setattr(implicit_system, "single_will_do", lambda chain: single)
     assert generalized_alpha.integrate(chain).status.ok
 

@@ -1,0 +1,158 @@
+"""How an implicit run with a fixed step starts, goes on and ends, whatever its method.
+
+It starts from the accelerations with M w = F at t = 0, found by the kernel that takes the steps: they are what Newton's
+iteration finds in a step of no length with the mass alone for its matrix (`NO_STEP`). So nothing is compiled for what
+is done once. Kernels that start anew on the way call `balance`.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept_chains import once
+from anctmm.discretise.methods import NO_STEP, Coefficients
+from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
+from anctmm.forces.connectors import add_connectors
+from anctmm.forces.driving import drive_table
+from anctmm.forces.loads import set_loads
+from anctmm.integrators.implicit_step import copy, damp_now
+from anctmm.integrators.implicit_system import Newton, System
+from anctmm.integrators.locking import locked, rows_in
+from anctmm.integrators.newton import parts
+from anctmm.integrators.newton_failure import stalled
+from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
+from anctmm.jit.compiling import kernel, uncompiled
+from anctmm.jit.second_process import Parts, Task, side_by_side
+from anctmm.recursion.accelerations import by_blocks
+from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
+from anctmm.recursion.riccati import factorize
+from anctmm.results.solution import Solution, Status
+
+Array = NDArray[np.float64]
+
+#: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
+REFINED = 4
+
+
+@dataclass(frozen=True)
+class Steps:
+    """How a method takes its steps.
+
+    Parameters
+    ----------
+    advance : kernel
+        Takes steps; gives the one that failed, or −1.
+    arguments : callable
+        (begin, end, coefficients, system, output) → arguments of `advance` for the steps of a range; step −1 is the
+        start.
+    width : int
+        Numbers tabulated for each step.
+    failed_at : callable
+        Time in a step that failed, s.
+    parts : sequence of Task
+        What `advance` calls beside Newton's iteration and the output, for compilation in a second process.
+    """
+
+    advance: Any
+    arguments: Callable[[int, int, Coefficients, System, Output], tuple[Any, ...]]
+    width: int
+    failed_at: Callable[[int], float]
+    parts: tuple[Task, ...] = ()
+
+
+def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
+    """Run a scene.
+
+    Returns
+    -------
+    Solution
+        With a status that names step, time and element if Newton's iteration failed.
+    """
+    run, record, c = chain.run, Record(chain), once(chain, _coefficients)
+    newton, out = system.newton, record.arrays()
+
+    def one(begin: int, end: int, c: Coefficients = c, newton: Newton = newton) -> int:
+        return int(steps.advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
+
+    def compiles(_: Chain) -> None:
+        with side_by_side(lambda: _parts(system, c, out, steps)):
+            one(0, 0)
+
+    once(chain, compiles, what=steps.advance)
+    record.start()
+    start(chain, system, lambda first: one(-1, 0, NO_STEP, first))
+
+    def so_far(kept: int, status: Status, taken: int) -> Solution:
+        return record.solution(kept, status, taken, int(newton.counts[0]), int(newton.counts[1]))
+
+    failed = run_batches(chain, steps.width, one, so_far)
+    if failed < 0:
+        return so_far(len(record.q), Status(), run.steps)
+    when = steps.failed_at(failed)
+    status = locked(chain, system.state.q, rows_in(system.factors.loops), when, failed)
+    return so_far(
+        1 + (failed - 1) // run.stride,
+        status or stalled(chain, failed, system.state, newton, when),
+        failed,
+    )
+
+
+def _coefficients(chain: Chain) -> Coefficients:
+    """Coefficients of the implicit solves of a step."""
+    return chain.run.coefficients
+
+
+def _parts(system: System, c: Coefficients, out: Output, steps: Steps) -> Parts:
+    """The largest kernels of a method, for `side_by_side`: those that it reaches first stand first."""
+    state, tables, _, _, clamps, loads, _, _ = system
+    aside, here = parts(system, c)
+    outside = [
+        (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
+        *steps.parts,
+        (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
+    ]
+    return [*outside, *aside], here
+
+
+def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
+    """True accelerations at t = 0, from which a starts too; those of driven nodes are their drives'.
+
+    Parameters
+    ----------
+    chain : Chain
+    system : System
+        Of its state w and a are written, and at driven nodes q and v; what Newton's iteration counted is forgotten.
+    solve : callable
+        Takes a step with the coefficients `NO_STEP`. With factors in single precision the solution is refined.
+    """
+    state, clamps, newton = system.state, system.clamps, system.newton
+    uncompiled(turn_clamps)(clamps, drive_table(chain, once(chain, actuation_of), np.zeros(1))[0])
+    for field, motion in zip((state.q, state.v, state.w), clamps.motion, strict=True):
+        for h, held in enumerate(clamps.held):
+            field[:held, clamps.nodes[h]] = motion[h, :held]
+    newton.counts[2] = 1
+    for _ in range(REFINED if system.factors.L.dtype == np.float32 else 1):
+        solve(newton._replace(tolerance=np.inf))
+    newton.counts[:] = 0, 1, 1
+
+
+@kernel
+def balance(system: System, drives: Array, values: Array) -> None:
+    """True accelerations of the present state, w and a, by other kernels: where a run starts anew between two steps."""
+    state, tables, links, factors, clamps, loads, _, damping = system
+    turn_clamps(clamps, drives)
+    place_clamps(state.q, state.v, clamps)
+    set_loads(state.q, state.f, state.dead, loads, values)
+    damp_now(damping, state, tables, loads, values)
+    add_connectors(loads.connectors, state.q, state.v, values, state.f)
+    set_drives(factors.loops, drives, len(clamps.nodes))
+    factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
+    ask_anew(factors, factors.loops, len(clamps.nodes), drives, state.q, state.v, state.w_before)
+    by_blocks(state.q, state.f, tables, clamps, factors, state.w_before, state.w)
+    take_anew(factors.loops)
+    _, _, flat_a, flat_w, _, _ = state.flat
+    copy(flat_w, flat_a)
