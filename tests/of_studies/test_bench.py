@@ -22,6 +22,7 @@ from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
 from studies.benchmark.precision import Point, Race, Setting, contenders, cost_at, front, promising
 from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
 from studies.engine.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
+from studies.engine.tables import MOST_ROWS
 from studies.scenes import cantilever_fall, four_bar
 
 TABLES = {
@@ -260,6 +261,8 @@ def test_command_writes_tables_and_pictures(small, tmp_path, monkeypatch):
     assert shown.exit_code == 0, shown.output
     assert "Required and found" in shown.output
     names = {path.name for path in (tmp_path / "bench").iterdir()}
-    assert {f"{t}.csv" for t in TABLES} | {f"{t}.md" for t in TABLES} <= names
+    short = {t.name for t in small.tables if len(t.frame) <= MOST_ROWS}
+    assert "requirements" in short
+    assert {f"{t}.csv" for t in TABLES} | {f"{t}.md" for t in short} <= names
     assert {"machine.json", "length.svg", "ratios.svg", "work_precision.svg", "methods.svg"} <= names
     assert not pd.read_csv(tmp_path / "bench" / "requirements.csv").empty
