@@ -298,7 +298,8 @@ def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Mea
     from studies.trade import recommend as advice
 
     takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
-    print(f"anctmm: no trade of {case.name} is kept; measuring it takes {takes} …", file=sys.stderr)
+    first = "and 1 to 4 min more for compiling where no scene of its kind has run before"
+    print(f"anctmm: no trade of {case.name} is kept; measuring it takes {takes}, {first} …", file=sys.stderr)
     with helped(options.quick) as runner:
         return advice.of_result(find("trade")(options, runner))
 

@@ -41,10 +41,10 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops"],
     "forces": ["acting"],
-    "integrators": ["esdirk", "static_start"],
+    "integrators": ["esdirk", "modes_of_motions", "static_start"],
     "model": ["inputs", "mechanisms", "scene"],
     "of_reference": ["acting_against_dae"],
-    "recursion": ["constrained"],
+    "recursion": ["constrained", "low_rank"],
     "results": ["constraint_check", "internal_forces", "pictures"],
 }  # fmt: skip
 

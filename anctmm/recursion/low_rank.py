@@ -47,7 +47,7 @@ def _product(border, j, x):  # type: ignore[no-untyped-def]
 
 @embedded
 def _factor(S, order):  # type: ignore[no-untyped-def]
-    """L U of S with exchanges of rows, in place."""
+    """L U of S with exchanges of rows, in place; those of L are not exchanged, as `weights_of` takes them in turn."""
     m = len(S)
     for k in range(m):
         best = k
@@ -56,7 +56,7 @@ def _factor(S, order):  # type: ignore[no-untyped-def]
                 best = i
         order[k] = best
         if best != k:
-            for j in range(m):
+            for j in range(k, m):
                 S[k, j], S[best, j] = S[best, j], S[k, j]
         for i in range(k + 1, m):
             S[i, k] /= S[k, k]

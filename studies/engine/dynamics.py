@@ -176,19 +176,14 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     Raises
     ------
     StudyError
-        If a mesh asked for has neither one number nor one for each body.
+        If a mesh asked for has neither one number nor one for each body, or no scheme is of the kinds asked for.
     """
     for mesh in options.meshes or ():
         check_mesh(base.scene, mesh)
     cases = []
     listed = {solver for scheme in plan.schemes for solver in scheme.solvers}
     schemes = of_kinds(plan.schemes, options)
-    if not schemes:
-        asked = " ".join(filter(None, (options.element, options.integrator)))
-        kinds = "; ".join(dict.fromkeys(f"{scheme.element} {scheme.integrator}" for scheme in plan.schemes))
-        raise StudyError(
-            f"--element and --integrator ask for {asked}; scene {base.scene.name!r} is run with {kinds}"
-        )
+    check_kinds(base, plan.schemes, options)
     for scheme in schemes:
         wanted = scheme.solvers if options.solvers is None else options.solvers
         solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
@@ -199,6 +194,17 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
                 output_dt=base.interval, options=scheme.options, own=scheme.own,
             )  # fmt: skip
     return cases
+
+
+def check_kinds(base: Case, schemes: Iterable[Scheme], options: Options) -> None:
+    """Refuse an element or integrator that no scheme has."""
+    schemes = tuple(schemes)
+    if not of_kinds(schemes, options):
+        asked = " ".join(filter(None, (options.element, options.integrator)))
+        kinds = "; ".join(dict.fromkeys(f"{scheme.element} {scheme.integrator}" for scheme in schemes))
+        raise StudyError(
+            f"--element and --integrator ask for {asked}; scene {base.scene.name!r} is run with {kinds}"
+        )
 
 
 def check_mesh(scene: Scene, mesh: Mesh) -> None:

@@ -4,10 +4,11 @@ from math import isfinite
 
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
+from studies.engine.dynamics import check_kinds
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Mesh, Runner
 from studies.engine.study import Options, StudyError
-from studies.trade.plan import TARGETS, Ladder
+from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, TARGETS, Ladder, lacks_of_high_order
 
 #: Smallest target error where none is asked for; by whether the run is quick.
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -32,7 +33,8 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     Raises
     ------
     StudyError
-        If the case is static: no step trades error for time there; or if the element has no mesh that could.
+        If the case is static: no step trades error for time there; or if nothing is run with the element and the
+        integrator asked for.
     """
     if options.element not in (None, *ELEMENTS):
         raise StudyError(
@@ -44,6 +46,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
             f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
             f"study convergence tells its errors over the mesh"
         )
+    _check_kinds(case, options)
     smallest = options.error or SMALLEST[options.quick]
     runner.heading = f"{case.name}, reference: "
     found = {
@@ -69,6 +72,21 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         quick_steps=steps,
         targets=(*(target for target in TARGETS if target > 1.01 * smallest), smallest),
     )
+
+
+def _check_kinds(case: Case, options: Options) -> None:
+    """Refuse an element and an integrator that nothing will be run with, before any reference is refined."""
+    if options.integrator == HIGH and (lacks := lacks_of_high_order(case)):
+        raise StudyError(
+            f"--integrator is {HIGH!r}; case {case.name!r} has {', '.join(lacks)}, which steps of fourth order do not "
+            f"take: {IMPLICIT!r} or {EXPLICIT!r} is allowed"
+        )
+    mesh = ((1,),)
+    outline = Ladder(
+        case, mesh, _of_high_order(case, mesh), mesh, (), (), {},
+        fine_step=case.interval, steps=(case.interval,), quick_steps=(case.interval,),
+    )  # fmt: skip
+    check_kinds(case, outline.plan(options.quick).schemes, options)
 
 
 def _of_high_order(case: Case, cable_meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:

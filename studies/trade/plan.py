@@ -7,9 +7,9 @@ from math import ceil
 from anctmm.elements.kinds import QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.needs import needs
+from anctmm.model.needs import MECHANISMS, needs
 from anctmm.solvers import registry
-from anctmm.solvers.capabilities import NEWTON_TOLERANCES
+from anctmm.solvers.capabilities import NEWTON_TOLERANCES, features_of
 from studies.engine.choices import choices_of
 from studies.engine.dynamics import Fine, Plan, Scheme
 from studies.engine.runner import Mesh, Reference
@@ -116,7 +116,7 @@ class Ladder:
         self, element: str, quadrature: str, meshes: tuple[Mesh, ...], steps: tuple[float, ...]
     ) -> list[Scheme]:
         """Steps of fourth order, where our solver has them for the scene."""
-        if not high_order(self.base):
+        if lacks_of_high_order(self.base):
             return []
         steps = tuple(step for step in steps if step <= self.base.interval)
         return [
@@ -200,10 +200,17 @@ def _scheme(
     )
 
 
-def high_order(case: Case) -> bool:
-    """Whether our solver has steps of fourth order for a case."""
-    needed = [feature for feature, _ in needs(case.scene)]
-    return not registry.offer_of(registry.load("anctmm")).lacking([*needed, HIGH])
+def lacks_of_high_order(case: Case) -> list[str]:
+    """What of a case our steps of fourth order do not take, in words."""
+    lacking = registry.offer_of(registry.load("anctmm")).lacking(
+        [*(feature for feature, _ in needs(case.scene)), HIGH]
+    )
+    return [
+        MECHANISMS.get(feature, feature)
+        for lack in lacking
+        for feature in features_of(lack)
+        if feature != HIGH
+    ]
 
 
 def ladders(quick: bool) -> list[Ladder]:

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from browser import OVERLAPS, Browser, Tab, needs_chromium
 from typer.testing import CliRunner
-from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 
 import anctmm as at
 from reference import global_dae
@@ -54,7 +54,7 @@ class Session:
         return {command: " ".join(text.split()) for command, text in self.told.items()}
 
 
-@pytest.fixture(scope="module", params=(DOUBLE_PENDULUM, THROWN_CHAIN), ids=lambda file: Path(file).stem)
+@pytest.fixture(scope="module", params=FILES, ids=lambda file: Path(file).stem)
 def session(request, tmp_path_factory) -> Session:
     """Every command ends well, at 80 columns."""
     folder, case = tmp_path_factory.mktemp("session"), cases_in(request.param)[0]

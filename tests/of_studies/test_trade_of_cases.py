@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from typer.testing import CliRunner
-from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, SLIDER_CRANK, THROWN_CHAIN
 
 from studies.cases import cases_in, find_case
 from studies.cli import app
@@ -118,3 +118,33 @@ def test_a_static_case_has_no_trade():
 def test_what_is_wrong_is_named(arguments, said):
     done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
     assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
+
+
+class NothingRuns:
+    """In a runner's place: any run, or reference, fails the test."""
+
+    def __getattr__(self, name):
+        raise AssertionError(f"{name} was asked for before the refusal")
+
+
+@pytest.mark.parametrize(
+    ("file", "asked", "words"),
+    [
+        (
+            SLIDER_CRANK,
+            {"integrator": "esdirk"},
+            "case 'slider-crank' has .*rigid bodies.*fourth order do not take",
+        ),
+        (
+            THROWN_CHAIN,
+            {"element": "shear", "integrator": "esdirk"},
+            "ask for shear esdirk; .* is run with cable",
+        ),
+        (THROWN_CHAIN, {"element": "rigid"}, "--element is 'rigid'"),
+    ],
+)
+@pytest.mark.parametrize("quick", [True, False])
+def test_what_nothing_will_be_run_with_is_refused_before_references_are_refined(file, asked, words, quick):
+    options = Options(quick=quick, cases=tuple(cases_in(file)[:1]), **asked)
+    with pytest.raises(StudyError, match=words):
+        find("trade")(options, NothingRuns())

@@ -1,4 +1,4 @@
-"""What small motions are about: the start, the last output of a solution, or a steady spin."""
+"""Configurations that small motions are about: the last output of a solution, or that of a steady spin."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,11 +6,10 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.integrators.modes.frames import Frame
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.static_start import coordinates_of
 from anctmm.integrators.statics.static_system import StaticSystem
-from anctmm.model.joints import Clamp, Prismatic, Slider
-from anctmm.model.scene import Scene
 from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
@@ -21,55 +20,74 @@ Array = NDArray[np.float64]
 PARTS, ITERATIONS = 4, 25
 #: Size of the last correction of a steady state.
 CONVERGED = 1e-11
+#: Part of Ω² whose matrix is taken where that of Ω² itself is singular by parts.
+BESIDE = 1.0 + 1e-6
 #: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies.
 PENALTY = 7.3
 #: Solutions that find the forces of constraints of an equilibrium.
 MULTIPLIERS = 2
 
 
-def steady_state(system: StaticSystem, spin: float) -> Array:
+def steady_state(system: StaticSystem, frame: Frame) -> Array:
     """Coordinates of a steady spin in the frame that turns: f(q) = Ω² M (q − centre), by Newton's iteration.
+
+    It is approached by parts of Ω². Where one is the square of a frequency, its matrix is singular: that is left out.
 
     Raises
     ------
-    DiscretisationError
-        If the scene cannot turn steadily.
     SolverError
         If no steady state is found.
     """
-    scene = system.chain.scene
-    centre = _centre(scene)
-    if system.loops is not None:
-        system.loops.rows.penalty[0] = PENALTY
-    q = system.reference.copy()
-    away = np.zeros_like(q)
-    away[:2] = centre[:, None]
+    _weigh_constraints(system, frame)
+    q, found = system.reference.copy(), 0.0
     for part in np.arange(1, PARTS + 1) / PARTS:
-        square = part * spin**2
-        for _ in range(ITERATIONS):
-            system.factorize(q, 1.0, -square)
-            step = _correction(system, q, square * system.inertia(q - away) + system.residual(q, 1.0))
-            q += step
-            if not np.isfinite(step).all() or system.size(step) < CONVERGED:
-                break
-        if not np.isfinite(q).all() or not system.size(step) < CONVERGED:
-            raise SolverError(
-                f"no steady state of scene {scene.name!r} at a spin of {spin!r} rad/s was found beyond "
-                f"{np.sqrt(square):.6g} rad/s; a finer mesh or a slower spin may do"
-            )
-        system.accept(q, 1.0)
+        square = part * frame.spin**2
+        if (steady := _steady(system, q, frame, square)) is not None:
+            q, found = steady, square
+            system.accept(q, 1.0)
+    if found < frame.spin**2:
+        raise SolverError(
+            f"no steady state of scene {system.chain.scene.name!r} at a spin of {frame.spin!r} rad/s was found beyond "
+            f"{np.sqrt(found):.6g} rad/s; a finer mesh or another spin may do"
+        )
     return q
 
 
-def last_of(system: StaticSystem, about: object) -> tuple[Array, float]:
-    """Last coordinates of a solution, (rows, nodes), and the part of the loads there; constraints' forces are found.
+def _steady(system: StaticSystem, q: Array, frame: Frame, square: float) -> Array | None:
+    """The steady state near coordinates q at a square of the spin; None if Newton's iteration does not end."""
+    for beside in (1.0, BESIDE):
+        if (found := _iterated(system, q, frame, square, beside * square)) is not None:
+            return found
+    return None
+
+
+def _iterated(system: StaticSystem, q: Array, frame: Frame, square: float, near: float) -> Array | None:
+    """The same by Newton's iteration with the matrix of a square near that of the spin."""
+    for _ in range(ITERATIONS):
+        system.factorize(q, 1.0, -near)
+        step = _correction(system, q, _centrifugal(system, q, frame, square) + system.residual(q, 1.0))
+        q = q + step
+        if not np.isfinite(step).all():
+            return None
+        if system.size(step) < CONVERGED:
+            return q
+    return None
+
+
+def _weigh_constraints(system: StaticSystem, frame: Frame) -> None:
+    """Choose the penalty of constraints for the matrix of a frame."""
+    if frame.spin and system.loops is not None:
+        system.loops.rows.penalty[0] = PENALTY
+
+
+def checked(chain: Chain, about: object) -> Solution:
+    """What was given as a solution to be linearised.
 
     Raises
     ------
     DiscretisationError
         If it is no solution of the scene, its mesh and elements.
     """
-    chain = system.chain
     if not isinstance(about, Solution) or about.scene != chain.scene or not len(about.t):
         raise DiscretisationError(
             f"about is {shown(about)}; a solution of scene {chain.scene.name!r} with an output is needed"
@@ -80,11 +98,13 @@ def last_of(system: StaticSystem, about: object) -> tuple[Array, float]:
             f"about ended at {about.t[-1]:.3g} of the load of scene {chain.scene.name!r} ({about.status}); an "
             f"equilibrium is needed"
         )
-    if not about.static and chain.kept.constraints.drives:
-        raise DiscretisationError(
-            f"about is a motion of scene {chain.scene.name!r}, whose constraints are driven; an equilibrium of "
-            f"solve_static is needed"
-        )
+    return about
+
+
+def last_of(system: StaticSystem, about: Solution, frame: Frame) -> tuple[Array, float]:
+    """Last coordinates of a solution, (rows, nodes), and the part of the loads there; constraints' forces are found."""
+    chain = system.chain
+    _weigh_constraints(system, frame)
     factors = about.t if about.static else np.ones(1)
     for k, factor in enumerate(factors):  # springs' turns are counted on the way
         q = coordinates_of(chain, about, k if about.static else -1)
@@ -93,8 +113,15 @@ def last_of(system: StaticSystem, about: object) -> tuple[Array, float]:
     if system.loops is not None:
         for _ in range(MULTIPLIERS):  # any shift will do where the residual is theirs alone
             system.factorize(q, factor, max(element_bound(chain), 1.0) ** 2)
-            _correction(system, q, system.residual(q, factor))
+            _correction(system, q, _centrifugal(system, q, frame, frame.spin**2) + system.residual(q, factor))
     return q, factor
+
+
+def _centrifugal(system: StaticSystem, q: Array, frame: Frame, square: float) -> Array:
+    """Ω² M (q − centre), Ω² the `square`: gradients turn about nothing but themselves."""
+    away = np.zeros_like(q)
+    away[:2] = frame.centre[:, None]
+    return square * system.inertia(q - away)
 
 
 def _correction(system: StaticSystem, q: Array, residual: Array) -> Array:
@@ -115,29 +142,3 @@ def _check_cut(chain: Chain, about: Solution) -> None:
             raise DiscretisationError(
                 f"about has another mesh or element of body {name!r}; {elements} of kind {kind!r} are needed"
             )
-
-
-def _centre(scene: Scene) -> Array:
-    """Place that a scene spins about."""
-    clamps = [joint for joint in scene.joints if isinstance(joint, Clamp)]
-    held = [joint for joint in scene.joints if getattr(joint, "grounded", False)]
-    if len(clamps) != 1 or len(held) != 1:
-        raise DiscretisationError(
-            f"spin is given, and scene {scene.name!r} is held by {len(held)} joints, {len(clamps)} of them clamps; "
-            f"it turns with one clamp that nothing else holds back"
-        )
-    if any(scene.gravity) or scene.loads:
-        raise DiscretisationError(
-            f"spin is given, and scene {scene.name!r} has gravity or loads; no steady state turns with them"
-        )
-    still = [*_guides(scene), *(c for c in scene.connectors if len(c.places) < 2)]
-    if still:
-        raise DiscretisationError(
-            f"spin is given, and {shown(still[0])} of scene {scene.name!r} stands still; all must turn with the clamp"
-        )
-    return np.array(scene.place(clamps[0].end).position)
-
-
-def _guides(scene: Scene) -> list[object]:
-    """Guides that are fixed in the ground."""
-    return [joint for joint in scene.joints if isinstance(joint, Slider | Prismatic) and joint.body is None]

@@ -12,8 +12,9 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.lacking import LACKING
 from anctmm.errors import DiscretisationError
-from anctmm.integrators.modes.configurations import last_of, steady_state
+from anctmm.integrators.modes.configurations import checked, last_of, steady_state
 from anctmm.integrators.modes.eigenvalues import Array, Complex, lowest
+from anctmm.integrators.modes.frames import GROUND, Frame, frame_at, spun
 from anctmm.integrators.modes.shapes import Modes
 from anctmm.integrators.modes.small_motions import SmallMotions
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -45,8 +46,11 @@ def modes(
     count : int, optional
         How many; ten, or as many as there are, without it.
     about : Solution, optional
-        Whose last output is linearised, such as an equilibrium of `solve_static` of the same scene and mesh, with the
-        loads there. The start without it, without loads and preloads. Drives are held where they are.
+        Whose last output is linearised, of the same scene and mesh: an equilibrium of `solve_static`, or a motion, with
+        loads and drives as they are then. Drives that stand still are held. A clamp that turns at a constant rate and
+        holds the scene alone makes it the steady spin it is near; guides in the ground that move at one constant
+        velocity, a steady translation. About other moving drives there are no modes, as the coefficients change with
+        time. Velocities against that frame are left out. The start without it, without loads and preloads.
     spin : float
         Rate, rad/s, of a steady turn of the whole scene with its one clamp, as of a blade on a hub; the steady state
         is found first. Only without `about`, gravity and loads.
@@ -58,7 +62,7 @@ def modes(
     Raises
     ------
     DiscretisationError
-        If the options are wrong, or do not fit the scene or each other.
+        If the options are wrong, or do not fit the scene or each other, or the drives of a motion allow no modes.
     SolverError
         If no steady state, or not all modes, are found.
     """
@@ -67,18 +71,12 @@ def modes(
     chain = Chain(scene, run)
     count = None if count is None else whole("count", count, MOST, DiscretisationError)
     spin = number("spin (rad/s)", spin, DiscretisationError)
-    system, factor = StaticSystem(chain), 0.0
     if spin and about is not None:
         raise DiscretisationError(
             "spin is given beside about; one of them is allowed: the steady state is found"
         )
-    if spin:
-        q, factor = steady_state(system, spin), 1.0
-    elif about is not None:
-        q, factor = last_of(system, about)
-    else:
-        q = system.reference.copy()
-    problem = SmallMotions(system, q, factor, spin, about is None)
+    system, q, factor, frame = _state(chain, about, spin)
+    problem = SmallMotions(system, q, factor, frame.spin, about is None)
     values, vectors = lowest(problem, count)
     rates = np.abs(values)
     fields = np.stack([_normalised(problem.spread(x)) for x in vectors.T])
@@ -91,6 +89,21 @@ def modes(
         {name: real[name] + 1j * imaginary[name] for name in real},
         chain.by_body(q),
     )
+
+
+def _state(chain: Chain, about: object, spin: float) -> tuple[StaticSystem, Array, float, Frame]:
+    """What small motions are about: equations and coordinates, the part of the loads, the frame that is steady."""
+    if about is None:
+        system = StaticSystem(chain)
+        if not spin:
+            return system, system.reference.copy(), 0.0, GROUND
+        frame = spun(chain.scene, spin)
+        return system, steady_state(system, frame), 1.0, frame
+    about = checked(chain, about)
+    time = 0.0 if about.static else float(about.t[-1])
+    frame = GROUND if about.static else frame_at(chain.scene, time)
+    system = StaticSystem(chain, time)
+    return system, *last_of(system, about, frame), frame
 
 
 def _normalised(u: Complex | Array) -> Complex:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import damping_forces
 from anctmm.discretise.joined import Joined
+from anctmm.errors import SolverError
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -21,6 +22,10 @@ Array = NDArray[np.float64]
 FIRST_SHIFT = 1e4
 #: Velocity by which laws of springs are differentiated, of the scene's length a second.
 VELOCITY = 1e-6
+
+
+#: Parts of Ω² that are tried where one is singular, and the error of the inverse that counts as none.
+BESIDE, TRUSTED = (1.0 + 1e-8, 1.0 - 1e-7, 1.0 + 1e-6), 1e-8
 
 
 class SmallMotions:
@@ -111,7 +116,7 @@ class SmallMotions:
         C is τ times the stiffness of unstressed elements, and what dampers add to the tangent of connectors.
         """
         if self.spin or (self.damping is not None and not self.unstressed):
-            self.system.factorize(self.q, self.factor, -(self.spin**2))
+            self._factor_spinning()
             return 0.0
         s = float(np.sqrt(self.definite()))
         tables, connectors = None, self.system.loads.connectors
@@ -123,3 +128,23 @@ class SmallMotions:
         if connectors is not None:
             connectors.part[1] = 0.0
         return s
+
+    def _factor_spinning(self) -> None:
+        """Factor K − Ω² M; where a part of it happens to be singular, with an Ω² beside that."""
+        for part in (1.0, *BESIDE):
+            self.system.factorize(self.q, self.factor, -part * self.spin**2)
+            if self._lost_digits() < TRUSTED:
+                return
+        raise SolverError(
+            f"the equations of small motions of scene {self.system.chain.scene.name!r} are singular at a spin of "
+            f"{self.spin!r} rad/s; another spin or mesh is needed"
+        )
+
+    def _lost_digits(self) -> float:
+        """How far the inverse of the matrix factored last is from symmetric, as a part of it."""
+        draw = np.random.default_rng(1)
+        one, two = (self.mass(draw.standard_normal(self.size)) for _ in range(2))
+        there, back = self.solve(one), self.solve(two)
+        size = float(np.linalg.norm(there) * np.linalg.norm(two))
+        apart = abs(float(two @ there - one @ back))
+        return apart / size if np.isfinite(size) and size > 0.0 else np.inf

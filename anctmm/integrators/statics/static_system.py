@@ -8,12 +8,14 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.maps import vector_at
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import TURN, add_connectors_at_end, connectors_energy, connectors_work
+from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import DEAD, FOLLOWER, set_loads
 from anctmm.forces.potentials import potential_change
 from anctmm.jit.compiling import uncompiled
 from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
 from anctmm.recursion.low_rank import correct, factor_border, negative_of
 from anctmm.recursion.riccati import block_factors, factorize, links, solve
+from anctmm.recursion.rows import set_signals
 
 Array = NDArray[np.float64]
 
@@ -26,18 +28,20 @@ PROJECTIONS, ROUNDED = 10, 1e-13
 class StaticSystem:
     """Equilibrium equations of a chain, K_T solved by the Riccati recursion.
 
-    Coordinates and forces have the shape (rows, nodes); a load factor multiplies gravity and the loads of t = 0.
+    Coordinates and forces have the shape (rows, nodes); a load factor multiplies gravity and the loads.
 
     Parameters
     ----------
     chain : Chain
+    time : float
+        s, at which loads and drives act.
     """
 
-    def __init__(self, chain: Chain) -> None:
+    def __init__(self, chain: Chain, time: float = 0.0) -> None:
         bodies, actuation = chain.bodies, Actuation(chain.parts, chain.bodies)
         self.chain = chain
         self.reference = bodies.reference()
-        self.values = actuation.load_table(np.zeros(1))[0]
+        self.values = actuation.load_table(np.full(1, time))[0]
         self.loads = actuation.loads()
         #: Rows of the values that are loads: the others stay as they are.
         self.scaled = len(self.loads.kinds)
@@ -48,6 +52,8 @@ class StaticSystem:
         self.loops = loops if loops is not None and chain.kept.constraints.names else None
         if self.loops is not None:
             self.loops.rows.penalty[0] = 1.0
+            drives = drive_table(chain, actuation, np.full(1, time))[0]
+            uncompiled(set_signals)(self.loops.rows, drives, len(actuation.driven))
 
     @property
     def conservative(self) -> bool:
@@ -62,7 +68,7 @@ class StaticSystem:
         return total
 
     def _values(self, factor: float) -> Array:
-        """Values of the loads at a load factor; connectors take theirs, of t = 0, by parts."""
+        """Values of the loads at a load factor; connectors take theirs by parts."""
         values = self.values.copy()
         values[: self.scaled] *= factor
         if self.loads.connectors is not None:
