@@ -4,8 +4,8 @@ import atexit
 import gc
 import sys
 
-#: New objects after which Python looks for garbage. Its usual 700 is met all the time while modules are loaded, of which
-#: nothing is garbage: that took a tenth of a second of each command.
+#: New objects after which Python looks for garbage. Its usual 700 is met all the time while modules are loaded, and of
+#: them nothing is garbage: that took a tenth of a second of each command.
 YOUNG = 100_000
 
 

@@ -7,14 +7,14 @@ import numpy as np
 
 from anctmm.errors import ResultError, unknown_kind
 from anctmm.model.case import Case
-from anctmm.model.connectors import Connector, Spring
+from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.results.solution import Solution
 from studies.engine.digits import Value, probe_text
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
-    """For each joint its largest force and moment, for each spring its largest tension, as `Reading` asks for.
+    """For each joint its largest force and moment, for each spring its largest tension or moment, for a `Reading`.
 
     What a solver does not give, or equilibrium alone does not tell, is left out.
     """
@@ -24,11 +24,9 @@ def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
         with suppress(ResultError):
             yield from _of_joint(solution, case, joint)
     for connector in case.scene.connectors:
-        unit = "N" if isinstance(connector, Spring) else "N m"
+        _, what, unit = _kind(connector)
         with suppress(ResultError):
-            yield _largest(
-                solution, case, connector_text(connector), "tension", unit, solution.tension(connector)
-            )
+            yield _largest(solution, case, connector_text(connector), what, unit, solution.tension(connector))
 
 
 def joint_text(joint: Joint) -> str:
@@ -38,8 +36,18 @@ def joint_text(joint: Joint) -> str:
 
 def connector_text(connector: Connector) -> str:
     """A connector in words."""
-    kind = "spring" if isinstance(connector, Spring) else "rotational spring"
-    return f"{kind} {', '.join(map(probe_text, connector.places))}"
+    return f"{_kind(connector)[0]} {', '.join(map(probe_text, connector.places))}"
+
+
+def _kind(connector: Connector) -> tuple[str, str, str]:
+    """Name of a connector's kind, of what it carries, and its unit."""
+    match connector:
+        case Spring():
+            return "spring", "tension", "N"
+        case RotationalSpring():
+            return "rotational spring", "moment", "N m"
+        case _:
+            raise unknown_kind("connector", connector, CONNECTORS)
 
 
 def _of_joint(solution: Solution, case: Case, joint: Joint) -> Iterator[tuple[Value, float]]:

@@ -28,12 +28,12 @@ from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
 from anctmm.solvers.registry import static_of
+from studies.engine.other_numbers import Change
 from studies.engine.runner import guarded
 from studies.engine.timing import undisturbed
 from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, FromRest, Run, Static, Task
-from studies.regression.turned import turned
 
 Array = NDArray[np.float64]
 
@@ -133,7 +133,7 @@ def measured(task: Task, history: History) -> Baseline:
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
     """Cause, angle by which the scene is turned, task and options of the runs that measure the sensitivity."""
     for angle in ANGLES:
-        yield ROUNDING, angle, replace(task, scene=turned(task.scene, angle)), {}
+        yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene)), {}
     run = task.run
     if task.ends != "ok":
         return  # another tolerance may well end it elsewhere

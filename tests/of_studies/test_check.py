@@ -22,13 +22,14 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.solvers import registry
 from studies.cli import app
+from studies.engine.other_numbers import Change
 from studies.regression import check as checking
 from studies.regression.check import BASELINES, check, passed, select, update
 from studies.regression.history import read_baseline
 from studies.regression.report import frame_of, junit, pictures
 from studies.regression.scenes import Static, Task, base_watches, declared_in, tasks_of
 from studies.regression.small_watches import all_watches
-from studies.regression.tolerance import MARGIN, simulate, tolerances_of, turned
+from studies.regression.tolerance import MARGIN, simulate, tolerances_of
 
 HELPERS = Path(__file__).parents[1] / "helpers"
 ROOT = Path(__file__).parents[2]
@@ -450,7 +451,7 @@ def test_a_turned_scene_moves_alike():
         scene, ("b.end",), "r", Discretisation(2, dt=2e-3, t_end=0.1, newton_tolerance=1e-12), "anctmm"
     )
     straight = simulate(task).displacement("b.end")
-    u = simulate(replace(task, scene=turned(scene, 0.7))).displacement("b.end")
+    u = simulate(replace(task, scene=Change(turn=0.7).scene(scene))).displacement("b.end")
     back = u @ np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
     assert np.abs(back - straight).max() < 1e-11
     assert np.abs(u - straight).max() > 5e-3

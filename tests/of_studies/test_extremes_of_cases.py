@@ -12,6 +12,7 @@ from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME
 import anctmm as at
 from studies.cases import cases_in, find_cases
 from studies.cli import app
+from studies.engine.other_numbers import Change
 from studies.engine.runner import Runner
 from studies.engine.study import Options, find
 from studies.engine.tables import Table
@@ -19,7 +20,6 @@ from studies.extremes.of_cases.base import Base
 from studies.extremes.of_cases.growth import growth
 from studies.extremes.of_cases.places import places
 from studies.extremes.of_cases.study import answers_of_case
-from studies.extremes.of_cases.units import Units
 from studies.report.folder import write
 
 G = 9.81
@@ -155,7 +155,7 @@ def test_units_are_changed_of_every_kind_of_thing():
 
 def test_laws_in_si_units_are_said_not_to_apply():
     scene = everything(stiffness=0.0, damping=0.0, law=lambda x, v, t: 30.0 * x + 0.2 * v)
-    assert Units(place=(5.0, 0.0)).scene(scene).connectors[0].law is scene.connectors[0].law
+    assert Change(place=(5.0, 0.0)).scene(scene).connectors[0].law is scene.connectors[0].law
     case = at.Case(scene, ["rod.end"], t_end=0.1, output_dt=0.01)
     base = Base.of(case, Runner(None, repeats=1), quick=True)
     rows = places(base, 1.0).tables[0].frame.set_index("value")["status"]

@@ -5,17 +5,17 @@ from typing import Any
 
 import numpy as np
 
+from studies.engine.other_numbers import Change
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base, apart, paths, size_of
-from studies.extremes.of_cases.units import Units
 from studies.extremes.parts import Part
 
 #: Distances from the origin, in lengths of the scene.
 FAR = (1e2, 1e4, 1e6)
 OTHERS = {
-    "mm, t, s": Units(1e3, 1e-3, 1.0),
-    "µm, µg, ms": Units(1e6, 1e9, 1e3),
-    "powers of two": Units(2.0**10, 2.0**-7, 2.0**5),
+    "mm, t, s": Change(1e3, 1e-3, 1.0),
+    "µm, µg, ms": Change(1e6, 1e9, 1e3),
+    "powers of two": Change(2.0**10, 2.0**-7, 2.0**5),
 }
 
 
@@ -33,7 +33,7 @@ def places(base: Base, growth: float) -> Part:
     for far in FAR[-1:] if base.quick else FAR:
         away = far * base.case.scene.length
         rows.append(
-            _row(base, plain, f"{far:.0e} lengths from the origin", Units(place=(away, 0.5 * away)), growth)
+            _row(base, plain, f"{far:.0e} lengths from the origin", Change(place=(away, 0.5 * away)), growth)
         )
     table = Table("units", "Other units, and far from the origin", _frame(rows), (
         "measured: largest difference at the probes to the same run in m, kg, s at its own place, over the largest "
@@ -56,7 +56,7 @@ def places(base: Base, growth: float) -> Part:
     return Part((table,), (), learned)
 
 
-def _row(base: Base, plain: Any, value: str, units: Units, growth: float) -> dict[str, Any]:
+def _row(base: Base, plain: Any, value: str, units: Change, growth: float) -> dict[str, Any]:
     case, trial = base.case, base.trial
     in_units = (units.metre, units.kilogram, units.second) != (1.0, 1.0, 1.0)
     about = base.row("units" if in_units else "place", value=value)
