@@ -23,7 +23,7 @@ from anctmm.elements.dispatch import (
     element_tangents,
     formulations_of,
 )
-from anctmm.elements.kinds import CABLE, Element
+from anctmm.elements.kinds import Element
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.compiling import embedded, inlined, kernel
@@ -92,7 +92,7 @@ class Bodies:
     @cached_property
     def kinds(self) -> Ints:
         """Kernels of each body, by number; of one without elements those of any other, to compile nothing more."""
-        any_one = next((m.kernels for m in self.meshes if m.kernels is not None), CABLE)
+        any_one = next((m.kernels for m in self.meshes if m.kernels is not None), min(KERNELS))
         return np.array([any_one if m.kernels is None else m.kernels for m in self.meshes], dtype=np.int64)
 
     @cached_property
@@ -440,7 +440,7 @@ def block_tangents(
     q : ndarray, shape (rows, nodes)
     node, count : int
     kind : int
-        CABLE, SHEAR or QUINTIC.
+        Number of the kernels, as in `dispatch.KERNELS`.
     constants : ndarray
         The body's row of `Bodies.constants`.
     buffer : ndarray, shape (TANGENT_BUFFER,)

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.node_mesh import NodeMesh, node_mesh
-from anctmm.elements.kinds import SIGNS, Element, ElementKind, kind_of
+from anctmm.elements.dispatch import number_of
+from anctmm.elements.kinds import VECTORS, Element, ElementKind, kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.loads import LOADS
 from anctmm.model.needs import not_offered
@@ -66,12 +67,15 @@ class BodyMesh:
         start, end = (np.array(p) for p in self._ends(self.body.start, self.body.end))
         along = (end - start) / self.body.length
         x = np.linspace(0.0, 1.0, self.nodes)[:, None]
-        q = np.empty((self.nodes, self.vectors, 2))
-        q[:, 0] = (1.0 - x) * start + x * end
-        q[:, 1] = along
+        q = np.zeros((self.nodes, self.vectors, 2))
         for k, vector in enumerate(self.kind.vectors):
-            if k > 1:
-                q[:, k] = [-along[1], along[0]] if vector == "r_y" else 0.0
+            match VECTORS[vector].derivative:
+                case None:
+                    q[:, k] = -along[1], along[0]
+                case 0:
+                    q[:, k] = (1.0 - x) * start + x * end
+                case 1:
+                    q[:, k] = along
         return q
 
     @cached_property
@@ -85,21 +89,24 @@ class BodyMesh:
             return v
         first, last = self._ends(0.0, 1.0)
         fractions = np.linspace(first, last, self.nodes)
-        v[:, 0] = [self.body.velocity_at(float(s)) for s in fractions]
-        sign = -1.0 if self.flipped else 1.0
-        v[:, 1] = (
-            sign * np.array([self.body.velocity_slope_at(float(s)) for s in fractions]) / self.body.length
-        )
+        sign, length = -1.0 if self.flipped else 1.0, self.body.length
         for k, vector in enumerate(self.kind.vectors):
-            match vector:
-                case "r_y":
+            match VECTORS[vector].derivative:
+                case None:
                     along, normal = self.reference[0, 1], self.reference[0, k]
                     v[:, k] = -(v[:, 1] @ normal)[:, None] * along
-                case "l r_xx":
-                    bends = [
+                case 0:
+                    v[:, k] = [self.body.velocity_at(float(s)) for s in fractions]
+                case 1:
+                    v[:, k] = [self.body.velocity_slope_at(float(s)) for s in fractions]
+                    v[:, k] *= sign / length
+                case 2:
+                    v[:, k] = [
                         second_derivative(self.body.velocity_at, float(s), self.elements) for s in fractions
                     ]
-                    v[:, k] = self.element.l * np.array(bends) / self.body.length**2
+                    v[:, k] *= self.element.l / length**2
+                case other:
+                    raise AssertionError(f"no velocity of derivative {other} of the axis")
         return v
 
     @cached_property
@@ -113,8 +120,8 @@ class BodyMesh:
 
     @property
     def kernels(self) -> int:
-        """Which kernels its elements have."""
-        return self.kind.kernels
+        """Number of the kernels that its elements have."""
+        return number_of(self.kind)
 
     @property
     def held(self) -> int:
@@ -153,7 +160,7 @@ class BodyMesh:
         """Coordinates (…, nodes, vectors, 2) in the body's own direction."""
         if not self.flipped:
             return coordinates
-        signs = np.array([SIGNS[vector] for vector in self.kind.vectors])
+        signs = np.array([VECTORS[vector].sign for vector in self.kind.vectors])
         return signs[:, None] * coordinates[..., ::-1, :, :]  # type: ignore[no-any-return]
 
     def _ends(self, start, end):  # type: ignore[no-untyped-def]

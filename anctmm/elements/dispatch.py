@@ -8,14 +8,20 @@ from collections.abc import Callable, Iterable, Mapping
 from types import ModuleType
 from typing import Any
 
-from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
-from anctmm.elements.kinds import CABLE, KINDS, QUINTIC, SHEAR
+from anctmm.elements.kinds import KINDS, ElementKind
 from anctmm.jit.compiling import chosen_by_types, inlined
 
-#: Modules of kernels, by the number that a kind of element has of them.
-KERNELS: Mapping[int, ModuleType] = {CABLE: cable_kernel, SHEAR: shear_kernel, QUINTIC: quintic_kernel}
-#: Components of a node, by the same numbers.
-COMPONENTS = {kind.kernels: 2 * len(kind.vectors) for kind in KINDS.values()}
+#: Modules of kernels, by the numbers that kernels tell them apart by.
+KERNELS: Mapping[int, ModuleType] = dict(enumerate(dict.fromkeys(kind.kernels for kind in KINDS.values())))
+
+
+def number_of(kind: ElementKind) -> int:
+    """Number of the kernels of a kind."""
+    return next(number for number, kernels in KERNELS.items() if kernels is kind.kernels)
+
+
+#: Components of a node, by these numbers.
+COMPONENTS = {number_of(kind): 2 * len(kind.vectors) for kind in KINDS.values()}
 
 
 def formulations_of(numbers: Iterable[int]) -> tuple[int, ...]:

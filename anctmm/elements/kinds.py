@@ -8,8 +8,9 @@ A new kind needs an entry in `KINDS`, and of what it does not share with another
 - a readable element, a class such as `CableElement`: `of`, `energy`, `force`, `tangent`, `dissipation`,
   `damping_force`, `mass`, `gravity`, `load`, `axis`, `turning`, `degree`, `stiffened`, `damping`, `l` and
   `vectors_per_node`; energy, force and dissipation complex-step safe;
-- kernels, a module such as `cable_kernel`, with a number here and a line in `dispatch.KERNELS`;
-- where its axis is another polynomial, its field in `anctmm.results.fields`;
+- kernels, a module such as `cable_kernel`;
+- a vector of its nodes, in `VECTORS`;
+- where its axis is a polynomial of another degree, its field in `anctmm.results.fields`;
 - where it has no strain, its node in `anctmm.discretise.node_mesh`.
 
 A solver that stands beside ANC-TMM names the kinds it takes (`check_kinds`): a new kind is refused by all of them until
@@ -18,8 +19,10 @@ they do.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any
 
+from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
 from anctmm.elements.cable import RULES, CableElement
 from anctmm.elements.quintic import QuinticElement
 from anctmm.elements.rigid import RigidElement
@@ -30,13 +33,39 @@ from anctmm.validation import one_of
 
 Element = ShearElement | CableElement
 
-#: Kernels of elements, by the numbers that `dispatch` chooses by.
-CABLE, SHEAR, QUINTIC = 0, 1, 2
-#: Vectors of a node: their sign where the beam is passed from its end to its start, and whether joints hold them.
-SIGNS = {"r": 1.0, "r_x": -1.0, "r_y": -1.0, "l r_xx": 1.0}
-HELD = "r", "r_x", "r_y"
 #: Rules of quadrature, by name, of the elements that have a choice.
 QUADRATURES = tuple(RULES)
+
+
+@dataclass(frozen=True)
+class NodeVector:
+    """A coordinate vector of a node.
+
+    Parameters
+    ----------
+    derivative : int or None
+        Order of the derivative of the axis that it is, from the second on times lengths of an element, so that it has
+        no unit; None of the director of the section.
+    held : bool
+        Whether joints hold it.
+    """
+
+    derivative: int | None
+    held: bool = True
+
+    @property
+    def sign(self) -> float:
+        """Its sign where the beam is passed from its end to its start; a director stays to the left of the axis."""
+        return -1.0 if self.derivative is None else (-1.0) ** self.derivative
+
+
+#: All vectors that nodes have, by name; l is the length of an element.
+VECTORS: Mapping[str, NodeVector] = {
+    "r": NodeVector(0),
+    "r_x": NodeVector(1),
+    "r_y": NodeVector(None),
+    "l r_xx": NodeVector(2, held=False),
+}
 
 
 @dataclass(frozen=True)
@@ -51,11 +80,11 @@ class ElementKind:
         Such elements, in words.
     element : type
         The readable element.
-    kernels : int
-        CABLE, SHEAR or QUINTIC.
+    kernels : module
+        The compiled element.
     vectors : tuple of str
-        Coordinate vectors of a node, in their order, those that joints hold first: "r", "r_x" and maybe "r_y" or
-        "l r_xx", l the length of an element.
+        Coordinate vectors of a node, by their names in `VECTORS`, in their order: those that joints hold first, and of
+        all "r" and "r_x".
     turned : str
         The one of them that a torque turns.
     quadratures : tuple of str
@@ -78,7 +107,7 @@ class ElementKind:
     name: str
     title: str
     element: type[Element]
-    kernels: int
+    kernels: ModuleType
     vectors: tuple[str, ...]
     turned: str
     quadratures: tuple[str, ...] = ()
@@ -97,7 +126,7 @@ class ElementKind:
     @property
     def held(self) -> tuple[str, ...]:
         """Vectors that joints can hold, the place first."""
-        return tuple(vector for vector in self.vectors if vector in HELD)
+        return tuple(vector for vector in self.vectors if VECTORS[vector].held)
 
     @property
     def jointed_inside(self) -> bool:
@@ -127,19 +156,19 @@ class ElementKind:
 
 
 _CABLE = ElementKind(
-    "cable", "cable elements", CableElement, CABLE, ("r", "r_x"), "r_x",
+    "cable", "cable elements", CableElement, cable_kernel, ("r", "r_x"), "r_x",
     quadratures=QUADRATURES, continuum="elastica", order=4.0,
 )  # fmt: skip
 _SHEAR = ElementKind(
-    "shear", "shear-deformable elements", ShearElement, SHEAR, ("r", "r_x", "r_y"), "r_y",
+    "shear", "shear-deformable elements", ShearElement, shear_kernel, ("r", "r_x", "r_y"), "r_y",
     continuum="director", order=2.0,
 )  # fmt: skip
 _QUINTIC = ElementKind(
-    "quintic", "quintic cable elements", QuinticElement, QUINTIC, ("r", "r_x", "l r_xx"), "r_x",
+    "quintic", "quintic cable elements", QuinticElement, quintic_kernel, ("r", "r_x", "l r_xx"), "r_x",
     optional=True, continuum="elastica", order=8.0,
 )  # fmt: skip
 _RIGID = ElementKind(
-    "rigid", "rigid bodies", RigidElement, CABLE, ("r", "r_x"), "r_x",
+    "rigid", "rigid bodies", RigidElement, cable_kernel, ("r", "r_x"), "r_x",
     rigid=True, optional=True, integrators=("zhai", "generalized-alpha"),
 )  # fmt: skip
 
@@ -167,6 +196,11 @@ def kind_of(name: Any, what: str = "element") -> ElementKind:
 def flexible() -> tuple[str, ...]:
     """Names of the kinds that deform."""
     return tuple(name for name, kind in KINDS.items() if not kind.rigid)
+
+
+def optional_beside(taken: Iterable[str]) -> frozenset[str]:
+    """Names of the kinds that a solver may lack, and does if it takes these alone."""
+    return frozenset(name for name, kind in KINDS.items() if kind.optional) - set(taken)
 
 
 def wholly_held() -> tuple[str, ...]:

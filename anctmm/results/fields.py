@@ -157,12 +157,15 @@ class QuinticField(HermiteField):
         return np.einsum("i,nic->nc", weights, q[:, i : i + 2].reshape(len(q), 6, 2))
 
 
+#: Fields of beams, by the degree of their axes in an element.
+_BEAM_FIELDS = {3: HermiteField, 5: QuinticField}
+
+
 def beam_field(
     kind: ElementKind, body: Beam, q: Array, v: Array | None = None, a: Array | None = None
 ) -> HermiteField:
     """Motion of a beam cut into elements of a kind, from its coordinates and their rates."""
-    field = QuinticField if "l r_xx" in kind.vectors else HermiteField
-    return field(q, body.length, v, a)
+    return _BEAM_FIELDS[kind.element.degree](q, body.length, v, a)
 
 
 @dataclass(frozen=True)

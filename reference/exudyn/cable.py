@@ -16,18 +16,19 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
+from anctmm.elements.kinds import optional_beside
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
-from reference.exudyn.run import CHOICES, check_room, dynamics, statics
+from reference.exudyn.run import CHOICES, ELEMENTS, check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "quintic", "zhai + joints", "zhai + drives"}) | LACKS,
+    lacks=optional_beside(ELEMENTS) | {"zhai + joints", "zhai + drives"} | LACKS,
     element="cable",
     limits={"cable": "elastica"},
     choices=CHOICES,

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.mesh import BodyMesh, build
+from anctmm.elements.kinds import optional_beside
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.fields import LagrangeField
@@ -21,12 +22,12 @@ from anctmm.solvers.capabilities import Offer
 from anctmm.validation import positive
 from reference.exudyn.mechanisms import LACKS
 from reference.exudyn.model import Model
-from reference.exudyn.run import CHOICES, check_room, dynamics, statics
+from reference.exudyn.run import CHOICES, ELEMENTS, check_room, dynamics, statics
 
 Array = NDArray[np.float64]
 
 OFFER = Offer(
-    lacks=frozenset({"rigid", "quintic", "zhai + joints", "zhai + drives"}) | LACKS | {"interior-loads"},
+    lacks=optional_beside(ELEMENTS) | {"zhai + joints", "zhai + drives"} | LACKS | {"interior-loads"},
     element="reissner",
     limits={"shear": "reissner"},
     choices=CHOICES,

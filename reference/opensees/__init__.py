@@ -19,7 +19,7 @@ import numpy as np
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.elements.kinds import check_kinds
+from anctmm.elements.kinds import check_kinds, optional_beside
 from anctmm.errors import UnsupportedError, shown, unknown_option
 from anctmm.model.bodies import beam_of
 from anctmm.model.drives import tabulate
@@ -44,16 +44,16 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
     {"newton_tolerance": 1e-5, "algorithm": "ModifiedNewton"},
     {"newton_tolerance": 1e-3, "beam": "elastic-lumped"},
 )
+#: Kinds of element that may be asked for; frames have one of their own instead.
+ELEMENTS = ("cable", "shear")
 OFFER = Offer(
-    lacks=frozenset({"zhai", "esdirk", "damping", "rigid", "quintic", "stability", *MECHANISMS}),
+    lacks=optional_beside(ELEMENTS) | {"zhai", "esdirk", "damping", "stability", *MECHANISMS},
     element="frame",
     limits={"cable": "elastica"},
     choices=CHOICES,
 )
 #: Bytes that a model takes for each coordinate, and the history for each at an output, as measured.
 MEMORY, KEPT = 1_500.0, 150.0
-#: Kinds of element that may be asked for; frames have one of their own instead.
-ELEMENTS = ("cable", "shear")
 #: Angles at most beyond half a turn that rounding leaves, rad.
 ROUNDING = 1e-9
 

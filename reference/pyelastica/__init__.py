@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.elements.kinds import check_kinds
+from anctmm.elements.kinds import check_kinds, optional_beside
 from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, unknown_kind, unknown_option
 from anctmm.model.bodies import beam_of
 from anctmm.model.joints import JOINTS
@@ -46,28 +46,25 @@ from anctmm.validation import one_of, positive
 Array = NDArray[np.float64]
 
 NAME = "pyelastica"
+#: Kinds of element that may be asked for; rods have one of their own instead.
+ELEMENTS = ("cable", "shear")
 OFFER = Offer(
-    lacks=frozenset(
-        {
-            "generalized-alpha",
-            "esdirk",
-            "joints",
-            "drives",
-            "varying-loads",
-            "damping",
-            "rigid",
-            "quintic",
-            "stability",
-            *MECHANISMS,
-        }
-    ),
+    lacks=optional_beside(ELEMENTS)
+    | {
+        "generalized-alpha",
+        "esdirk",
+        "joints",
+        "drives",
+        "varying-loads",
+        "damping",
+        "stability",
+        *MECHANISMS,
+    },
     element="reissner",
     limits={"shear": "reissner"},
 )
 #: Bytes that a model takes for each coordinate, and the history for each at an output, as measured.
 MEMORY, KEPT = 300.0, 24.0
-#: Kinds of element that may be asked for; rods have one of their own instead.
-ELEMENTS = ("cable", "shear")
 #: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
 LOWEST = {
     ("clamp", "free"): 3.516,

@@ -10,15 +10,25 @@ from samples import SOFT, SQUARE
 
 import anctmm as at
 import reference.exudyn.cable
+import reference.exudyn.reissner
 import reference.global_dae
+import reference.opensees
 import reference.pyelastica
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.discretise.mesh import build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
-from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of
-from anctmm.elements.kinds import CABLE, KINDS, QUADRATURES, QUINTIC, SHEAR, check_kinds, kind_of, moved_by
+from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of, number_of
+from anctmm.elements.kinds import (
+    KINDS,
+    QUADRATURES,
+    VECTORS,
+    check_kinds,
+    kind_of,
+    moved_by,
+    optional_beside,
+)
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
 from anctmm.solve import OFFER
 from anctmm.solvers.capabilities import FEATURES, LIMITS
@@ -38,8 +48,10 @@ def test_what_a_kind_says_of_its_element_holds(kind):
     assert kind.vectors[:2] == kind.held[:2] == ("r", "r_x")
     assert kind.held == kind.vectors[: len(kind.held)]
     assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
-    assert components(formulations_of([kind.kernels]), kind.kernels) == 2 * len(kind.vectors)
-    assert components(ALL, kind.kernels) == 2 * len(kind.vectors)
+    number = number_of(kind)
+    assert KERNELS[number] is kind.kernels
+    assert components(formulations_of([number]), number) == 2 * len(kind.vectors)
+    assert components(ALL, number) == 2 * len(kind.vectors)
     assert set(kind.integrators) <= set(INTEGRATORS)
     q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
     assert kind.rigid == (element.energy(q) == 0.0)
@@ -49,7 +61,7 @@ def test_what_a_kind_says_of_its_element_holds(kind):
 def test_kernels_of_a_kind_have_the_constants_of_its_element(kind):
     mesh = build(at.Scene("s", [BODY]), Discretisation(1, element=kind.name))["b"]
     row = Bodies([mesh]).constants[0]
-    assert row.tolist() == KERNELS[kind.kernels].constants(mesh.element).tolist()
+    assert row.tolist() == kind.kernels.constants(mesh.element).tolist()
     assert row[0] == 5.0
 
 
@@ -62,12 +74,32 @@ def test_what_solvers_offer_follows_the_kinds(kind):
         assert (not OFFER.lacking([kind.name, feature])) == able
 
 
+@pytest.mark.parametrize(
+    "peer", [reference.exudyn.cable, reference.exudyn.reissner, reference.opensees, reference.pyelastica]
+)
+def test_peers_lack_the_optional_kinds_that_they_do_not_take(peer):
+    optional = {kind.name for kind in KINDS.values() if kind.optional}
+    assert peer.OFFER.lacks & optional == optional - set(peer.ELEMENTS) == optional_beside(peer.ELEMENTS)
+    assert optional_beside(optional) == set()
+
+
+@every_kind
+def test_vectors_of_a_beam_passed_from_its_end_are_those_of_the_beam_turned_round(kind):
+    """Each derivative of the axis has the sign of its order then, and the director stays on its side."""
+    mesh = build(at.Scene("s", [BODY]), Discretisation(2, element="cable"))["b"]
+    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 2, "full"))
+    passed = replace(mesh, flipped=True)
+    assert np.allclose(passed.unflipped(passed.reference), mesh.reference, rtol=0, atol=1e-15)
+    assert [VECTORS[name].sign for name in kind.vectors[:2]] == [1.0, -1.0]
+
+
 def test_formulations_tell_all_kernels_apart():
     numbers = [set(n) for k in range(1, 4) for n in combinations(KERNELS, k)]
     assert len({formulations_of(n) for n in numbers}) == 7
-    assert formulations_of([CABLE, CABLE]) == formulations_of([CABLE])
+    assert formulations_of([0, 0]) == formulations_of([0])
     assert formulations_of(KERNELS) == ALL
-    assert set(KERNELS) == {kind.kernels for kind in KINDS.values()} == {CABLE, SHEAR, QUINTIC}
+    assert set(KERNELS.values()) == {kind.kernels for kind in KINDS.values()}
+    assert len(KERNELS) == 3
 
 
 def test_kinds_weld_of_which_joints_hold_the_same_vectors():
