@@ -133,6 +133,11 @@ class Bodies:
             line[np.ix_(at[: len(mass)], at[: len(mass)])] = mass
         return table
 
+    @cached_property
+    def coupled(self) -> bool:
+        """Whether the third vector of some nodes has mass in common with the others, as that of a quintic cable."""
+        return bool(self.masses[:, [[2], [5]], [0, 1, 3, 4]].any())
+
     def flat(self, fields: Sequence[Array]) -> Array:
         """(nodes, vectors, 2) of every body → one array, (rows, nodes)."""
         out = np.zeros((self.rows, self.nodes))

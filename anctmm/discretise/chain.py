@@ -202,7 +202,7 @@ class Chain:
         """Whether x and y, and a third vector and the rest, do not mix in the mass, but for a few guides or a few kept
         unknowns: no weld at an angle elsewhere, and no quintic cable.
         """
-        if self.released:
+        if self.released or self.bodies.coupled:
             return False
         turn = self.turn[[not isinstance(step.to, Kept) for step in self.plan.steps]]
         straight = (turn[:, 1] == 0.0).all() and (turn[:, 0] > 0.0).all()

@@ -93,6 +93,13 @@ def test_vectors_of_a_beam_passed_from_its_end_are_those_of_the_beam_turned_roun
     assert [VECTORS[name].sign for name in kind.vectors[:2]] == [1.0, -1.0]
 
 
+@every_kind
+def test_a_third_vector_that_shares_mass_with_the_others_is_seen(kind):
+    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element="cable"))["b"]
+    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 1, "full"))
+    assert Bodies([mesh]).coupled == (kind.name == "quintic")
+
+
 def test_formulations_tell_all_kernels_apart():
     numbers = [set(n) for k in range(1, 4) for n in combinations(KERNELS, k)]
     assert len({formulations_of(n) for n in numbers}) == 7
