@@ -20,7 +20,8 @@ DONE = {
     "moving-guides",
     "driven-welds",
     "free-stretch",
+    "free-welds",
 }
 #: What brings constraints that are driven or not linear: the method of fourth order would be one of second there.
-CONSTRAINED = ("rigid-bodies", "driven-guides", "moving-guides", "driven-welds", "free-stretch")
+CONSTRAINED = ("rigid-bodies", "driven-guides", "moving-guides", "driven-welds", "free-welds")
 LACKING = frozenset(MECHANISMS) - DONE | {WITH.join(("esdirk", feature)) for feature in CONSTRAINED}

@@ -9,8 +9,9 @@ The first stage is the last one of the step before. In each of the others the kn
 of a step of γh by the implicit Euler method, γ = a_ii = 1/4: Newton's matrix is M/(γh)² + K_T, the same for all stages,
 and a stage is what `generalized_alpha` calls a step. Coordinates of driven clamps, their velocities and accelerations
 are those of the drives at each stage: the method solves the differential equations of the others, and no order is
-lost. Nonlinear or driven constraints with multipliers would be of index 3, where its order falls to 2: such scenes are
-refused by name.
+lost. Where a driven clamp leaves the stretch free, the method is applied in coordinates that turn with the drive
+(`anctmm.forces.drive_frames`). Other driven constraints, or nonlinear ones, with multipliers would be of index 3, where
+its order falls to 2: such scenes are refused by name.
 
 Why this method, by numbers (global equations, dense, of the base scenes with 4 cables and 1, 4, 1 cables; errors of
 positions relative to the largest displacement, evaluations of the forces for a run of 0.6 s and 0.4 s):
@@ -42,6 +43,17 @@ from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import Coefficients, Stages, stages
 from anctmm.errors import UnsupportedError
 from anctmm.forces.actuation import clamp_reactions, power_of, turn_clamps
+from anctmm.forces.drive_frames import (
+    DriveFrames,
+    drive_frames,
+    find_second,
+    keep_along,
+    keep_second,
+    keep_speed,
+    put_found,
+    put_predicted,
+    turn_frames,
+)
 from anctmm.forces.driving import drive_table, drive_width
 from anctmm.integrators.implicit_run import Steps, take_steps
 from anctmm.integrators.implicit_step import copy, predict
@@ -50,13 +62,16 @@ from anctmm.integrators.newton import iterate
 from anctmm.integrators.output import Output, actuation_of, keep, too_large
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
-from anctmm.recursion.constrained import set_drives
+from anctmm.recursion.constrained import power_of_drives, set_drives
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: Solutions of a stage at most, where driven clamps leave the stretch free.
+ROUNDS = 10
 
 
 class Numbers(NamedTuple):
@@ -69,11 +84,12 @@ class Numbers(NamedTuple):
     coefficients: Coefficients
 
 
-@writes("q", "v", "w", "power", "at")
+@writes("q", "v", "w", "power", "at", "frames")
 class Room(NamedTuple):
     """What a step keeps: q and v at its start, flat, and of each stage w, flat, and the power of what does work, W.
 
-    at: number of the last stage tried, (1,).
+    at: number of the last stage tried, (1,). frames: gradients that driven clamps turn, if there are any; in q, v and w
+    stand ξ, ξ' and ξ'' for those.
     """
 
     q: Array
@@ -81,13 +97,20 @@ class Room(NamedTuple):
     w: Array
     power: Array
     at: Ints
+    frames: DriveFrames | None
 
 
 def new_room(chain: Chain) -> Room:
     """Room for the stages of a scene."""
     size, count = chain.bodies.rows * chain.bodies.nodes, len(stages().c)
+    frames = drive_frames(chain, once(chain, actuation_of))
     return Room(
-        np.zeros(size), np.zeros(size), np.zeros((count, size)), np.zeros(count), np.zeros(1, np.int64)
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros((count, size)),
+        np.zeros(count),
+        np.zeros(1, np.int64),
+        frames,
     )
 
 
@@ -122,11 +145,15 @@ def integrate(chain: Chain) -> Solution:
 
 
 def _check_constraints(chain: Chain) -> bool:
-    """Refuse constraints between kept unknowns that are not linear or change with time."""
+    """Refuse constraints between kept unknowns that are not linear, or driven by what no frames turn with."""
     if chain.plan.kept:
         found = chain.kept.constraints
+        actuation = once(chain, actuation_of)
+        frames = drive_frames(chain, actuation)
+        turned = set[int]() if frames is None else {int(k) - len(actuation.driven) for k in frames.drive}
+        known = {ALWAYS} | found.signals_of(turned)
         for term in found.terms:
-            if term.signal != ALWAYS or ONE not in (term.one, term.two):
+            if term.signal not in known or ONE not in (term.one, term.two):
                 raise UnsupportedError(
                     f"integrator 'esdirk' cannot do {found.names[term.row][0]} of scene {chain.scene.name!r}: a "
                     f"constraint that is driven or not linear; 'generalized-alpha' can"
@@ -169,10 +196,11 @@ def advance(
         if step < 0:
             copy(flat_q, was)
             copy(flat_w, had)
-            move_drives(factors, clamps, clamp_table[0])
-            _solve(system, c, load_table[0])
-            copy(flat_w, room.w[count - 1])
-            room.power[count - 1] = _power(state, tables, clamps, loads, load_table[0], damping)
+            move_drives(factors, clamps, room.frames, clamp_table[0])
+            _solve(system, room.frames, c, load_table[0])
+            find_second(room.frames, q, w)
+            _keep_stage(room, count - 1, q, flat_w)
+            room.power[count - 1] = _power(state, tables, factors, clamps, loads, load_table[0], damping)
             break
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
@@ -183,19 +211,21 @@ def advance(
             break
         copy(flat_q, room.q)
         copy(flat_v, room.v)
+        keep_along(room.frames, q, v, room.q, room.v)
         copy(room.w[count - 1], room.w[0])
         room.power[0] = room.power[count - 1]
         out.work[0] += h * table.A[count - 1, 0] * room.power[0]
         for i in range(1, count):
             room.at[0] = i
             _begin_stage(i, h, c.h, table, room, state.flat)
-            move_drives(factors, clamps, clamp_table[row])
-            if not _solve(system, c, load_table[row]):
+            keep_speed(room.frames, v)
+            move_drives(factors, clamps, room.frames, clamp_table[row])
+            if not _solve(system, room.frames, c, load_table[row]):
                 return step + 1
             for k in range(len(flat_v)):
                 flat_v[k] += c.h * flat_w[k]
-            copy(flat_w, room.w[i])
-            room.power[i] = _power(state, tables, clamps, loads, load_table[row], damping)
+            _keep_stage(room, i, q, flat_w)
+            room.power[i] = _power(state, tables, factors, clamps, loads, load_table[row], damping)
             out.work[0] += h * table.A[count - 1, i] * room.power[i]
             row += 1
     return -1
@@ -217,16 +247,28 @@ def _begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def move_drives(factors, clamps, drives):  # type: ignore[no-untyped-def]
+def _keep_stage(room, i, q, w):  # type: ignore[no-untyped-def]
+    """Keep the accelerations of a stage."""
+    copy(w, room.w[i])
+    keep_second(room.frames, q.shape[1], room.w[i])
+
+
+@embedded
+def move_drives(factors, clamps, frames, drives):  # type: ignore[no-untyped-def]
     """Take the values of all drives."""
     if len(clamps.nodes) > 0:
         turn_clamps(clamps, drives)
+    turn_frames(frames, drives)
     set_drives(factors.loops, drives, len(clamps.nodes))
 
 
 @inlined
-def _solve(system, c, values):  # type: ignore[no-untyped-def]
-    """Find the end of an implicit Euler step: by modified Newton, and where that fails by Newton."""
+def _solve(system, frames, c, values):  # type: ignore[no-untyped-def]
+    """Find the end of an implicit Euler step: by modified Newton, and where that fails by Newton.
+
+    What Newton's corrections leave out of the accelerations of turned gradients is put in after each solution, a part
+    ~ θ'h of the corrections, until nothing is left.
+    """
     q, v, w = system.state.q, system.state.v, system.state.w
     flat_q, flat_v, flat_a, flat_w, was, had = system.state.flat
     solved = False
@@ -234,8 +276,16 @@ def _solve(system, c, values):  # type: ignore[no-untyped-def]
         if not solved:
             predict(flat_q, flat_v, flat_a, flat_w, was, had, c)
             _drive(q, v, w, system.clamps, c.h)
+            if c.to_q != 0.0:
+                put_predicted(frames, q, v, w, c.h)
             hold_on_lines(system.links.turned, q, w, c)
-            solved = iterate(full == 1, system, c, values, system.newton.tolerance)
+            for _ in range(ROUNDS):
+                solved = iterate(full == 1, system, c, values, system.newton.tolerance)
+                if not solved or c.to_q == 0.0:
+                    break
+                if put_found(frames, q, v, w, c.h) <= system.newton.tolerance:
+                    break
+                solved = False
     return solved
 
 
@@ -250,12 +300,12 @@ def _drive(q, v, w, clamps, part):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _power(state, tables, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
+def _power(state, tables, factors, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
     """Power of all that does work beside energies, W, at the state found."""
-    power = 0.0
+    power = power_of_drives(factors.loops, state.q)
     if len(clamps.nodes) + len(loads.touched) > 0:
         clamp_reactions(state.q, state.w, state.f, tables, clamps)
-        power = power_of(state.q, state.v, clamps, loads, values)
+        power += power_of(state.q, state.v, clamps, loads, values)
     if damping is not None:
         for k in range(state.v.shape[0]):
             for i in range(state.v.shape[1]):

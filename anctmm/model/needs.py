@@ -21,6 +21,7 @@ MECHANISMS = {
     "moving-guides": "sliders and prismatic joints on lines that are fixed in rigid bodies",
     "driven-welds": "welds whose angle is a function of time",
     "free-stretch": "clamps and welds that hold directions and leave the stretch free",
+    "free-welds": "welds that hold directions and leave the stretch free",
     "interior-joints": "joints at nodes between the ends of a beam",
     "springs": "springs and dampers between two places, or to the ground",
     "rotational-springs": "rotational springs and dampers",
@@ -104,6 +105,8 @@ def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
                     yield "driven-welds", joint
                 if joint.stretch == "free":
                     yield "free-stretch", joint
+                    if isinstance(joint, Weld):
+                        yield "free-welds", joint
             case Slider() | Prismatic():
                 yield "sliders" if isinstance(joint, Slider) else "prismatic-joints", joint
                 if joint.position is not None:

@@ -21,6 +21,7 @@ from anctmm.recursion.rows import (
     gather,
     prescribe,
     push,
+    row_power,
     row_work,
     set_signals,
     take_multipliers,
@@ -240,3 +241,12 @@ def work_of_drives(loops, moving, q):  # type: ignore[no-untyped-def]
         return 0.0
     gather(loops.rows, 0, q)
     return row_work(loops.rows, moving)
+
+
+@embedded
+def power_of_drives(loops, q):  # type: ignore[no-untyped-def]
+    """Power of the constraints' drives now, W."""
+    if loops is None:
+        return 0.0
+    gather(loops.rows, 0, q)
+    return row_power(loops.rows)

@@ -349,3 +349,13 @@ def row_work(rows, moving):  # type: ignore[no-untyped-def]
             work += 0.5 * (memory[2, m] + memory[0, m]) * (w[0, m] - memory[1, m])
         memory[0, m], memory[1, m] = memory[2, m], w[0, m]
     return work
+
+
+@embedded
+def row_power(rows):  # type: ignore[no-untyped-def]
+    """Power of the drives now, W: that of −Jᵀλ, as of `row_work`."""
+    x, power = rows.x, 0.0
+    for n in range(len(rows.row)):
+        force = rows.factor[n] * rows.multipliers[rows.row[n]] * x[0, rows.one[n]] * x[0, rows.two[n]]
+        power += force * rows.signals[1, rows.signal[n]]
+    return power

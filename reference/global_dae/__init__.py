@@ -26,9 +26,11 @@ from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
-#: Steps of high order are those of beams with linear joints, without damping.
+#: Steps of high order are those of beams with joints that are linear, or clamps, without damping.
 OFFER = Offer(
-    lacks=frozenset(f"esdirk + {feature}" for feature in (*MECHANISMS, "damping", "rigid")),
+    lacks=frozenset(
+        f"esdirk + {feature}" for feature in (*MECHANISMS, "damping", "rigid") if feature != "free-stretch"
+    ),
     extras=frozenset({"esdirk"}),
 )
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several

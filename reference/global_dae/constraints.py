@@ -88,8 +88,10 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
         nodes = [bodies.node(body.name, side) for body, side in ends]
         vectors = meshes[ends[0][0].name].held // 2  # what lies behind these is free at the ends of beams
         match joint:
+            case Clamp(stretch="free"):
+                rows.append(_fixed(nodes[0], 0))  # see `directions_of`
             case Clamp():
-                drive = next((k for k, clamp in enumerate(drives) if clamp is joint), -1)
+                drive = _drive_number(joint, drives)
                 rows.extend(_fixed(nodes[0], k, drive if k > 0 else -1) for k in range(vectors))
             case Pin():
                 rows.extend(_together(nodes, joint.grounded))
@@ -102,6 +104,33 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
     return rows
+
+
+class Direction(NamedTuple):
+    """A vector of a node that is along the unit vector `along`, turned by the angle of drive `drive` (−1: fixed)."""
+
+    node: int
+    vector: int
+    along: complex
+    drive: int = -1
+
+
+def directions_of(scene: Scene, bodies: Bodies) -> list[Direction]:
+    """Vectors of which clamps hold the direction alone: no constraints with a constant Φ."""
+    drives, q = drives_of(scene), bodies.reference()
+    found = []
+    for joint in scene.joints:
+        if isinstance(joint, Clamp) and joint.stretch == "free":
+            body, side = scene.body_end(joint.end)
+            node, row = bodies.node(body.name, side), bodies.turning_row(body.name)
+            g = complex(*q[row : row + 2, node])
+            found.append(Direction(node, row // 2, g / abs(g), _drive_number(joint, drives)))
+    return found
+
+
+def _drive_number(clamp: Clamp, drives: Sequence[Clamp]) -> int:
+    """Number of the drive of a clamp; −1 without one."""
+    return next((k for k, driven in enumerate(drives) if driven is clamp), -1)
 
 
 def _refuse_mixed(joint: Weld, meshes: list[BodyMesh]) -> None:

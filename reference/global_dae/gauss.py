@@ -23,7 +23,7 @@ from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from reference.global_dae.history import HUGE, Marcher, Reached
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Matrix, Model
-from reference.global_dae.reduced import Reduced
+from reference.global_dae.reduced import Given, Reduced
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -94,13 +94,12 @@ class Gauss(Marcher):
         """Set the state to t = 0."""
         model, reduced = self.model, self.reduced
         values, drives = self._tables(0, 0)
-        p = reduced.prescribed(drives[0, -1])
-        self.y = reduced.independent(model.bodies.reference().reshape(-1)[reduced.places])
+        given = reduced.given(drives[0, -1])
+        self.y = reduced.independent(model.bodies.reference().reshape(-1)[reduced.places], given)
         v = model.bodies.initial_velocity().reshape(-1)[reduced.places]
         # the velocities nearest to those given that joints and drives allow, as where multipliers project them
-        B = reduced.basis
-        self.v = splu(Matrix(B.T @ B)).solve(B.T @ (v - p[1]))
-        self.stages = np.tile(reduced.accelerations(self.y, p, values[0, -1]), (STAGES, 1))
+        self.v = reduced.speeds(v, self.y, given)
+        self.stages = np.tile(reduced.accelerations(self.y, self.v, given, values[0, -1]), (STAGES, 1))
         self.work, self.factors = 0.0, None
         self.newton_iterations = self.factorizations = 0
 
@@ -121,17 +120,17 @@ class Gauss(Marcher):
     def _step(self, values: Array, drives: Array) -> bool:
         """Find the accelerations at the points of a step, and its end; whether that could be done."""
         (a, _, c), h, reduced = self.points, self.h, self.reduced
-        p = [reduced.prescribed(d) for d in drives[:STAGES]]
+        given = [reduced.given(d) for d in drives[:STAGES]]
         w, ahead = self.further @ self.stages, self.y + h * np.outer(c, self.v)
         square, last = h * h * (a @ a), np.inf
         bound = max(LEFT * self.model.run.newton_tolerance, 1e2 * np.finfo(float).eps) * self.model.length
         for k in range(CORRECTIONS):
             if self.dense or self.factors is None:
-                self._factor(ahead[STAGES // 2], p[STAGES // 2], values[STAGES // 2], square)
-            y = ahead + square @ w
-            forces = np.array([reduced.residual(y[i], p[i], values[i]) for i in range(STAGES)])
+                self._factor(ahead[STAGES // 2], given[STAGES // 2], values[STAGES // 2], square)
+            y, speed = ahead + square @ w, self.v + h * (a @ w)
+            left = [reduced.residual(y[i], speed[i], w[i], given[i], values[i]) for i in range(STAGES)]
             assert self.factors is not None  # just made, where there were none
-            change = self.factors(np.ravel(forces - w @ reduced.mass.T)).reshape(w.shape)
+            change = self.factors(np.ravel(left)).reshape(w.shape)
             w += change
             size = float(np.abs(square @ change).max())
             self.newton_iterations += 1
@@ -139,19 +138,19 @@ class Gauss(Marcher):
                 return False
             rate = size / last if np.isfinite(last) else 1.0
             if size <= bound or (rate < 1.0 and size * rate / (1.0 - rate) <= bound):
-                self._accept(w, ahead + square @ w, p, values)
+                self._accept(w, ahead + square @ w, given, values)
                 return True
             if rate > SLOW:
                 if k > 2 and rate > 0.5 and size < ROUNDING * self.model.length:
-                    self._accept(w, ahead + square @ w, p, values)
+                    self._accept(w, ahead + square @ w, given, values)
                     return True
                 self.factors = None
             last = size
         return False
 
-    def _factor(self, y: Array, p: Array, values: Array, square: Array) -> None:
-        A = sparse.kron(np.eye(STAGES), self.reduced.mass) + sparse.kron(
-            square, self.reduced.stiffness(y, p, values)
+    def _factor(self, y: Array, given: Given, values: Array, square: Array) -> None:
+        A = sparse.kron(np.eye(STAGES), self.reduced.inertia(given)) + sparse.kron(
+            square, self.reduced.stiffness(y, given, values)
         )
         if self.dense:
             full = A.toarray()
@@ -160,14 +159,13 @@ class Gauss(Marcher):
             self.factors = splu(Matrix(A)).solve
         self.factorizations += 1
 
-    def _accept(self, w: Array, y: Array, p: list[Array], values: Array) -> None:
-        (a, b, _), h, B = self.points, self.h, self.reduced.basis
-        rates = self.v + h * (a @ w)
-        mass = self.model.mass
+    def _accept(self, w: Array, y: Array, given: list[Given], values: Array) -> None:
+        (a, b, _), h = self.points, self.h
+        speed = self.v + h * (a @ w)
         for i in range(STAGES):
-            place, rate = B @ y[i] + p[i][0], B @ rates[i] + p[i][1]
+            place, rate, second = self.reduced.motion(y[i], speed[i], w[i], given[i])
             loads = self.reduced.loads(place, values[i])
-            held = mass @ (B @ w[i] + p[i][2]) - self.reduced.forces(place, values[i])
+            held = self.model.mass @ second - self.reduced.forces(place, values[i])
             self.work += h * b[i] * float((loads + held) @ rate)
         self.y = self.y + h * self.v + h * h * ((b @ a) @ w)
         self.v = self.v + h * (b @ w)
@@ -176,11 +174,11 @@ class Gauss(Marcher):
     def _keep(self, values: Array, drives: Array, kept: Array, energies: Array) -> None:
         """Store coordinates, velocities, accelerations and energies."""
         reduced, parts = self.reduced, self.model.parts
-        p = reduced.prescribed(drives)
-        w = reduced.accelerations(self.y, p, values)
-        for k, (x, moved) in enumerate(zip((self.y, self.v, w), p, strict=True)):
+        given = reduced.given(drives)
+        w = reduced.accelerations(self.y, self.v, given, values)
+        for k, moved in enumerate(reduced.motion(self.y, self.v, w, given)):
             kept[k] = 0.0
-            kept[k].reshape(-1)[reduced.places] = reduced.basis @ x + moved
+            kept[k].reshape(-1)[reduced.places] = moved
         q, v = np.ascontiguousarray(kept[0]), np.ascontiguousarray(kept[1])
         energies[0] = kinetic_energy(v, parts.first, parts.masses)
         energies[1] = strain_energy(parts.formulations, q, parts.first, parts.kinds, parts.constants)
@@ -189,5 +187,7 @@ class Gauss(Marcher):
 
     def _worst(self) -> int:
         """Node that moves fastest."""
-        v = self.reduced.flat(self.reduced.basis @ self.v) - self.model.bodies.reference()
+        still = np.ones((len(self.reduced.directions), 2))
+        v = self.reduced.flat(self.reduced.basis @ self.reduced.spread(self.v, still))
+        v -= self.model.bodies.reference()
         return int(np.nan_to_num(np.abs(v), nan=np.inf).max(axis=0).argmax())

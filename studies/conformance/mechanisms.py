@@ -74,6 +74,7 @@ DEMANDS: Mapping[str, Callable[[Scene], Scene]] = {
     "free-stretch": lambda scene: replace(
         scene, joints=tuple(replace(j, stretch="free") if isinstance(j, Clamp) else j for j in scene.joints)
     ),
+    "free-welds": _with_plate(Weld("bar.end", "plate.a", stretch="free")),
     "interior-joints": _joined(Pin(("bar", 0.5))),
     "springs": _connected(Spring("bar.end", (1.0, -1.0), stiffness=20.0)),
     "rotational-springs": _connected(RotationalSpring("bar.end", stiffness=1.0)),

@@ -1,5 +1,6 @@
 """The method of fourth order: its coefficients, order and level of error, stages, energy, and what it refuses."""
 
+from dataclasses import replace
 from itertools import pairwise
 from math import pi
 
@@ -58,13 +59,46 @@ def triangle():
     return at.Scene("triangle", bodies, joints, gravity=GRAVITY)
 
 
-SCENES = {"falling": (falling, 2), "linkage": (linkage, 1), "triangle": (triangle, 1)}
+def freed():
+    """The linkage whose driven clamp leaves the stretch free."""
+    scene = linkage()
+    return replace(scene, joints=(replace(scene.joints[0], stretch="free"), *scene.joints[1:]))
+
+
+def fan():
+    """Two beams, welded to each other, turned by a clamp that leaves the stretch free; a third on a fixed one."""
+    bodies = [
+        beam("one", (0, 0), (0.4, 0.3)),
+        beam("two", (0, 0), (-0.3, 0.2)),
+        beam("three", (1, 0), (1, 0.4)),
+    ]
+    joints = [
+        at.Clamp("one.start", angle=Quintic(1.0, 0.2), stretch="free"),
+        at.Weld("one.start", "two.start"),
+        at.Clamp("three.start", stretch="free"),
+    ]
+    return at.Scene("fan", bodies, joints, gravity=GRAVITY)
+
+
+#: By name: the scene, elements of each beam, and their kind.
+SCENES = {
+    "falling": (falling, 2, "cable"),
+    "linkage": (linkage, 1, "cable"),
+    "triangle": (triangle, 1, "cable"),
+    "freed": (freed, 1, "cable"),
+    "falling, shear": (falling, 2, "shear"),
+    "linkage, shear": (linkage, 1, "shear"),
+    "fan, shear": (fan, 1, "shear"),
+    "linkage, quintic": (linkage, 1, "quintic"),
+    "fan, quintic": (fan, 1, "quintic"),
+}
 every_scene = pytest.mark.parametrize("name", SCENES)
 
 
 def coordinates(found):
     """All coordinates of a solution, (outputs, dofs)."""
-    return np.concatenate([f.coordinates.reshape(len(found.t), -1) for f in found.fields.values()], axis=1)
+    fields = [found.fields[body.name] for body in found.scene.bodies]
+    return np.concatenate([f.coordinates.reshape(len(found.t), -1) for f in fields], axis=1)
 
 
 class Dense:
@@ -72,27 +106,26 @@ class Dense:
 
     def __init__(self, scene, run):
         self.reduced, self.scene = Reduced(Model.of(scene, run)), scene
-        model = self.reduced.model
-        self.y = self.reduced.independent(model.bodies.reference().reshape(-1)[self.reduced.places])
+        model, (given, _) = self.reduced.model, self.at(0.0)
+        self.y = self.reduced.independent(model.bodies.reference().reshape(-1)[self.reduced.places], given)
         v = model.bodies.initial_velocity().reshape(-1)[self.reduced.places]
-        self.v = self.reduced.independent(v)
+        self.v = self.reduced.speeds(v, self.y, given)
 
     def at(self, t):
         times = np.array([t])
-        return self.reduced.prescribed(drive_table(self.scene, times)[0]), load_table(self.scene, times)[0]
+        return self.reduced.given(drive_table(self.scene, times)[0]), load_table(self.scene, times)[0]
 
-    def accelerations(self, t, y):
-        p, values = self.at(t)
-        return self.reduced.accelerations(y, p, values)
+    def accelerations(self, t, y, v):
+        return self.reduced.accelerations(y, v, *self.at(t))
 
     def coordinates(self, t, y):
-        return self.reduced.basis @ y + self.at(t)[0][0]
+        return self.reduced.motion(y, y, y, self.at(t)[0])[0]
 
     def by_scipy(self, times):
         """DOP853, explicit and of order 8."""
         n = len(self.y)
         found = solve_ivp(
-            lambda t, x: np.concatenate([x[n:], self.accelerations(t, x[:n])]),
+            lambda t, x: np.concatenate([x[n:], self.accelerations(t, x[:n], x[n:])]),
             (0.0, times[-1]), np.concatenate([self.y, self.v]), "DOP853", times, rtol=1e-10, atol=1e-12,
         )  # fmt: skip
         assert found.success
@@ -102,20 +135,19 @@ class Dense:
         """The method as it is written in a textbook, for the system of first order, by full Newton's iteration."""
         A, _, c = stages()
         y, v, found = self.y, self.v, [self.coordinates(0.0, self.y)]
-        w, mass = self.accelerations(0.0, y), self.reduced.mass.toarray()
+        w, reduced = self.accelerations(0.0, y, v), self.reduced
         for n in range(steps):
             rates, seconds = [v], [w]
             for i in range(1, len(c)):
                 t, g = (n + c[i]) * h, A[i, i] * h
                 known_y = y + h * sum(A[i, j] * rates[j] for j in range(i))
                 known_v = v + h * sum(A[i, j] * seconds[j] for j in range(i))
-                p, values = self.at(t)
+                given, values = self.at(t)
                 for _ in range(12):
-                    place = known_y + g * (known_v + g * w)
-                    K = self.reduced.stiffness(place, p, values).toarray()
-                    w = w + np.linalg.solve(
-                        mass + g * g * K, self.reduced.residual(place, p, values) - mass @ w
-                    )
+                    rate = known_v + g * w
+                    place = known_y + g * rate
+                    A_w = reduced.inertia(given) + g * g * reduced.stiffness(place, given, values)
+                    w = w + np.linalg.solve(A_w.toarray(), reduced.residual(place, rate, w, given, values))
                 seconds.append(w)
                 rates.append(known_v + g * w)
             y, v = known_y + g * rates[-1], rates[-1]
@@ -164,16 +196,23 @@ def test_it_is_l_stable_and_hardly_damps_what_it_resolves():
 @every_scene
 def test_steps_are_those_of_the_method_written_out_densely(name):
     """Newton's iteration, recursion, driven coordinates: to rounding, whatever the step."""
-    make, mesh = SCENES[name]
+    make, mesh, element = SCENES[name]
     scene = make()
-    run = Discretisation(mesh, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13)
+    run = Discretisation(
+        mesh, element=element, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13
+    )
     found = at.solve(scene, run)
     assert found.status.ok
     assert np.abs(coordinates(found) - Dense(scene, run).by_stages(5e-3, 10)).max() < 2e-11
 
 
-#: Largest error of any coordinate in 0.03 s by steps of 0.5 ms.
-LEVELS = {"falling": 1e-6, "linkage": 2e-6, "triangle": 1e-6}
+#: Largest error of any coordinate in 0.03 s by steps of 0.5 ms, or of 0.25 ms where those do not resolve what vibrates;
+#: the thickness of shear elements is too stiff for an explicit method of SciPy to be more exact.
+LEVELS = {
+    "falling": 1e-6, "linkage": 2e-6, "triangle": 1e-6, "freed": 5e-6, "linkage, quintic": 3e-5, "fan, quintic": 5e-5,
+}  # fmt: skip
+#: Largest difference of any coordinate in 0.02 s between the two roads, each near its limit.
+TWO_ROADS = {"cable": 1e-9, "shear": 2e-7, "quintic": 1e-6}
 
 
 @pytest.mark.compiled
@@ -183,14 +222,20 @@ def test_compiled_kernels_take_the_same_steps():
     assert np.abs(coordinates(found) - Dense(falling(), run).by_stages(5e-3, 10)).max() < 2e-11
 
 
-@every_scene
+@pytest.mark.parametrize("name", LEVELS)
 def test_fourth_order_against_scipy(name):
     """Half a step leaves a sixteenth of the error; its level is asserted, too."""
-    make, mesh = SCENES[name]
+    make, mesh, element = SCENES[name]
     scene, errors, exact = make(), [], None
-    for dt in (5e-4, 2.5e-4):
+    for dt in (2.5e-4, 1.25e-4) if element == "quintic" else (5e-4, 2.5e-4):
         run = Discretisation(
-            mesh, integrator="esdirk", dt=dt, t_end=0.03, output_dt=0.01, newton_tolerance=1e-13
+            mesh,
+            element=element,
+            integrator="esdirk",
+            dt=dt,
+            t_end=0.03,
+            output_dt=0.01,
+            newton_tolerance=1e-13,
         )
         found = at.solve(scene, run)
         exact = Dense(scene, run).by_scipy(found.t) if exact is None else exact
@@ -200,17 +245,17 @@ def test_fourth_order_against_scipy(name):
 
 
 @every_scene
-def test_two_roads_tell_the_same_to_1e_9(name):
+def test_two_roads_tell_the_same(name):
     """Gauss's points with multipliers eliminated beside the recursion, each near its limit."""
-    make, mesh = SCENES[name]
-    scene, options = make(), {"t_end": 0.02, "output_dt": 0.01, "newton_tolerance": 1e-13}
+    make, mesh, element = SCENES[name]
+    scene, options = make(), {"element": element, "t_end": 0.02, "output_dt": 0.01, "newton_tolerance": 1e-13}
     ours, half, other = (
         solver(scene, Discretisation(mesh, integrator="esdirk", dt=dt, **options))
         for solver, dt in ((at.solve, 1.25e-4), (at.solve, 2.5e-4), (global_dae.solve, 2e-4))
     )
     assert {x.status.code for x in (ours, half, other)} == {"ok"}
     limit = coordinates(ours) + (coordinates(ours) - coordinates(half)) / 15.0
-    assert np.abs(limit - coordinates(other)).max() < 1e-9
+    assert np.abs(limit - coordinates(other)).max() < TWO_ROADS[element]
     for name in ("kinetic", "strain", "potential", "work"):
         one, two = getattr(ours.energy, name), getattr(other.energy, name)
         assert np.abs(one - two).max() < 1e-7 * np.abs(ours.energy.kinetic).max()
@@ -267,7 +312,11 @@ REFUSED = {
     "driven-guides": lambda s: at.Scene(
         "s", s.bodies, [at.Slider("bar.end", (1.0, 0.0), position=lambda t: (0.1 * t * t, 0.2 * t, 0.2))]
     ),
-    "free-stretch": lambda s: at.Scene("s", s.bodies, [at.Clamp("bar.start", stretch="free")]),
+    "free-welds": lambda s: at.Scene(
+        "s",
+        [*s.bodies, beam("last", (0.6, 0.8), (0.9, 0.8))],
+        [*s.joints, at.Weld("bar.end", "last.start", stretch="free")],
+    ),
 }
 
 

@@ -94,7 +94,7 @@ def test_what_a_peer_lacks_is_shown_and_not_skipped():
     assert (
         found["limits"].measured
         == "damping, driven-guides, driven-springs, driven-welds, drives, esdirk, follower-forces, free-stretch, "
-        "generalized-alpha, interior-joints, interior-loads, joints, laws, line-loads, moving-guides, "
+        "free-welds, generalized-alpha, interior-joints, interior-loads, joints, laws, line-loads, moving-guides, "
         "point-masses, prismatic-joints, quintic, rigid, rigid-bodies, rotational-springs, sliders, springs, "
         "varying-loads refused"
     )

@@ -8,7 +8,7 @@ derivatives are all found by one small kernel (`anctmm.recursion.rows`).
 Vectors of the plane are complex numbers here, x + iy, linear in the unknowns.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -139,6 +139,16 @@ class Constraints:
             self.terms += [
                 Term(number, one, two, signal, factor) for (signal, one, two), factor in row.items() if factor
             ]
+
+    def signals_of(self, chosen: Container[int]) -> set[int]:
+        """Signals of some of the drives, by their numbers."""
+        found, number = set[int](), 1
+        for k, drive in enumerate(self.drives):
+            width = 2 if drive.turns else 1
+            if k in chosen:
+                found |= set(range(number, number + width))
+            number += width
+        return found
 
     def driven(self, drive: Drive) -> int:
         """Number of the first signal of a drive."""

@@ -19,9 +19,13 @@ from reference.global_dae.mechanisms.system import System
 
 
 def is_mechanism(scene: Scene, run: Discretisation) -> bool:
-    """Whether a scene has more than beams that bend, with pins, welds, clamps and loads on their ends."""
+    """Whether a scene has more than beams that bend, with pins, welds, clamps and loads on their ends.
+
+    Steps of high order have coordinates of their own for clamps that leave the stretch free.
+    """
     rigid = any(kind_of(kind).rigid for _, kind in run.of(scene).values())
-    return rigid or next(needs(scene), None) is not None
+    known = {"free-stretch"} if run.integrator == "esdirk" else set()
+    return rigid or any(feature not in known for feature, _ in needs(scene))
 
 
 def motion(scene: Scene, run: Discretisation, solver: str) -> Solution:
