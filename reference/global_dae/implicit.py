@@ -357,10 +357,10 @@ class GeneralizedAlpha(Marcher):
         """Factor the mass, choose order and pivots, and set the state to t = 0."""
         model = self.model
         q, (values, _) = model.bodies.reference(), self._tables(0, 0)
-        bare = system_of(model, 1.0)
-        state = _start(model, bare, self.dense)
-        assemble_into(state.data, bare, self.scheme, model, self.stiff, values[0], q, state)
-        scale = typical(matrix_of(bare, state.data)[: model.dofs, : model.dofs])
+        bare, size = system_of(model, 1.0), 2 * model.bodies.rows
+        data, small, K = np.zeros(len(bare.row) + 1), np.zeros(TANGENT_BUFFER), np.zeros((size, size))
+        assemble(bare, self.scheme.by_acceleration, self.stiff, model.loads, values[0], q, small, K, data)
+        scale = typical(matrix_of(bare, data)[: model.dofs, : model.dofs])
         self.rows, self.system = model.rows(scale), bare._replace(joints=scale * bare.joints)
         self.mass = splu(kkt(model.mass, model.constraints, typical(model.scalar_mass)))
         self.begin()

@@ -41,8 +41,8 @@ TYPES_OF_FEATURES = ("Damping", "Rows", "UniTuple(int64 x 2)", "UniTuple(int64 x
 #: Verdict of a rule where the measured distance is not told from 0.
 UNKNOWN = "below the reference's uncertainty"
 PHYSICS = (
-    "All runs are explicit (Zhai), each at 0.9 of its own stability limit, at most a thousandth of the run: rigid "
-    "bodies have no implicit integrator here.",
+    "All runs are explicit (Zhai), each at 0.9 of its own stability limit, at most a thousandth of the run: its model "
+    "sets the step, and so the cost.",
     "A rigid body is a thin bar: no rotary inertia of its section, as the cable.",
 )
 
