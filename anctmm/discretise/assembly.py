@@ -23,8 +23,8 @@ from anctmm.elements.dispatch import (
     element_tangents,
     formulations_of,
 )
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.kinds import Element
-from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes

@@ -1,4 +1,4 @@
-"""What ANC-TMM cannot do yet, by feature of `anctmm.model.needs.MECHANISMS`: it refuses scenes that need it."""
+"""What ANC-TMM cannot do, by feature of `anctmm.model.needs.MECHANISMS`: it refuses scenes that need it."""
 
 from anctmm.model.needs import MECHANISMS, WITH
 

@@ -10,13 +10,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.cable import CableElement
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions
 from anctmm.elements.tangent_blocks import (
     add_full,
     add_symmetric,
     clear_sums,
     place,
     placement,
+)
+from anctmm.elements.thin_beam import (
+    axial_damping,
+    axial_force,
+    axial_stiffness,
+    bending_damping,
+    bending_moment,
+    bending_stiffness,
+    curvature_of,
 )
 from anctmm.jit.compiling import inlined, kernel
 
@@ -68,20 +77,19 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     constants : ndarray
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
-        Written: component k < 4 of the force of element j on node I at k BLOCK + j, on node O at (6 + k) BLOCK + j.
+        Written, components k < 4, as `force_blocks` tells.
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
-    _clear(out, count)
+    clear_forces(out, 4, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
         EAw = EA * w
         for j in range(count):
             bx, by = _slope(q, first + j, A, B, C, r)
-            n = EAw * (1.0 - 1.0 / sqrt(bx * bx + by * by))
-            px, py = n * bx, n * by
+            px, py = axial_force(bx, by, EAw)
             _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
@@ -96,13 +104,9 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
                 (b * q[2, i] + c * q[2, i + 1] - a * ux) * r,
                 (b * q[3, i] + c * q[3, i + 1] - a * uy) * r,
             )
-            s = 1.0 / (bx * bx + by * by)
-            curvature = (bx * cy - by * cx) * s
-            m = EIw * curvature * s
-            px, py = m * (cy - 2.0 * curvature * bx), -m * (cx + 2.0 * curvature * by)
-            tx, ty = -m * by * r, m * bx * r
-            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty)
-    _balance_positions(out, count)
+            px, py, tx, ty = bending_moment(bx, by, cx, cy, EIw)
+            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
+    oppose_positions(out, 0, 6, count)
 
 
 @kernel
@@ -116,15 +120,14 @@ def damping_forces(
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
-    _clear(out, count)
+    clear_forces(out, 4, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
         for j in range(count):
             bx, by = _slope(q, first + j, A, B, C, r)
             gx, gy = _slope(v, first + j, A, B, C, r)
-            n = EA * w * (bx * gx + by * gy) / (bx * bx + by * by)
-            px, py = n * bx, n * by
+            px, py = axial_damping(bx, by, gx, gy, EA * w)
             _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
         at = HEAD + axial * AXIAL + p * BENDING
@@ -135,23 +138,9 @@ def damping_forces(
             cx, cy = _slope(q, first + j, a * r, b * r, c * r, r)
             gx, gy = _slope(v, first + j, A, B, C, r)
             hx, hy = _slope(v, first + j, a * r, b * r, c * r, r)
-            s = 1.0 / (bx * bx + by * by)
-            curvature = (bx * cy - by * cx) * s
-            ux, uy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
-            tx, ty = -by * s, bx * s
-            m = EI * w * (ux * gx + uy * gy + tx * hx + ty * hy)
-            px, py, tx, ty = m * ux, m * uy, m * tx * r, m * ty * r
-            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty)
-    _balance_positions(out, count)
-
-
-@inlined
-def _clear(out, count):  # type: ignore[no-untyped-def]
-    """Make the forces of a block zero."""
-    for k in range(4):
-        for j in range(count):
-            out[k * BLOCK + j] = 0.0
-            out[(6 + k) * BLOCK + j] = 0.0
+            px, py, tx, ty = bending_damping(bx, by, cx, cy, gx, gy, hx, hy, EI * w)
+            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
+    oppose_positions(out, 0, 6, count)
 
 
 @inlined
@@ -174,14 +163,6 @@ def _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty):  # type: ignore[n
     out[3 * BLOCK + j] += l * (B * py + b * ty)
     out[8 * BLOCK + j] += l * (C * px + c * tx)
     out[9 * BLOCK + j] += l * (C * py + c * ty)
-
-
-@inlined
-def _balance_positions(out, count):  # type: ignore[no-untyped-def]
-    """The forces on r of node O are those of node I reversed."""
-    for k in range(2):
-        for j in range(count):
-            out[(6 + k) * BLOCK + j] = -out[k * BLOCK + j]
 
 
 @inlined
@@ -216,7 +197,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
                 (b * q[2, i] + c * q[2, i + 1] - a * ux) / l,
                 (b * q[3, i] + c * q[3, i + 1] - a * uy) / l,
             )
-            curvature = (bx * cy - by * cx) / (bx * bx + by * by)
+            curvature, _, _, _ = curvature_of(bx, by, cx, cy)
             total += 0.5 * EI * w * l * curvature * curvature
     return total
 
@@ -245,9 +226,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
             i = first + j
             bx = B * q[2, i] + C * q[2, i + 1] + A * (q[0, i + 1] - q[0, i]) * v
             by = B * q[3, i] + C * q[3, i + 1] + A * (q[1, i + 1] - q[1, i]) * v
-            s = 1.0 / (bx * bx + by * by)
-            h = f * sqrt(s)
-            S = f - h + h * bx * bx * s, h * bx * by * s, f - h + h * by * by * s
+            S = axial_stiffness(bx, by, f)
             F = S[0], S[1], S[1], S[2]
             add_symmetric(out, UU, j, A * A, S)
             add_full(out, IU, j, B * A, F)
@@ -265,7 +244,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
             ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
             bx, by = B * q[2, i] + C * q[2, i + 1] + A * ux, B * q[3, i] + C * q[3, i + 1] + A * uy
             cx, cy = b * q[2, i] + c * q[2, i + 1] + a * ux, b * q[3, i] + c * q[3, i + 1] + a * uy
-            D = _second_derivatives(bx, by, cx, cy, f)
+            D = bending_stiffness(bx, by, cx, cy, f)
             add_symmetric(out, UU, j, 1.0, _twice(A, a, D))
             add_full(out, IU, j, 1.0, _both(B, b, A, a, D))
             add_symmetric(out, II, j, 1.0, _twice(B, b, D))
@@ -273,32 +252,6 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
             add_full(out, OI, j, 1.0, _both(C, c, B, b, D))
             add_symmetric(out, OO, j, 1.0, _twice(C, c, D))
     place(PLACES, v, count, out)
-
-
-@inlined
-def _second_derivatives(bx, by, cx, cy, f):  # type: ignore[no-untyped-def]
-    """Of ½ f κ²: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice."""
-    s = 1.0 / (bx * bx + by * by)
-    curvature = (bx * cy - by * cx) * s
-    # gradient of κ by r', g, and by r'', h; κ is linear in r''
-    gx, gy = (cy - 2.0 * curvature * bx) * s, -(cx + 2.0 * curvature * by) * s
-    hx, hy = -by * s, bx * s
-    m = f * curvature
-    n = 2.0 * m * s
-    return (
-        (
-            f * gx * gx - n * (2.0 * bx * gx + curvature),
-            f * gx * gy - n * (bx * gy + by * gx),
-            f * gy * gy - n * (2.0 * by * gy + curvature),
-        ),
-        (
-            f * gx * hx - n * bx * hx,
-            f * gx * hy + m * s - n * bx * hy,
-            f * gy * hx - m * s - n * by * hx,
-            f * gy * hy - n * by * hy,
-        ),
-        (f * hx * hx, f * hx * hy, f * hy * hy),
-    )
 
 
 @inlined

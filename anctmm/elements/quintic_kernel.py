@@ -9,10 +9,19 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions
 from anctmm.elements.quintic import AXIAL, BENDING, QuinticElement
 from anctmm.elements.shapes import gauss, quintic
-from anctmm.elements.shear_kernel import BLOCK
 from anctmm.elements.tangent_blocks import SUMS, TANGENT_BLOCK, clear_sums, place, placement
+from anctmm.elements.thin_beam import (
+    axial_damping,
+    axial_force,
+    axial_stiffness,
+    bending_damping,
+    bending_moment,
+    bending_stiffness,
+    curvature_of,
+)
 from anctmm.jit.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
@@ -67,30 +76,28 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     constants : ndarray, shape (≥ 3,)
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
-        Written: component k of the force of element j on node I at k BLOCK + j, on node O at (6 + k) BLOCK + j.
+        Written, as `force_blocks` tells.
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     r = 1.0 / l
-    _clear(out, count)
+    clear_forces(out, 6, count)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
         w = EA * W[10]
         for j in range(count):
             bx, by = _slope(q, first + j, W, 0, r)
-            n = w * (1.0 - 1.0 / sqrt(bx * bx + by * by))
-            _add(out, j, l, W, 0, n * bx, n * by)
+            px, py = axial_force(bx, by, w)
+            _add(out, j, l, W, 0, px, py)
     for p in range(BENDING):
         W = BENDING_POINTS[p]
         w = EI * W[10]
         for j in range(count):
             bx, by = _slope(q, first + j, W, 0, r)
             cx, cy = _slope(q, first + j, W, 5, r)
-            s = 1.0 / (bx * bx + by * by)
-            curvature = (bx * cy - by * cx) * s * r
-            m = w * curvature * s
-            _add(out, j, l, W, 0, m * (cy * r - 2.0 * curvature * bx), -m * (cx * r + 2.0 * curvature * by))
-            _add(out, j, l, W, 5, -m * by * r, m * bx * r)
-    _balance_positions(out, count)
+            px, py, tx, ty = bending_moment(bx, by, cx * r, cy * r, w)
+            _add(out, j, l, W, 0, px, py)
+            _add(out, j, l, W, 5, tx * r, ty * r)
+    oppose_positions(out, 6, 0, count)
 
 
 @kernel
@@ -103,15 +110,15 @@ def damping_forces(
     """
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     r = 1.0 / l
-    _clear(out, count)
+    clear_forces(out, 6, count)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
         w = EA * W[10]
         for j in range(count):
             bx, by = _slope(q, first + j, W, 0, r)
             gx, gy = _slope(v, first + j, W, 0, r)
-            n = w * (bx * gx + by * gy) / (bx * bx + by * by)
-            _add(out, j, l, W, 0, n * bx, n * by)
+            px, py = axial_damping(bx, by, gx, gy, w)
+            _add(out, j, l, W, 0, px, py)
     for p in range(BENDING):
         W = BENDING_POINTS[p]
         w = EI * W[10]
@@ -120,22 +127,10 @@ def damping_forces(
             cx, cy = _slope(q, first + j, W, 5, r)
             gx, gy = _slope(v, first + j, W, 0, r)
             hx, hy = _slope(v, first + j, W, 5, r)
-            s = 1.0 / (bx * bx + by * by)
-            curvature = (bx * cy - by * cx) * s * r
-            ux, uy = (cy * r - 2.0 * curvature * bx) * s, -(cx * r + 2.0 * curvature * by) * s
-            tx, ty = -by * s * r, bx * s * r
-            m = w * (ux * gx + uy * gy + tx * hx + ty * hy)
-            _add(out, j, l, W, 0, m * ux, m * uy)
-            _add(out, j, l, W, 5, m * tx, m * ty)
-    _balance_positions(out, count)
-
-
-@inlined
-def _clear(out, count):  # type: ignore[no-untyped-def]
-    """Make the forces of a block zero."""
-    for k in range(12):
-        for j in range(count):
-            out[k * BLOCK + j] = 0.0
+            px, py, tx, ty = bending_damping(bx, by, cx * r, cy * r, gx, gy, hx * r, hy * r, w)
+            _add(out, j, l, W, 0, px, py)
+            _add(out, j, l, W, 5, tx * r, ty * r)
+    oppose_positions(out, 6, 0, count)
 
 
 @inlined
@@ -170,14 +165,6 @@ def _add(out, j, l, W, at, px, py):  # type: ignore[no-untyped-def]  # noqa: E74
     out[11 * BLOCK + j] += l * W[at + 4] * py
 
 
-@inlined
-def _balance_positions(out, count):  # type: ignore[no-untyped-def]
-    """The forces on r of node I are those of node O reversed."""
-    for k in range(2):
-        for j in range(count):
-            out[k * BLOCK + j] = -out[(6 + k) * BLOCK + j]
-
-
 @kernel
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
@@ -192,7 +179,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
         for p in range(BENDING):
             bx, by = _slope(q, i, BENDING_POINTS[p], 0, r)
             cx, cy = _slope(q, i, BENDING_POINTS[p], 5, r)
-            curvature = (bx * cy - by * cx) * r / (bx * bx + by * by)
+            curvature, _, _, _ = curvature_of(bx, by, cx * r, cy * r)
             total += 0.5 * EI * BENDING_POINTS[p, 10] * l * curvature * curvature
     return total
 
@@ -220,9 +207,8 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         f = EA * W[10]
         for j in range(count):
             bx, by = _slope(q, first + j, W, 0, v)
-            s = 1.0 / (bx * bx + by * by)
-            h = f * sqrt(s)
-            _keep(out, j, 0, f - h + h * bx * bx * s, h * bx * by * s, f - h + h * by * by * s)
+            xx, xy, yy = axial_stiffness(bx, by, f)
+            _keep(out, j, 0, xx, xy, yy)
         row = 0
         for k in range(VECTORS):
             for m in range(k + 1):
@@ -237,11 +223,16 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         for j in range(count):
             bx, by = _slope(q, first + j, W, 0, v)
             cx, cy = _slope(q, first + j, W, 5, v)
-            _keep_second_derivatives(out, j, bx, by, cx, cy, v, f)
+            P, Q, S = bending_stiffness(bx, by, cx * v, cy * v, f)
+            _keep(out, j, 0, P[0], P[1], P[2])
+            _keep(out, j, 3, Q[0], Q[1], Q[2])
+            _keep(out, j, 6, Q[3], S[0], S[1])
+            out[(SUMS + POINT + 9) * TANGENT_BLOCK + j] = S[2]
         row = 0
         for k in range(VECTORS):
             for m in range(k + 1):
-                n, o, t, u = W[k] * W[m], W[k] * W[5 + m], W[5 + k] * W[m], W[5 + k] * W[5 + m]
+                n, u = W[k] * W[m], (v * W[5 + k]) * (v * W[5 + m])
+                o, t = W[k] * (v * W[5 + m]), (v * W[5 + k]) * W[m]
                 for j in range(count):
                     Pxx, Pxy, Pyy = _kept(out, j, 0)
                     Qxx, Qxy, Qyx = _kept(out, j, 3)
@@ -282,27 +273,3 @@ def _add_block(out, row, j, xx, xy, yx, yy):  # type: ignore[no-untyped-def]
     out[at + TANGENT_BLOCK] += xy
     out[at + 2 * TANGENT_BLOCK] += yx
     out[at + 3 * TANGENT_BLOCK] += yy
-
-
-@inlined
-def _keep_second_derivatives(out, j, bx, by, cx, cy, v, f):  # type: ignore[no-untyped-def]
-    """Of ½ f κ², κ = v (r' × l r'')/|r'|²: by r' twice, by r' and l r'', by l r'' twice."""
-    s = 1.0 / (bx * bx + by * by)
-    curvature = (bx * cy - by * cx) * s * v
-    # gradient of κ by r', g, and by l r'', h; κ is linear in r''
-    gx, gy = (cy * v - 2.0 * curvature * bx) * s, -(cx * v + 2.0 * curvature * by) * s
-    hx, hy = -by * s * v, bx * s * v
-    m = f * curvature
-    n = 2.0 * m * s
-    _keep(
-        out,
-        j,
-        0,
-        f * gx * gx - n * (2.0 * bx * gx + curvature),
-        f * gx * gy - n * (bx * gy + by * gx),
-        f * gy * gy - n * (2.0 * by * gy + curvature),
-    )
-    t = m * s * v
-    _keep(out, j, 3, (f * gx - n * bx) * hx, (f * gx - n * bx) * hy + t, (f * gy - n * by) * hx - t)
-    _keep(out, j, 6, (f * gy - n * by) * hy, f * hx * hx, f * hx * hy)
-    out[(SUMS + POINT + 9) * TANGENT_BLOCK + j] = f * hy * hy

@@ -1,14 +1,14 @@
 """Compiled twin of `shear`: the same numbers for a block of elements, laid out so that the compiler vectorises.
 
 Coordinates are stored by component, q[k, node]: k = 0, 1 position, 2, 3 r_x, 4, 5 r_y. Blocks have at most
-BLOCK elements; their forces lie in one flat buffer at constant distances, so that the compiler can prove that stores
-do not overlap and handles several elements in one instruction. Nothing is allocated. Notation:
-anctmm/recursion/method.md, section 1.
+BLOCK elements, their forces in rows, see `force_blocks`. Nothing is allocated. Notation: anctmm/recursion/method.md,
+section 1.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.elements.force_blocks import BLOCK, clear_forces
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
 from anctmm.elements.tangent_blocks import (
@@ -21,9 +21,6 @@ from anctmm.elements.tangent_blocks import (
 from anctmm.jit.compiling import inlined, kernel
 
 Array = NDArray[np.float64]
-
-#: Elements handled at once; the buffer of their forces has 12 rows of this length: 6 for node I, 6 for node O.
-BLOCK = 64
 
 _XI, _W = gauss(POINTS)
 #: Each Gauss point: ξ, 1 − ξ, the derivatives l S1', S2', S5' of the Hermite functions (S4' = −S1') and the weight.
@@ -106,7 +103,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         First node of the block, number of its elements, at most BLOCK.
     constants : ndarray, shape (8,)
     out : ndarray, shape (12 * BLOCK,)
-        Written: component k of the force of element j on node I at k BLOCK + j, on node O at (6 + k) BLOCK + j.
+        Written, as `force_blocks` tells.
     """
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
@@ -153,9 +150,7 @@ def damping_forces(
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
     r = 1.0 / l
-    for k in range(12):
-        for j in range(count):
-            out[k * BLOCK + j] = 0.0
+    clear_forces(out, 6, count)
     for p in range(POINTS):
         x, y, A, B, C, weight = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4], TABLE[p, 5]
         w = damping * weight

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import element_forces
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
 from anctmm.forces.loads import Loads, loads_of, loads_power, loads_work
 from anctmm.jit.compiling import kernel

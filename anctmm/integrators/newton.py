@@ -12,7 +12,7 @@ from anctmm.discretise.assembly import (
     window_inertia,
 )
 from anctmm.discretise.methods import Coefficients
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit_step import damp_at_end, predict

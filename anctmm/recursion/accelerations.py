@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, elastic_forces
 from anctmm.elements.dispatch import element_forces
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.kept_motions import add_kept, find_kept

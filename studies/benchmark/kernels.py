@@ -12,7 +12,7 @@ from anctmm.discretise.assembly import Tables, block_tangents, elastic_forces
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.dispatch import element_forces
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.forces.actuation import Actuation, DrivenClamps
 from anctmm.forces.loads import Loads

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.elements.dispatch import KERNELS
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel

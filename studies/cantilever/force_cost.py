@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from anctmm.elements import shear_kernel
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.invariants import InvariantShearElement
 from anctmm.elements.shear import ShearElement
 from studies.engine.runner import Runner
@@ -80,7 +81,7 @@ def evaluations() -> dict[tuple[str, str], Callable[[int], Array]]:
     nodal = _bent(element.l)
     q = np.ascontiguousarray(nodal.reshape(len(nodal), 6).T)
     linear, cubic = invariant.matrices
-    buffer, out = np.zeros(12 * shear_kernel.BLOCK), np.empty((ELEMENTS, 6, 2))
+    buffer, out = np.zeros(12 * BLOCK), np.empty((ELEMENTS, 6, 2))
     constants = shear_kernel.constants(element)
 
     def compiled_quadrature(repeats: int) -> Array:

@@ -12,7 +12,7 @@ from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
 
 from anctmm.discretise import kept_chains
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.elements.shear_kernel import BLOCK
+from anctmm.elements.force_blocks import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
 from anctmm.integrators import implicit_system
 from anctmm.integrators.implicit_system import KAPPA, ROUNDED, new_newton, new_state, single_will_do

@@ -1,0 +1,28 @@
+"""Forces of a block of elements on their nodes, in one flat buffer of 12 rows of BLOCK elements.
+
+Component k of the force of element j on its node I stands at k BLOCK + j, on its node O at (6 + k) BLOCK + j. All rows
+lie at constant distances, so that the compiler sees that stores do not overlap and handles several elements in one
+instruction.
+"""
+
+from anctmm.jit.compiling import inlined
+
+#: Elements handled at once.
+BLOCK = 64
+
+
+@inlined
+def clear_forces(out, components, count):  # type: ignore[no-untyped-def]
+    """Make the forces of a block zero, of so many components of each node."""
+    for k in range(components):
+        for j in range(count):
+            out[k * BLOCK + j] = 0.0
+            out[(6 + k) * BLOCK + j] = 0.0
+
+
+@inlined
+def oppose_positions(out, of, to, count):  # type: ignore[no-untyped-def]
+    """The forces on r of one node are those of the other one reversed: rows from `to` on, and from `of` on."""
+    for k in range(2):
+        for j in range(count):
+            out[(to + k) * BLOCK + j] = -out[(of + k) * BLOCK + j]
