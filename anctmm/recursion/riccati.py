@@ -346,27 +346,40 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 if loops is not None:
                     turn_coupled(size, loops, i, work)
             else:
-                passed = 2 if link[b] == PIN else 4 if link[b] == TANGENT else 0
-                for k in range(d * d):
-                    work[d * d + k] = work[k]
+                negative += _end_body(size, loops, turned, line, link[b], turn[b], known, i, work, L, G)
                 if turned is not None and turned.node[line] == i:
-                    turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
-                if loops is not None and passed > 0:
-                    negative += release_coupled(size, loops, passed, turn[b], known, i, work)
-                else:
-                    negative += _invert(size, known, passed, i, work)
-                    _release(size, passed, work)
-                if passed == 4:
-                    turn_passed(size, turn[b, 0], turn[b, 1], work)
-                if turned is not None and turned.node[line] == i:
-                    turn_back_node(size, turned.along[line, 0], turned.along[line, 1], work)
                     line += 1
-                _store(size, i, work, L, G)
-                _forget(size, passed, work)
     if loops is not None:
         _pass_place(size, places, loops, place, work)
         fill(loops.rows, loops.matrix, q, stiffness)
         negative += factorize_kept(loops.matrix)
+    return negative
+
+
+@embedded
+def _end_body(size, loops, turned, line, link, turn, known, i, work, L, G):  # type: ignore[no-untyped-def]
+    """Eliminate the last node of a body, behind a joint that passes some of its components on, or none.
+
+    Returns the negative pivots.
+    """
+    d = len(size)
+    passed = 2 if link == PIN else 4 if link == TANGENT else 0
+    negative = 0
+    for k in range(d * d):
+        work[d * d + k] = work[k]
+    if turned is not None and turned.node[line] == i:
+        turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
+    if loops is not None and passed > 0:
+        negative += release_coupled(size, loops, passed, turn, known, i, work)
+    else:
+        negative += _invert(size, known, passed, i, work)
+        _release(size, passed, work)
+    if passed == 4:
+        turn_passed(size, turn[0], turn[1], work)
+    if turned is not None and turned.node[line] == i:
+        turn_back_node(size, turned.along[line, 0], turned.along[line, 1], work)
+    _store(size, i, work, L, G)
+    _forget(size, passed, work)
     return negative
 
 
