@@ -1,7 +1,10 @@
 """Meshes, steps and references of a case that nobody has tuned: all follow from its refinement."""
 
+from collections.abc import Sequence
 from math import isfinite
+from typing import TypeVar
 
+from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from studies.engine.dynamics import check_kinds
@@ -14,10 +17,14 @@ from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, TARGETS, Ladder, lacks_
 SMALLEST = {False: 1e-5, True: 1e-3}
 #: Part of the smallest target error that a reference may be uncertain by.
 SHARE = 0.3
+#: Errors in target errors: of what is too coarse for the largest, and fine enough for the smallest; levels at least.
+COARSE, FINE, FEWEST = 4.0, 0.2, 3
 #: What may be asked for, and each model's element whose refined run is the reference without asking.
 ELEMENTS, REFERENCES = ("cable", "quintic", "shear"), ("cable", "shear")
 #: Steps, and elements of the solver with a dense matrix, at most.
 MOST_STEPS, MOST_DENSE = 6, 24
+
+Level = TypeVar("Level")
 
 
 def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
@@ -58,6 +65,13 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
     stepped = next(iter(found.values()))
     steps = tuple(stepped.levels.dt_at(stepped.i, j) for j in range(stepped.j + 1))[-MOST_STEPS:]
+    targets = (*(target for target in TARGETS if target > 1.01 * smallest), smallest)
+    if options.quick:
+        of = {
+            element: worth_trying(of[element], run.mesh.error, KINDS[element].order, targets)
+            for element, run in found.items()
+        }
+        steps = worth_trying(steps, stepped.step.error, stepped.levels.setup.step_order, targets)
     cables = of.get("cable", ())
     return Ladder(
         case,
@@ -70,7 +84,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         fine_step=min(run.trial.dt for run in found.values()),
         steps=steps,
         quick_steps=steps,
-        targets=(*(target for target in TARGETS if target > 1.01 * smallest), smallest),
+        targets=targets,
     )
 
 
@@ -102,3 +116,28 @@ def meshes(found: Refined, halfway: bool) -> tuple[Mesh, ...]:
     levels = [found.levels.mesh_at(i) for i in range(found.i + 1)]
     between = [tuple(3 * n // 2 for n in mesh) for mesh in levels[1:-1]] if halfway else []
     return tuple(sorted({*levels, *between}, key=sum))
+
+
+def worth_trying(
+    levels: Sequence[Level], finest: float, order: float, targets: Sequence[float]
+) -> tuple[Level, ...]:
+    """Levels whose own error is near target errors, from coarse to fine, each half of the one before.
+
+    Left out are those that are too coarse for the largest target, and those that are finer than one that is good enough
+    for the smallest.
+
+    Parameters
+    ----------
+    levels : sequence
+        Meshes or steps.
+    finest : float
+        Error of the last of them.
+    order : float
+        By which errors fall.
+    targets : sequence of float
+    """
+    errors = [finest * 2.0 ** (order * k) for k in reversed(range(len(levels)))]
+    first = next((k for k, error in enumerate(errors) if error <= COARSE * max(targets)), len(levels) - 1)
+    last = next((k for k, error in enumerate(errors) if error <= FINE * min(targets)), len(levels) - 1)
+    first = max(0, min(first, last - FEWEST + 1))
+    return tuple(levels[first : max(last, min(first + FEWEST, len(levels)) - 1) + 1])

@@ -14,7 +14,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError, find
 from studies.report.folder import write
 from studies.trade import recommend
-from studies.trade.own_ladder import SHARE
+from studies.trade.own_ladder import SHARE, worth_trying
 
 ERROR = 1e-2
 
@@ -148,3 +148,18 @@ def test_what_nothing_will_be_run_with_is_refused_before_references_are_refined(
     options = Options(quick=quick, cases=tuple(cases_in(file)[:1]), **asked)
     with pytest.raises(StudyError, match=words):
         find("trade")(options, NothingRuns())
+
+
+@pytest.mark.parametrize(
+    ("finest", "order", "targets", "kept"),
+    [
+        (1e-5, 4.0, (1e-2, 1e-3), (8, 16, 32)),
+        (1e-4, 2.0, (1e-2, 1e-3), (4, 8, 16, 32, 64)),
+        (1e-12, 4.0, (1e-2,), (2, 4, 8)),
+        (float("inf"), 4.0, (1e-2,), (16, 32, 64)),
+    ],
+)
+def test_a_quick_trade_tries_what_is_near_its_targets(finest, order, targets, kept):
+    """From the last level that is too coarse for the largest target to the first that meets the smallest."""
+    assert worth_trying((2, 4, 8, 16, 32, 64), finest, order, targets) == kept
+    assert worth_trying((2,), finest, order, targets) == (2,)
