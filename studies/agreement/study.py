@@ -17,7 +17,10 @@ from anctmm.results.metrics import compare
 from anctmm.solvers import registry
 from studies.engine.clock import records
 from studies.engine.dynamics import check_mesh
-from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome
+from studies.engine.running.rows import element_of
+from studies.engine.running.trial import Mesh, Trial, mesh_label
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import Table
 from studies.report.plots import GRID, ON_DARK, ON_PALE, Picture, picture

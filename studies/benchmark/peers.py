@@ -31,7 +31,7 @@ from studies.engine.clock import (
     repeated,
     sampled_in_turn,
 )
-from studies.engine.runner import Mesh, mesh_label
+from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.setting import explicit_run, stable_step
 from studies.engine.tables import Table
 from studies.scenes import BaseScene, cantilever_fall, four_bar

@@ -20,7 +20,8 @@ from studies.benchmark.peers import EXUDYN, OURS, mesh_of
 from studies.engine.choices import Given, choices_of, written
 from studies.engine.clock import Effort, Samples, figures
 from studies.engine.pareto_front import NEAR, cost_at, excess, front
-from studies.engine.runner import Mesh, mesh_label, uncertainty_of
+from studies.engine.references import uncertainty_of
+from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.setting import stable_step
 from studies.engine.tables import BUILD, Table
 from studies.engine.timing import in_turn, undisturbed

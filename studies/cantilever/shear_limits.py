@@ -9,7 +9,8 @@ from anctmm.model.scene import Material
 from anctmm.model.sections import Rectangle
 from anctmm.results.solution import Solution
 from reference.exact import Rigidity, poisson_locking_factor, solve_static, timoshenko_tip_deflection
-from studies.engine.runner import STATIC, Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import STATIC, Trial
 from studies.engine.study import Options
 from studies.engine.tables import Table
 from studies.scenes import LENGTH, BaseScene, cantilever_tip_force

@@ -13,18 +13,10 @@ from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import Offer
 from reference.exact import solve_static
-from studies.engine.runner import (
-    STATIC,
-    Mesh,
-    Outcome,
-    Reference,
-    Runner,
-    Trial,
-    element_of,
-    product,
-    row,
-    rows_frame,
-)
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.rows import element_of, row, rows_frame
+from studies.engine.running.trial import STATIC, Mesh, Trial, product
 from studies.engine.study import Options
 from studies.engine.tables import Table
 from studies.scenes import BaseScene

@@ -10,7 +10,8 @@ from studies.cantilever.statics import StaticScheme, StaticSweep, rates, static_
 from studies.convergence.step_convergence import step_rates, step_sweep
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, cases_of, quick_plan, samples, sweep
-from studies.engine.runner import Mesh, Runner, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.study import Options, Result
 from studies.report import error_pictures
 from studies.report.animation import Film, film

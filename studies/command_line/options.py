@@ -10,7 +10,7 @@ from studies.command_line.ending import BadOption
 
 if TYPE_CHECKING:
     from studies.engine.refinement import Setup
-    from studies.engine.runner import Mesh
+    from studies.engine.running.trial import Mesh
     from studies.engine.study import Options
 
 

@@ -108,8 +108,9 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
 
     from anctmm.jit.cache_dir import kept_in
     from studies.engine.console import say
-    from studies.engine.runner import Runner, Trial, label_of
+    from studies.engine.runner import Runner
     from studies.engine.running.team import team
+    from studies.engine.running.trial import Trial, label_of
 
     cache = kept_in("runs")
     console = Console(stderr=True)

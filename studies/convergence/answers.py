@@ -7,7 +7,7 @@ from studies.convergence.joint_forces import at_joints
 from studies.engine.answers import Answer
 from studies.engine.digits import Value, values_of
 from studies.engine.refinement import Refined
-from studies.engine.runner import mesh_label
+from studies.engine.running.trial import mesh_label
 
 
 def answers(found: Iterable[Refined]) -> tuple[Answer, ...]:

@@ -5,7 +5,8 @@ from itertools import pairwise
 from anctmm.model.case import Case
 from studies.engine.dynamics import check_mesh
 from studies.engine.refinement import Refinement, Setup
-from studies.engine.runner import Mesh, Runner, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.study import Options, StudyError
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, of_kinds, sweep
-from studies.engine.runner import Mesh, Runner
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh
 from studies.engine.study import Options
 from studies.engine.tables import Table
 from studies.scenes import BaseScene

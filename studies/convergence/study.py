@@ -17,7 +17,8 @@ from studies.engine.digits import Reading, at_probes, values_of
 from studies.engine.pictures import Film, Picture
 from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.richardson import Part
-from studies.engine.runner import Runner, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.trial import mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table

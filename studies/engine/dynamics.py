@@ -10,20 +10,11 @@ from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
-from studies.engine.runner import (
-    Mesh,
-    Outcome,
-    Reference,
-    Runner,
-    Trial,
-    element_of,
-    mesh_label,
-    product,
-    refined_reference,
-    row,
-    rows_frame,
-    sample_rows,
-)
+from studies.engine.references import refined_reference
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.rows import element_of, row, rows_frame, sample_rows
+from studies.engine.running.trial import Mesh, Trial, mesh_label, product
 from studies.engine.study import Options, StudyError
 from studies.engine.tables import Table
 

@@ -20,7 +20,9 @@ from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
 from studies.engine.richardson import Part, Spacing, part_of
-from studies.engine.runner import STATIC, Mesh, Outcome, Reference, Runner, Trial, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.trial import STATIC, Mesh, Trial, mesh_label
 from studies.engine.setting import stable_step
 
 #: Of the longest beam on the coarsest mesh: of elements of fourth order, and of others.

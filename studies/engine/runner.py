@@ -1,7 +1,7 @@
-"""From a product of lists to solutions and rows, cached run by run: a sweep goes on where it stopped."""
+"""Runs cases and remembers them, one by one: a sweep goes on where it stopped."""
 
 import inspect
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -10,93 +10,25 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from threadpoolctl import threadpool_limits
 
-from anctmm.elements.kinds import kind_of
 from anctmm.errors import AnctmmError, reason
 from anctmm.jit import cache_dir as storage
-from anctmm.model.scene import Probe, Scene
 from anctmm.results.export.plain_data import decode
-from anctmm.results.metrics import compare
-from anctmm.results.solution import Cost, Solution, Status, nothing
+from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver
 from studies.engine.running.case_text import case_key, classes, reproducible
+from studies.engine.running.outcomes import Outcome, Sample
 from studies.engine.running.spread import Came, Died, Spread, Wanted
 from studies.engine.running.team import Team
-from studies.engine.running.trial import STATIC, Mesh, Trial, guarded, label_of, mesh_label, performed
+from studies.engine.running.trial import Trial, guarded, label_of, performed
 from studies.engine.running.turns import Interval, Turns, at_work
 from studies.engine.running.worker import Answer, Errand, packed_job, packed_run, without_times
 from studies.engine.storage import provenance
 from studies.engine.storage.sources import OURS, Sources, module_of
 from studies.engine.storage.store import Store
-from studies.engine.timing import summarise
-
-__all__ = [
-    "COLUMNS", "STATIC", "Mesh", "Outcome", "Reference", "Runner", "Sample", "Trial", "case_key", "classes",
-    "element_of", "guarded", "label_of", "mesh_label", "product", "refined_reference", "reproducible", "row",
-    "rows_frame", "sample_rows", "uncertainty_of",
-]  # fmt: skip
-
-#: Of a run's row.
-COLUMNS = (
-    "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "t_end", "steps",
-    "newton_iterations", "error", "reference_error", "reference", "cpu_s", "cpu_spread", "build_s", "wall_s",
-    "repeats", "status",
-)  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Sample:
-    """What a run cost when it was timed, and when and where that was; nothing else of ours was at work then."""
-
-    cost: Cost
-    interval: Interval
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """A case, its solution with what it cost the first time, and every time it was timed."""
-
-    case: Trial
-    solution: Solution
-    samples: tuple[Sample, ...] = ()
-
-    @property
-    def costs(self) -> tuple[Cost, ...]:
-        """The cost of every sample."""
-        return tuple(sample.cost for sample in self.samples)
-
-
-@dataclass(frozen=True)
-class Reference:
-    """What errors are measured against.
-
-    Parameters
-    ----------
-    name : str
-        Solver and settings, or the exact solution.
-    error_of : callable
-        Solution → error.
-    uncertainty : float
-        The reference's own, in the unit of the error.
-    solution : Solution, optional
-    """
-
-    name: str
-    error_of: Callable[[Solution], float]
-    uncertainty: float
-    solution: Solution | None = None
-
-
-def element_of(solver: str, asked: str) -> str:
-    """Name of the element a solver uses for one asked for; that asked for, if the solver is not there."""
-    try:
-        return registry.offer_of(registry.load(solver)).element_of(asked)
-    except AnctmmError:
-        return asked
 
 
 @dataclass
@@ -460,117 +392,6 @@ class Runner:
                 self._unkept[case_key(case)] = case, nothing(case.solver, case.scene, None, status)
             case _:
                 pass  # the store has it, or it is done here when it is asked for
-
-
-def product(
-    scene: Scene,
-    solvers: Iterable[str],
-    meshes: Iterable[Mesh],
-    steps: Iterable[float] = (float("nan"),),
-    **common: Any,
-) -> list[Trial]:
-    """Cases of solver × mesh × step, the rest in common."""
-    steps, solvers = tuple(steps), tuple(solvers)
-    return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
-
-
-def uncertainty_of(best: Solution, coarser: Iterable[Solution], probes: Sequence[Probe]) -> float:
-    """How well a fine run is known: the sum of its differences to one of a coarser mesh and one of a coarser step."""
-    return sum(compare(other, best, probes).error for other in coarser)
-
-
-def refined_reference(
-    runner: Runner, fine: Trial, coarser: Sequence[Trial], probes: Sequence[Probe], solvers: Sequence[str]
-) -> Reference:
-    """The finest run of the first of several solvers that can do it.
-
-    Parameters
-    ----------
-    runner : Runner
-        Runs them.
-    fine : Trial
-        Its `solver` does not matter.
-    coarser : sequence of Trial
-        The same with a coarser mesh, and with a coarser step: the reference's uncertainty is the sum of its
-        differences to them.
-    probes : sequence
-        Where to compare.
-    solvers : sequence of str
-        Names in the order of preference.
-    """
-    reason = "no solver given"
-    for name in solvers:
-        runs = [replace(c, solver=name) for c in (fine, *coarser)]
-        runner.compute(runs)
-        best, *others = (runner.solve(run).solution for run in runs)
-        bad = [s.status for s in (best, *others) if not s.status.ok]
-        if bad:
-            reason = f"{name} {bad[0]}"
-            continue
-        uncertainty = uncertainty_of(best, others, probes)
-        label = f"{name} {fine.integrator} {mesh_label(fine.mesh)} dt={fine.dt:g}"
-        return Reference(label, lambda s, best=best: compare(s, best, probes).error, uncertainty, best)  # type: ignore[misc]
-    return Reference(f"none: {reason}", lambda s: float("nan"), float("nan"))
-
-
-def _quadrature_shown(case: Trial) -> str:
-    """The quadrature of a case as tables show it: of bodies of different kinds none is told."""
-    return (
-        "-" if isinstance(case.element, Mapping) else kind_of(case.element).quadrature_shown(case.quadrature)
-    )
-
-
-def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
-    """The tidy row of a run. A run cut short has no error."""
-    case, solution, timing = outcome.case, outcome.solution, summarise(outcome.costs)
-    return {
-        "scene": case.scene.name,
-        "solver": case.solver,
-        "element": element_of(case.solver, case.element),
-        "quadrature": _quadrature_shown(case),
-        "integrator": case.integrator,
-        "elements": mesh_label(case.mesh),
-        "dofs": solution.dofs,
-        "dt": case.dt,
-        "t_end": case.t_end if case.integrator != STATIC else float("nan"),
-        "steps": solution.cost.steps,
-        "newton_iterations": solution.cost.newton_iterations,
-        "error": reference.error_of(solution) if solution.status.ok else float("nan"),
-        "reference_error": reference.uncertainty,
-        "reference": reference.name,
-        "cpu_s": timing.cpu_s,
-        "cpu_spread": timing.cpu_spread,
-        "build_s": timing.build_s,
-        "wall_s": timing.wall_s,
-        "repeats": timing.repeats,
-        "status": str(solution.status),
-    }
-
-
-def rows_frame(
-    rows: Sequence[dict[str, Any]], outcomes: Sequence[Outcome], families: Sequence[str]
-) -> pd.DataFrame:
-    """Rows as a frame, with the number of all elements and the element whose reference they have."""
-    return pd.DataFrame(rows, columns=list(COLUMNS)).assign(
-        all_elements=[sum(o.case.mesh) for o in outcomes],
-        family=list(families),
-    )
-
-
-def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
-    """The raw time samples of a run."""
-    case = outcome.case
-    names = ("solver", "element", "quadrature", "integrator")
-    about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
-    about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
-    times = ("cpu_s", "build_s", "wall_s")
-    return [
-        {
-            **about, "sample": k, **{t: getattr(s.cost, t) for t in times},
-            "machine": s.interval.machine, "began": s.interval.begin, "ended": s.interval.end,
-        }
-        for k, s in enumerate(outcome.samples)
-    ]  # fmt: skip
 
 
 def _identity(case: Trial) -> Trial | int:

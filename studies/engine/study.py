@@ -12,7 +12,8 @@ from studies.engine.pictures import Film, Picture
 from studies.engine.tables import Table
 
 if TYPE_CHECKING:
-    from studies.engine.runner import Mesh, Runner
+    from studies.engine.runner import Runner
+    from studies.engine.running.trial import Mesh
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {

@@ -17,7 +17,10 @@ from anctmm.jit.compiling import OPTIONS
 from anctmm.model.scene import Beam
 from anctmm.results.metrics import compare
 from anctmm.validation import FrozenMapping
-from studies.engine.runner import Mesh, Outcome, Reference, Runner, Trial, mesh_label, row
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.rows import row
+from studies.engine.running.trial import Mesh, Trial, mesh_label
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import ACCURACY, Table, cpu_time
 from studies.fidelity.steps import MARGIN, stable_step, step_under

@@ -14,7 +14,10 @@ from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
 from studies.engine.answers import Answer
 from studies.engine.refinement import Refined, Refinement, Setup
-from studies.engine.runner import STATIC, Mesh, Reference, Runner, Trial, mesh_label, row
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Reference
+from studies.engine.running.rows import row
+from studies.engine.running.trial import STATIC, Mesh, Trial, mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, StudyError
 from studies.engine.tables import ACCURACY, BUILD, Table, cpu_time

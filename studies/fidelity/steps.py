@@ -8,7 +8,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
-from studies.engine.runner import Mesh
+from studies.engine.running.trial import Mesh
 
 #: Part of the stability limit that a run takes.
 MARGIN = 0.9

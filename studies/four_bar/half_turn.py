@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 from studies.engine.dynamics import Fine, Plan, Scheme, of_kinds, sweep
-from studies.engine.runner import Mesh, Runner
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh
 from studies.engine.study import Options
 from studies.engine.tables import BUILD, Table
 from studies.scenes import BaseScene

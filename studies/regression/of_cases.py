@@ -7,7 +7,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
 from studies.engine.dynamics import check_mesh
 from studies.engine.refinement import coarsest_mesh, longest_step
-from studies.engine.runner import Mesh, Trial
+from studies.engine.running.trial import Mesh, Trial
 from studies.regression.scenes import TIGHT, CheckError, Run, Static, Watch
 
 #: Elements over those of the coarsest mesh, and steps over those of the longest step.

@@ -29,7 +29,7 @@ from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
 from anctmm.solvers.registry import static_of
 from studies.engine.other_numbers import Change
-from studies.engine.runner import guarded
+from studies.engine.running.trial import guarded
 from studies.engine.timing import undisturbed
 from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE

@@ -1,5 +1,7 @@
 """What a study prints: a narrow table of its runs, the reasons of those that failed, and its findings."""
 
+from collections.abc import Sequence
+
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 from rich.console import Console
@@ -19,6 +21,8 @@ HEADS = (
     ("solver", False), ("element", False), ("integrator", False), ("elements", False), ("dt", True),
     ("error", True), ("cpu (s)", True),
 )  # fmt: skip
+#: Columns that tell a run from others of its table.
+TELLING = ("elements", "dt")
 
 
 def glance(result: Result, console: Console) -> None:
@@ -51,9 +55,19 @@ def _shown(table: Table, console: Console) -> None:
         show_table(console, shown)
         for column in constant:
             say(console, f"{label(str(column))}: {rows[column].iloc[0]}", "dim")
+        for status, bad in failed(rows).groupby("status", sort=False) if "status" in rows else ():
+            say(console, f"{_where(bad, columns)}{status}", "yellow")
         console.print()
-    for status in dict.fromkeys(failed(table.frame)["status"]) if "status" in table.frame else ():
-        say(console, status, "yellow")
+
+
+def _where(rows: pd.DataFrame, columns: Sequence[str]) -> str:
+    """By which meshes and steps rows were run, as far as that tells them from others of their table."""
+    told = [
+        f"{label(name)} {', '.join(dict.fromkeys(map(_cell, rows[name])))}"
+        for name in TELLING
+        if name in columns
+    ]
+    return f"{'; '.join(told)}: " if told else ""
 
 
 def _cell(value: object) -> str:

@@ -12,7 +12,8 @@ from anctmm.validation import positive
 from studies.engine.digits import Value, values_of, values_table
 from studies.engine.dynamics import check_mesh
 from studies.engine.refinement import Refined, Refinement, Setup
-from studies.engine.runner import Mesh, Runner, mesh_label
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.storage.files import check_writable
 from studies.engine.tables import write_machine, write_table
 

@@ -9,7 +9,8 @@ from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from studies.engine.dynamics import check_kinds
 from studies.engine.refinement import Refined, Refinement, Setup
-from studies.engine.runner import Mesh, Runner
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
 from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, TARGETS, Ladder, lacks_of_high_order
 

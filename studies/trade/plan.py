@@ -12,7 +12,8 @@ from anctmm.solvers import registry
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES, features_of
 from studies.engine.choices import choices_of
 from studies.engine.dynamics import Fine, Plan, Scheme
-from studies.engine.runner import Mesh, Reference
+from studies.engine.running.outcomes import Reference
+from studies.engine.running.trial import Mesh
 from studies.engine.setting import stable_step
 from studies.scenes import cantilever_fall, four_bar
 

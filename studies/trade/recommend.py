@@ -16,7 +16,7 @@ from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
 from studies.engine.choices import read as read_own
-from studies.engine.runner import Trial, mesh_label
+from studies.engine.running.trial import Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.engine.timing import undisturbed

@@ -8,7 +8,10 @@ from anctmm.elements.kinds import KINDS
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from studies.engine.dynamics import Sweep, measured_by
-from studies.engine.runner import Mesh, Outcome, Runner, Trial, element_of
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome
+from studies.engine.running.rows import element_of
+from studies.engine.running.trial import Mesh, Trial
 
 #: One error outweighs the other when it is this many times larger.
 OUTWEIGHS = 2.0

@@ -12,7 +12,10 @@ from studies.cases import assumptions_of
 from studies.engine.choices import written
 from studies.engine.dynamics import Sweep, check_mesh, measured_by, sweep
 from studies.engine.pareto_front import NEAR, excess
-from studies.engine.runner import Outcome, Runner, Sample, Trial, label_of, row, sample_rows
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Outcome, Sample
+from studies.engine.running.rows import row, sample_rows
+from studies.engine.running.trial import Trial, label_of
 from studies.engine.running.turns import at_work
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken

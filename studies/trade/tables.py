@@ -14,7 +14,7 @@ from studies.engine.answers import Answer
 from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR, cost_at
-from studies.engine.runner import Reference
+from studies.engine.running.outcomes import Reference
 from studies.engine.tables import BUILD, Table, failed, times
 from studies.trade.choice import KIND, STEPPING, milliseconds, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS

@@ -10,7 +10,8 @@ import numpy as np
 
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status
-from studies.engine.runner import Runner, product
+from studies.engine.runner import Runner
+from studies.engine.running.trial import product
 from studies.scenes import cantilever_fall
 
 SCENE = cantilever_fall().scene

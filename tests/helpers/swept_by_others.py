@@ -17,7 +17,8 @@ import typer
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status
 from studies.cli import sweeping
-from studies.engine.runner import Runner, product
+from studies.engine.runner import Runner
+from studies.engine.running.trial import product
 from studies.engine.storage import files
 from studies.scenes import cantilever_fall
 

@@ -25,7 +25,8 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy
 from anctmm.solvers.capabilities import Offer
 from reference import exact, exudyn_cable, exudyn_reissner, global_dae, pyelastica
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 from studies.regression.check import Static, Watch
 
 # --- junk --------------------------------------------------------------------------------------------------

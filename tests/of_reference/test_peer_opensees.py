@@ -12,7 +12,8 @@ from anctmm.errors import UnknownOptionError
 from reference import opensees
 from reference.exact import solve_static
 from reference.opensees import process
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 from studies.scenes import (
     cantilever_end_moment,
     cantilever_fall,

@@ -10,7 +10,8 @@ import anctmm as at
 from anctmm.errors import AnctmmError, DiscretisationError, StabilityError
 from reference import exudyn_reissner, pyelastica
 from reference.exact import solve_static
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 
 L, SECTION, MATERIAL = 2.0, at.Rectangle(0.01, 0.1), at.Material(E=1e7, density=1000.0)
 EA, GA = MATERIAL.E * SECTION.area, MATERIAL.lame[1] * SECTION.area

@@ -25,7 +25,10 @@ from anctmm.solvers import registry
 from anctmm.solvers.registry import solver
 from reference import exudyn_cable, exudyn_reissner, global_dae
 from studies.cli import app
-from studies.engine.runner import Reference, Runner, Trial, row
+from studies.engine.runner import Runner
+from studies.engine.running.outcomes import Reference
+from studies.engine.running.rows import row
+from studies.engine.running.trial import Trial
 from studies.engine.storage.files import atomic_write, check_writable
 from studies.engine.storage.store import MAGIC, Store
 from studies.regression.check import BASELINES

@@ -13,7 +13,8 @@ from markupsafe import escape
 
 from studies.agreement.study import findings, matrix
 from studies.engine.answers import answers_of
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 from studies.engine.study import Options, Result, find
 from studies.engine.tables import MOST_ROWS, Table
 from studies.report import animation as film

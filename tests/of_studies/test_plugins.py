@@ -19,7 +19,8 @@ from studies.cli import read_options
 from studies.conformance.check import BROKEN, conform
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, sweep
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 from studies.engine.study import Options
 from studies.scenes import cantilever_fall, cantilever_tip_force
 

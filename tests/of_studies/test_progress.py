@@ -11,7 +11,8 @@ from studies.cases import cases_in
 from studies.cli import app
 from studies.command_line import progress
 from studies.command_line.progress import Log, shortened, spoken
-from studies.engine.runner import Runner, Trial
+from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 
 
 class Clock:

@@ -8,7 +8,9 @@ from functools import partial
 import pytest
 
 from anctmm.model.scene import Clamp
-from studies.engine.runner import Runner, Trial, case_key, classes, reproducible
+from studies.engine.runner import Runner
+from studies.engine.running.case_text import case_key, classes, reproducible
+from studies.engine.running.trial import Trial
 from studies.engine.storage import provenance
 from studies.engine.storage.sources import Sources, module_of
 from studies.scenes import cantilever_fall, four_bar

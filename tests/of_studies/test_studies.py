@@ -19,7 +19,12 @@ from studies.cantilever.statics import rates
 from studies.cli import BadOption, read_options
 from studies.engine import tables
 from studies.engine.dynamics import Fine, Plan, Scheme, cases_of, sweep
-from studies.engine.runner import Reference, Runner, Trial, product, refined_reference, reproducible, row
+from studies.engine.references import refined_reference
+from studies.engine.runner import Runner
+from studies.engine.running.case_text import reproducible
+from studies.engine.running.outcomes import Reference
+from studies.engine.running.rows import row
+from studies.engine.running.trial import Trial, product
 from studies.engine.study import Options, Result, StudyError, find
 from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise, undisturbed

@@ -19,9 +19,10 @@ from typer.testing import CliRunner
 from anctmm.errors import SolverError
 from anctmm.model.scene import Force
 from studies.cli import app
-from studies.engine.runner import Runner, product
+from studies.engine.runner import Runner
 from studies.engine.running.pool import WorkerDied, WorkerPool
 from studies.engine.running.team import SweepError, team
+from studies.engine.running.trial import product
 from studies.engine.running.turns import Turns
 from studies.engine.running.worker import NotSendable, OtherCode, packed_run, work
 from studies.engine.storage import provenance

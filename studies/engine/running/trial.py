@@ -1,6 +1,6 @@
 """One run of one solver, and how it is done: whatever fails is an answer, too."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from typing import Any
@@ -161,3 +161,15 @@ def mesh_label(mesh: Mesh) -> str:
 
 def _one_line(error: BaseException) -> str:
     return " ".join(str(error).split())
+
+
+def product(
+    scene: Scene,
+    solvers: Iterable[str],
+    meshes: Iterable[Mesh],
+    steps: Iterable[float] = (float("nan"),),
+    **common: Any,
+) -> list[Trial]:
+    """Cases of solver × mesh × step, the rest in common."""
+    steps, solvers = tuple(steps), tuple(solvers)
+    return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]

@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 from anctmm.results.solution import Solution
-from studies.engine.runner import Trial
+from studies.engine.running.trial import Trial
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base, apart, paths, size_of
 from studies.extremes.parts import EPS, Part

@@ -15,7 +15,7 @@ from anctmm.integrators.stability import largest_step
 from anctmm.integrators.static_start import coordinates_of
 from studies.engine.pictures import Picture
 from studies.engine.refinement import Refinement, Setup
-from studies.engine.runner import mesh_label
+from studies.engine.running.trial import mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import TARGETS, Base, apart
