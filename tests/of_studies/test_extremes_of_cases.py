@@ -19,6 +19,7 @@ from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base
 from studies.extremes.of_cases.growth import growth
 from studies.extremes.of_cases.places import places
+from studies.extremes.of_cases.stiffness import stiffness
 from studies.extremes.of_cases.study import answers_of_case
 from studies.report.folder import write
 
@@ -174,6 +175,18 @@ def test_laws_in_si_units_are_said_not_to_apply():
 def test_what_is_wrong_is_named(arguments, words):
     done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
     assert (done.exit_code, words in " ".join(done.output.split())) == (2, True), done.output
+
+
+def test_a_frame_at_rest_is_no_frame_of_rigid_bars():
+    """Three clamped and welded rigid bars have no tangent stiffness of their own: nothing can be compared with them."""
+    case = cases_in(PORTAL_FRAME)[1]
+    part = stiffness(Base.of(case, Runner(None, repeats=1), quick=True))
+    assert list(part.tables[0].frame["status"]) == [
+        "does not apply: with all beams rigid the scene is a mechanism"
+    ]
+    assert part.learned == (
+        "portal-frame-at-rest, stiffness: does not apply: with all beams rigid the scene is a mechanism.",
+    )
 
 
 def test_each_case_has_answers_of_its_own():
