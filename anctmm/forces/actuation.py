@@ -13,7 +13,7 @@ from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
 from anctmm.forces.loads import Loads, loads_of, loads_power, loads_work
-from anctmm.jit.compiling import kernel
+from anctmm.jit.compiling import merged
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import free_name, name_of
 from anctmm.model.drives import tabulate
@@ -135,7 +135,7 @@ def _clock(t: Array) -> Array:
     return np.stack([t, np.zeros_like(t)], axis=1)[:, None]
 
 
-@kernel
+@merged
 def turn_clamps(clamps: DrivenClamps, drives: Array) -> None:
     """Motion of the driven clamps' nodes from angle, rate and acceleration, (clamps, 3)."""
     for h in range(len(clamps.nodes)):
@@ -151,7 +151,7 @@ def turn_clamps(clamps: DrivenClamps, drives: Array) -> None:
             clamps.motion[2, h, k], clamps.motion[2, h, k + 1] = -a * gy - w * w * gx, a * gx - w * w * gy
 
 
-@kernel
+@merged
 def place_clamps(q: Array, v: Array, clamps: DrivenClamps) -> None:
     """Give the driven clamps' nodes the positions and velocities of their motion."""
     for h in range(len(clamps.nodes)):
@@ -160,7 +160,7 @@ def place_clamps(q: Array, v: Array, clamps: DrivenClamps) -> None:
             v[k, clamps.nodes[h]] = clamps.motion[1, h, k]
 
 
-@kernel
+@merged
 def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: DrivenClamps) -> None:
     """Generalized forces that turn the driven clamps, M a + F_elastic − f of their nodes."""
     one = len(tables.first) - len(
@@ -186,7 +186,7 @@ def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: Driven
                 clamps.reaction[clamp, k] = r
 
 
-@kernel
+@merged
 def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
     """Work of driven clamps and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
     work = 0.0
@@ -200,7 +200,7 @@ def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values
     return work
 
 
-@kernel
+@merged
 def power_of(q: Array, v: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
     """Power of driven clamps and varying loads, and of connectors beside their energy, at velocities v, W."""
     power = 0.0

@@ -24,7 +24,7 @@ from anctmm.discretise.maps import (
 from anctmm.errors import unknown_kind
 from anctmm.forces.connectors import Connectors, connectors_of, connectors_power, connectors_work
 from anctmm.forces.stiffness import Border, Local, follower_at, stiffness_of
-from anctmm.jit.compiling import embedded, kernel
+from anctmm.jit.compiling import embedded, merged
 from anctmm.jit.copies import writes
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
@@ -141,7 +141,7 @@ def load_at(loads, n, q, x, y):  # type: ignore[no-untyped-def]
     return -m * gy, m * gx
 
 
-@kernel
+@merged
 def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> None:
     """Make f, (rows, nodes), at the nodes that anything acts on the dead load and the varying loads.
 

@@ -8,6 +8,7 @@ import numpy as np
 from anctmm.discretise.assembly import (
     FIRST_BODY,
     body_after,
+    window_end,
     window_forces,
     window_inertia,
 )
@@ -148,8 +149,9 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
     last = 12 * BLOCK
     buffer[last:] = 0.0
     start_sweep(size, loops, work)
-    for start in range(0, nodes, BLOCK):
-        end = min(start + BLOCK, nodes)
+    start = 0
+    while start < nodes:
+        end = window_end(start, nodes, body, first)
         window_forces(formulations, q, start, end, body, first, kinds, constants, buffer)
         window_inertia(w, 1.0, start, end, body, first, masses, buffer)
         body = body_after(end, body, first)
@@ -174,6 +176,7 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
             if stop == places.at[place]:
                 part_outboard(size, places, loops, place, work)
                 place += 1
+        start = end
     turn_back(size, loops, work)
 
 

@@ -48,11 +48,20 @@ def embedded(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True)
 
 
+def merged(function: Callable[..., Any]) -> Any:
+    """Make a function part of the kernels that call it, as `embedded` does, and keep it on disk: Python calls it too.
+
+    A call hands over every array of its arguments as some seven numbers, which for what acts on a scene takes longer
+    than the function itself.
+    """
+    return _kept(function, forceinline=True)
+
+
 def _kept(function: Callable[..., Any], **options: Any) -> Any:
     """A kernel that is kept on disk."""
     compiled: Any = _compiled(function, **options)
     if isinstance(compiled, Kernel):
-        compiled._cache = KernelFiles(function)
+        compiled._cache = KernelFiles(function, compiled.targetoptions)
     return compiled
 
 

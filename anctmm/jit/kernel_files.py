@@ -14,7 +14,7 @@ import shutil
 import tempfile
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
@@ -55,10 +55,13 @@ class KernelFiles(_Cache):  # type: ignore[misc]
     ----------
     function : callable
         Not compiled.
+    options : mapping
+        Of its compilation.
     """
 
-    def __init__(self, function: Callable[..., Any]) -> None:
+    def __init__(self, function: Callable[..., Any], options: Mapping[str, Any]) -> None:
         self._function = function
+        self._options = str(sorted((name, str(value)) for name, value in options.items()))
         self._name = f"{function.__module__}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._enabled = True
 
@@ -147,7 +150,8 @@ class KernelFiles(_Cache):  # type: ignore[misc]
             return None
         arguments, _ = sigutils.normalize_signature(signature)
         kind = _hash(f"{signature_text(arguments)}\n{codegen.magic_tuple()}\n{_environment()}")
-        return place / f"{self._name}-{kind[:16]}-{code_digest(self._function)[:32]}{ENDING}"
+        code = _hash(f"{code_digest(self._function)}\n{self._options}")
+        return place / f"{self._name}-{kind[:16]}-{code[:32]}{ENDING}"
 
 
 @lru_cache

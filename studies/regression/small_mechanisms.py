@@ -155,3 +155,40 @@ def truss() -> at.Scene:
     joints: list[Joint] = [at.Pin("left.start"), at.Pin("left.end", "right.start"), at.Pin("right.end")]
     stay = at.Spring("left.end", (0.6, 1.4), stiffness=0.8)
     return _mechanism("small-truss", bodies, joints, [at.Force("left.end", (0.4, -6.0))], (0.0, 0.0), [stay])
+
+
+def sliding() -> at.Scene:
+    """A driven crank, its rod, whose end slides with a weight, and a beam on a prismatic joint; all on the ground."""
+    side = body("side", (0.9, 0.6), (1.2, 0.7), PLAIN)
+    bodies: list[Body] = [
+        body("one", A, B),
+        body("two", B, C, FIRM, ROD),
+        side,
+        at.PointMass("ball", 0.03, C),
+    ]
+    joints: list[Joint] = [
+        at.Clamp("one.start", angle=at.Quintic(0.4, 0.05)),
+        at.Pin("one.end", "two.start"),
+        at.Pin("two.end", "ball.center"),
+        at.Slider("two.end", (3.0, 1.0)),
+        at.Prismatic("side.start", (1.0, -2.0)),
+    ]
+    stay = at.Spring("side.start", (0.8, 0.9), stiffness=40.0, damping=0.1, length=0.2)
+    return _mechanism("small-sliding", bodies, joints, [at.Force("side.end", (0.3, 0.2))], GRAVITY, [stay])
+
+
+def wheel() -> at.Scene:
+    """A disc that turns by more than half a turn against a rotational spring, and draws a car with a beam."""
+    disc = at.RigidBody("disc", 0.2, 3e-4, (0.0, 0.0), {"rim": (0.04, 0.03)}, spin=200.0)
+    car = at.RigidBody("car", 0.1, 2e-4, (0.4, 0.1), {"a": (0.35, 0.12), "b": (0.45, 0.1)})
+    bodies: list[Body] = [disc, car, body("tail", (0.45, 0.1), (0.8, 0.2), FIRM, ROD)]
+    joints: list[Joint] = [
+        at.Pin("disc.center"),
+        at.Pin("car.b", "tail.start"),
+        at.Slider("car.center", (4.0, 1.0)),
+    ]
+    connectors: list[Connector] = [
+        at.RotationalSpring("disc.center", stiffness=0.1, damping=5e-4, angle=0.3),
+        at.Spring("disc.rim", "car.a", stiffness=80.0),
+    ]
+    return _mechanism("small-wheel", bodies, joints, [], GRAVITY, connectors)

@@ -219,6 +219,8 @@ def _mechanisms() -> tuple[Watch, ...]:
     return (
         _watch(linkage, {**moving, "adaptive": careful}),
         _watch(guided, moving),
+        _watch(mechanisms.sliding(), {**moving, "static": Static(2, load_steps=2)}),
+        _watch(mechanisms.wheel(), moving),
         _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
         _watch(mechanisms.slack(), {"static": Static(1, load_steps=1)}),

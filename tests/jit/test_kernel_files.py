@@ -33,7 +33,7 @@ def report():
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
-def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_does(tmp_path):
+def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_or_option_does(tmp_path):
     """Three processes that import a module as it is edited."""
 
     def run(source):
@@ -48,6 +48,10 @@ def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_does(tmp_path
     assert run(SOURCE.replace("A docstring", "Another one,\n\nlonger")) == ["7.0", "1", "0"]
     assert run(SOURCE.replace("2.0 * x", "3.0 * x")) == ["10.0", "0", "1"]
     assert run(SOURCE) == ["7.0", "1", "0"]
+    merged = SOURCE.replace("import kernel", "import kernel, merged").replace(
+        "@kernel\ndef outer", "@merged\ndef outer"
+    )
+    assert run(merged) == ["7.0", "0", "1"]  # compiled in another way: another kernel
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
