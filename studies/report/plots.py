@@ -311,12 +311,14 @@ def floor(axes: Axes, uncertainties: pd.Series, side: str = "right") -> None:
     axes.update_datalim([(0.0, level / 2.0)], updatex=False)
     axes.autoscale_view(scalex=False)
     axes.axhline(level, color="#7f7f87", linewidth=1.0, linestyle=(0, (2, 2)))
+    # a slope's name may stand at the line on the left: there the words stand at the bottom
+    bottom = side == "left"
     axes.annotate(
         "reference's own uncertainty",
-        (place, level),
-        xycoords=("axes fraction", "data"),
+        (place, 0.015 if bottom else level),
+        xycoords="axes fraction" if bottom else ("axes fraction", "data"),
         ha=side,
-        va="top",
+        va="bottom" if bottom else "top",
         fontsize=7.5,
         color=INK,
         xytext=(0, -2),
