@@ -1,0 +1,40 @@
+"""No text of a picture lies on another, with all that the kept tables hold."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from browser import OVERLAPS, Browser, Tab, needs_chromium
+
+from studies.report.error_pictures import ELEMENT_TITLES, over_mesh
+from studies.trade.pictures import pictures
+
+REPORTS = Path(__file__).parents[2] / "reports"
+
+
+def drawn():
+    points = pd.read_csv(REPORTS / "trade" / "points.csv")
+    for scene, mine in points.groupby("scene", sort=False):
+        yield from pictures(scene, mine)
+    for study, scene in (("four-bar", "four-bar"), ("cantilever", "cantilever-fall")):
+        rows = pd.read_csv(REPORTS / study / "accuracy.csv").query("scene == @scene")
+        known = rows["element"].where(rows["element"].isin(list(ELEMENT_TITLES)), "cable")
+        elements = rows["elements"].astype(str).str.split("/").map(lambda mesh: sum(map(int, mesh)))
+        yield over_mesh(rows.assign(family=known, all_elements=elements), f"mesh_{study}")
+
+
+@pytest.fixture(scope="module")
+def browser():
+    started = Browser()
+    yield started
+    started.close()
+
+
+@needs_chromium
+def test_texts_of_pictures_have_room(browser, tmp_path):
+    for shown in drawn():
+        page = tmp_path / f"{shown.name}.svg.html"
+        page.write_text(f"<!doctype html><meta charset='utf-8'>{shown.svg[shown.svg.index('<svg') :]}")
+        tab = Tab(browser, page)
+        assert tab.run(OVERLAPS) == [], shown.name
+        tab.close()
