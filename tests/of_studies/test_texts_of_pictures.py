@@ -17,7 +17,8 @@ def drawn():
     for scene, mine in points.groupby("scene", sort=False):
         yield from pictures(scene, mine)
     for study, scene in (("four-bar", "four-bar"), ("cantilever", "cantilever-fall")):
-        rows = pd.read_csv(REPORTS / study / "accuracy.csv").query("scene == @scene")
+        rows = pd.read_csv(REPORTS / study / "accuracy.csv")
+        rows = rows[rows["scene"] == scene]
         known = rows["element"].where(rows["element"].isin(list(ELEMENT_TITLES)), "cable")
         elements = rows["elements"].astype(str).str.split("/").map(lambda mesh: sum(map(int, mesh)))
         yield over_mesh(rows.assign(family=known, all_elements=elements), f"mesh_{study}")
