@@ -7,7 +7,7 @@ import sys
 import numba
 import pytest
 
-from anctmm.integrators import generalized_alpha, zhai
+from anctmm.integrators import implicit_system, zhai
 from anctmm.jit import code_digest as code_digest_module
 from anctmm.jit.code_digest import code_digest, signature_text
 
@@ -206,7 +206,7 @@ def test_what_the_machine_code_depends_on_changes_the_digest(digest_of, module, 
 def test_types_of_one_name_are_told_apart_by_their_classes():
     kinds = [
         numba.types.NamedTuple((numba.float64,) * len(module.State._fields), module.State)
-        for module in (zhai, generalized_alpha)
+        for module in (zhai, implicit_system)
     ]
     texts = {signature_text((kind,)) for kind in kinds}
     assert len(texts) == 2
