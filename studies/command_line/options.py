@@ -1,6 +1,7 @@
 """Options as typed to options as meant. An option that cannot be read is named with what is allowed."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -71,8 +72,12 @@ def setup_of(solver: str, element: str | None, integrator: str | None) -> "Setup
     """
     from studies.engine.refinement import Setup
 
-    given = {"element": element, "integrator": integrator}
-    return Setup(solver, **{name: value for name, value in given.items() if value is not None})
+    ours = Setup(solver)
+    return replace(
+        ours,
+        element=ours.element if element is None else element,
+        integrator=ours.integrator if integrator is None else integrator,
+    )
 
 
 def path(text: str | Path) -> Path:

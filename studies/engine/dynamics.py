@@ -8,8 +8,9 @@ import pandas as pd
 
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
-from anctmm.model.scene import Scene
+from anctmm.model.scene import Clamp, Scene
 from anctmm.results.solution import Solution
+from anctmm.validation import one_of
 from studies.engine.references import refined_reference
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
@@ -22,6 +23,28 @@ REISSNER = (
     "exudyn-reissner is measured against the shear element's reference: its error contains the difference of two "
     "models (Reissner's strains against Green's), which no mesh removes."
 )
+
+
+#: Clamps hold or free the stretch as their scene says.
+AS_GIVEN = "as given"
+
+
+def with_stretch(scene: Scene, stretch: str) -> Scene:
+    """A scene whose clamps free the stretch, or as it is.
+
+    Clamps hold directions in the continuum, which knows no gradient to be held beside: with more elements both tend to
+    the same motion. Where clamps hold the stretch, the error of elements of any order falls like that of first order.
+
+    Parameters
+    ----------
+    scene : Scene
+    stretch : str
+        "free" or "as given".
+    """
+    if one_of("stretch", stretch, (AS_GIVEN, "free")) == AS_GIVEN:
+        return scene
+    joints = (replace(j, stretch="free") if isinstance(j, Clamp) else j for j in scene.joints)
+    return replace(scene, joints=tuple(joints))
 
 
 @dataclass(frozen=True)
@@ -39,6 +62,8 @@ class Scheme:
         Further options of the discretisation. With a `tolerance` the error drives the step, and `steps` is not used.
     own : tuple of (str, value)
         Keyword arguments that only these solvers have.
+    stretch : str
+        Of the scene's clamps, see `with_stretch`.
     """
 
     element: str
@@ -49,6 +74,7 @@ class Scheme:
     steps: Callable[[Mesh], tuple[float, ...]]
     options: tuple[tuple[str, Any], ...] = ()
     own: tuple[tuple[str, Any], ...] = ()
+    stretch: str = AS_GIVEN
 
     def steps_on(self, mesh: Mesh, wanted: tuple[float, ...] | None) -> tuple[float, ...]:
         """Steps on a mesh, s: those the user wants, or its own; one NaN where a tolerance drives them."""
@@ -59,7 +85,9 @@ class Scheme:
 class Fine:
     """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order.
 
-    Without a coarser mesh the reference is one of the step alone.
+    Without a coarser mesh the reference is one of the step alone. `element` takes the place of the one whose reference
+    it is, of the same continuum; `stretch` is that of the scene's clamps, see `with_stretch`; `options` are further
+    ones of the discretisation.
     """
 
     solvers: tuple[str, ...]
@@ -69,6 +97,9 @@ class Fine:
     coarser_dt: float
     integrator: str = "zhai"
     quadrature: str = "full"
+    element: str | None = None
+    stretch: str = AS_GIVEN
+    options: tuple[tuple[str, Any], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -154,7 +185,7 @@ def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     cases = cases_of(base, plan, options)
     elements = dict.fromkeys(measured_by(case, plan.references) for case in cases)
     runner.compute([*cases, *(run for e in elements for run in _reference_runs(base, e, plan.references[e]))])
-    references = {e: _reference(base, e, plan.references[e], runner) for e in elements}
+    references = {e: reference_of(base, e, plan.references[e], runner) for e in elements}
     return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
 
 
@@ -178,9 +209,10 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     for scheme in schemes:
         wanted = scheme.solvers if options.solvers is None else options.solvers
         solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
+        scene = with_stretch(base.scene, scheme.stretch)
         for mesh in options.meshes or scheme.meshes:
             cases += product(
-                base.scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
+                scene, solvers, [mesh], scheme.steps_on(mesh, options.steps), element=scheme.element,
                 quadrature=scheme.quadrature, integrator=scheme.integrator, t_end=base.duration,
                 output_dt=base.interval, options=scheme.options, own=scheme.own,
             )  # fmt: skip
@@ -217,13 +249,20 @@ def samples(outcomes: tuple[Outcome, ...]) -> Table:
 def measured_by(case: Trial, references: Mapping[str, Any]) -> str:
     """Element whose reference a case is measured against: its own, or one that tends to the same."""
     own = element_of(case.solver, case.element)
-    if own in references or case.element in references:
-        return own if own in references else case.element
-    alike = (e for e in references if e in KINDS and KINDS[e].continuum == KINDS[case.element].continuum)
-    return next(alike, case.element)
+    return own if own in references else continuum_of(case.element, references)
 
 
-def _reference(base: Case, element: str, fine: Fine | Reference, runner: Runner) -> Reference:
+def continuum_of(element: str, known: Iterable[str]) -> str:
+    """An element among those known that tends to the same continuum: itself first, and where there is none."""
+    known = list(known)
+    if element in known:
+        return element
+    alike = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
+    return next(alike, element)
+
+
+def reference_of(base: Case, element: str, fine: Fine | Reference, runner: Runner) -> Reference:
+    """The reference of an element: that of settings, which are run, or one that is there already."""
     if isinstance(fine, Reference):
         return fine
     best, *coarser = _fine_and_coarser(base, element, fine)
@@ -237,13 +276,21 @@ def _reference_runs(base: Case, element: str, fine: Fine | Reference) -> list[Tr
     return [replace(case, solver=fine.solvers[0]) for case in _fine_and_coarser(base, element, fine)]
 
 
+def fine_run(base: Case, element: str, fine: Fine) -> Trial:
+    """The finest run of settings, by the first solver asked."""
+    return replace(_fine_and_coarser(base, element, fine)[0], solver=fine.solvers[0])
+
+
 def _fine_and_coarser(base: Case, element: str, fine: Fine) -> list[Trial]:
-    asked = element if element in KINDS else "shear"  # a solver with an element of its own does not mind
+    asked = fine.element or (
+        element if element in KINDS else "shear"
+    )  # who has an element of its own does not mind
+    scene = with_stretch(base.scene, fine.stretch)
 
     def case(mesh: Mesh, dt: float) -> Trial:
         return Trial(
-            base.scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
-            dt=dt, t_end=base.duration, output_dt=base.interval,
+            scene, "", mesh, element=asked, quadrature=fine.quadrature, integrator=fine.integrator,
+            dt=dt, t_end=base.duration, output_dt=base.interval, options=fine.options,
         )  # fmt: skip
 
     cases = [case(fine.mesh, fine.dt), case(fine.mesh, fine.coarser_dt)]

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite, nan
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
+from studies.engine.dynamics import AS_GIVEN, with_stretch
 from studies.engine.richardson import Part, Spacing, part_of
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
@@ -45,6 +47,10 @@ class Setup:
     Parameters
     ----------
     solver, element, integrator, quadrature : str
+    stretch : str
+        Of the scene's clamps, see `studies.engine.dynamics.with_stretch`.
+    options : tuple of (str, value)
+        Further options of the discretisation.
 
     Raises
     ------
@@ -56,6 +62,8 @@ class Setup:
     element: str = "cable"
     integrator: str = "generalized-alpha"
     quadrature: str = "full"
+    stretch: str = AS_GIVEN
+    options: tuple[tuple[str, Any], ...] = ()
 
     def __post_init__(self) -> None:
         one_of("solver", self.solver, registry.names())
@@ -152,8 +160,8 @@ class Refinement:
         """The run of a level of mesh and one of step."""
         setup, case = self.setup, self.case
         return Trial(
-            case.scene, setup.solver, self.mesh_at(i), setup.element, setup.quadrature,
-            STATIC if case.static else setup.integrator, self.dt_at(i, j), case.duration, case.interval,
+            with_stretch(case.scene, setup.stretch), setup.solver, self.mesh_at(i), setup.element, setup.quadrature,
+            STATIC if case.static else setup.integrator, self.dt_at(i, j), case.duration, case.interval, setup.options,
         )  # fmt: skip
 
     def work(self, i: int, j: int) -> float:

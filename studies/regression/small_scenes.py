@@ -467,3 +467,16 @@ def loop() -> at.Scene:
     ]
     loads: list[Load] = [at.Torque("two.end", 0.02), at.Force("three.start", (0.3, -0.4))]
     return _scene("small-loop", bodies, joints, loads, GRAVITY)
+
+
+def freed() -> at.Scene:
+    """Two bodies welded at an angle on a driven clamp that leaves the stretch free, with a third one on a fixed one."""
+    bodies = [body("one", B, A), body("two", C, B, PLAIN, BLOCK), body("three", D, C, FIRM, ROD)]
+    joints: list[Joint] = [
+        at.Clamp("one.start", at.Quintic(0.6, 0.04), "free"),
+        at.Weld("one.start", "two.end"),
+        at.Clamp("three.start", stretch="free"),
+        at.Pin("three.end", "two.start"),
+    ]
+    loads: list[Load] = [at.Torque("one.end", 0.01), at.Force("two.start", Ramp((0.1, -0.3), (10.0, 90.0)))]
+    return _scene("small-freed", bodies, joints, loads, GRAVITY)

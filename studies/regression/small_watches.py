@@ -41,6 +41,7 @@ def small_watches() -> tuple[Watch, ...]:
         *_limits(),
         *_failing(),
         *_mechanisms(),
+        *_high_order(),
     )
 
 
@@ -119,6 +120,23 @@ def _implicit() -> tuple[Watch, ...]:
             small.rolled(),
             {f"{e}-implicit": implicit(mesh, e, steps=10) for e, mesh in (("cable", 8), ("shear", 4))},
         ),
+    )
+
+
+def _high_order() -> tuple[Watch, ...]:
+    """Quintic cables, and steps of fourth order: short ones, so that a method of another order finds the same."""
+
+    def short(element: str, dt: float) -> Run:
+        return implicit(1, element, steps=60, dt=dt, integrator="esdirk")
+
+    quintic = {"quintic-zhai": explicit(1, "quintic", dt=1e-4), "quintic-implicit": implicit(1, "quintic")}
+    return (
+        _watch(small.loop(), quintic),
+        _watch(
+            small.freed(),
+            {"quintic-implicit": implicit(1, "quintic"), "cable-esdirk": short("cable", 2.5e-4)},
+        ),
+        _watch(small.driven_row(), {"quintic-esdirk": short("quintic", 1.25e-4)}),
     )
 
 

@@ -9,6 +9,8 @@ from studies.engine.clock import records
 from studies.engine.tables import Table, times
 from studies.trade.choice import stepping
 
+#: What is left out of a kind of steps beside the tolerance that drives them.
+CONTROLLED = ", error-controlled"
 #: What another way to step is called beside the one chosen.
 OTHER_STEPS = {
     "explicit": "explicit steps",
@@ -53,7 +55,7 @@ def _rows(best: pd.DataFrame, rivals: pd.DataFrame) -> list[dict[str, Any]]:
         rows.append({
             "scene": line["scene"], "target_error": line["target_error"], "solver": line["solver"],
             "element": line["element"] + rule, "elements": line["elements"],
-            "step": f"{kind.split(',')[0]}, {step}",
+            "step": f"{kind.removesuffix(CONTROLLED)}, {step}",
             "error": _rounded(line["error"]), "cpu_ms": _rounded(1e3 * line["cpu_s"]),
             "why": _why(line, kind, rivals) if line["status"] == "ok" else line["status"],
         })  # fmt: skip

@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 
 from studies.engine.choices import NONE
+from studies.engine.dynamics import AS_GIVEN
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
@@ -34,12 +35,18 @@ def setting_of(line: Mapping[Any, Any]) -> str:
     step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt = {1e3 * line['dt']:.3g} ms"
     kind = STEPPING.get(line["integrator"], line["integrator"])
     own = "" if (said := own_of(line)) == NONE else f", {said}"
-    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}, {step}{own}"
+    free = ", clamps free the stretch" if stretch_of(line) == "free" else ""
+    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}{free}, {step}{own}"
 
 
 def own_of(line: Mapping[Any, Any]) -> str:
     """Keyword arguments that only the solver of a row has, as Python writes them; "-" without any."""
     return str(line.get("own", NONE))
+
+
+def stretch_of(line: Mapping[Any, Any]) -> str:
+    """How clamps hold the stretch, see `studies.engine.dynamics.with_stretch`; tables of before do not say it."""
+    return str(line.get("stretch", AS_GIVEN))
 
 
 def milliseconds(cpu_s: float) -> str:

@@ -12,7 +12,7 @@ from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
-from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, TARGETS, Ladder, lacks_of_high_order
+from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, NEWTON, TARGETS, Ladder, lacks_of_high_order
 
 #: Smallest target error where none is asked for; by whether the run is quick.
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -20,8 +20,13 @@ SMALLEST = {False: 1e-5, True: 1e-3}
 SHARE = 0.3
 #: Errors in target errors: of what is too coarse for the largest, and fine enough for the smallest; levels at least.
 COARSE, FINE, FEWEST = 4.0, 0.2, 3
+#: Target error below which a reference of cables is one by high order in space and time, where the scene allows it:
+#: meshes and steps of lower order would need more and more elements and steps.
+HIGH_BELOW = 1e-5
 #: What may be asked for, and each model's element whose refined run is the reference without asking.
 ELEMENTS, REFERENCES = ("cable", "quintic", "shear"), ("cable", "shear")
+#: Who finds such a reference.
+FINEST = Setup(element="quintic", integrator=HIGH, stretch="free", options=(("newton_tolerance", NEWTON),))
 #: Steps, and elements of the solver with a dense matrix, at most.
 MOST_STEPS, MOST_DENSE = 6, 24
 
@@ -57,11 +62,19 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     _check_kinds(case, options)
     smallest = options.error or SMALLEST[options.quick]
     runner.heading = f"{case.name}, reference: "
+    high = smallest < HIGH_BELOW and not lacks_of_high_order(case) and not _jointed_inside(case)
     found = {
-        element: Refinement(case, Setup(element=element), runner).refined(SHARE * smallest)
+        element: Refinement(case, Setup(element=element), runner).refined(
+            SHARE * (HIGH_BELOW if high and element == "cable" else smallest)
+        )
         for element in ELEMENTS
         if options.element == element or (options.element is None and element in REFERENCES)
     }
+    references = {element: run.reference for element, run in found.items()}
+    if high and "cable" in found:
+        finest = Refinement(case, FINEST, runner).refined(SHARE * smallest)
+        if finest.error < found["cable"].error:
+            references["cable"] = finest.reference
     runner.heading = f"{case.name}: "
     of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
     stepped = next(iter(found.values()))
@@ -81,7 +94,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         of.get("shear", ()),
         tuple(m for m in cables if sum(m) <= MOST_DENSE)[-2:],
         ("global-dae", "exudyn-cable"),
-        {element: run.reference for element, run in found.items()},
+        references,
         fine_step=min(run.trial.dt for run in found.values()),
         steps=steps,
         quick_steps=steps,
@@ -106,8 +119,12 @@ def _check_kinds(case: Case, options: Options) -> None:
 
 def _of_high_order(case: Case, cable_meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
     """Meshes of quintic cables: the coarser ones of cables; none where joints act between the ends of a beam."""
-    jointed_inside = any(feature == "interior-joints" for feature, _ in needs(case.scene))
-    return () if jointed_inside else cable_meshes[: (len(cable_meshes) + 1) // 2]
+    return () if _jointed_inside(case) else cable_meshes[: (len(cable_meshes) + 1) // 2]
+
+
+def _jointed_inside(case: Case) -> bool:
+    """Whether joints act between the ends of beams, where elements of high order have no node for them."""
+    return any(feature == "interior-joints" for feature, _ in needs(case.scene))
 
 
 def meshes(found: Refined, halfway: bool) -> tuple[Mesh, ...]:

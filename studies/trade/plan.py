@@ -1,7 +1,7 @@
 """What the trade of error for time is measured over: elements, quadratures, integrators, meshes, steps, tolerances."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from math import ceil
 
 from anctmm.elements.kinds import QUADRATURES
@@ -17,8 +17,8 @@ from studies.engine.running.trial import Mesh
 from studies.engine.setting import stable_step
 from studies.scenes import cantilever_fall, four_bar
 
-#: Target errors of the built-in scenes.
-TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
+#: Target errors of the built-in scenes; of a quick run.
+TARGETS, QUICK_TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), (1e-2, 1e-3, 1e-4, 1e-5)
 #: Steps that every solver tries, s; of a quick run.
 STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
@@ -32,6 +32,9 @@ IMPLICIT, EXPLICIT, HIGH = "generalized-alpha", "zhai", "esdirk"
 #: Steps of fourth order, s: each costs that of five others. Only our own solver has them to compare: the implicit steps
 #: of Exudyn and OpenSees are of second order, and those of the global DAE are a reference, not made to be fast.
 HIGH_STEPS, QUICK_HIGH_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4), (2e-3, 1e-3)
+#: For the smallest target errors, s, on quintic cables whose clamps free the stretch: below 1e-6 what clamps hold rules
+#: the error of any mesh. By order in time; only our solver has such elements and such clamps to compare.
+FINEST_STEPS = {IMPLICIT: (5e-4, 2.5e-4, 1.25e-4, 6.25e-5, 3.125e-5), HIGH: (2e-3, 1e-3, 5e-4, 2.5e-4)}
 #: Who makes implicit steps with each element.
 CABLE_SOLVERS = "anctmm", "global-dae", "exudyn-cable"
 QUINTIC_SOLVERS = "anctmm", "global-dae"
@@ -41,8 +44,11 @@ FRAME_SOLVERS = ("opensees",)
 #: No further sample of a run is taken in the sweep after that long, s: one tells what is near the front, and that runs
 #: again.
 SAMPLED = 0.0
-#: Step of the run on the same mesh that tells the step's error from the mesh's, s; by whether the run is quick.
-FINE_STEP = {False: 6.25e-5, True: 2.5e-4}
+#: Step of the run of fourth order on the same mesh that tells the step's error from the mesh's, s; by whether the run
+#: is quick.
+FINE_STEP = {False: 1.25e-4, True: 1e-3}
+#: Newton's tolerance of references: what it leaves is far below their error.
+NEWTON = 1e-12
 
 
 @dataclass(frozen=True)
@@ -57,7 +63,7 @@ class Ladder:
     explicit_peers : tuple of str
         Solvers other than ours that can run it explicitly.
     references : dict of element to Fine or Reference
-    fine_step : float
+    fine_step, fine_integrator : float, str
         Of the run on the same mesh that tells the step's error from the mesh's, s.
     steps, quick_steps : tuple of float
         Time steps to try, s, from long to short; of a quick run.
@@ -65,6 +71,10 @@ class Ladder:
         Target errors, from the largest to the smallest.
     frames : tuple of Mesh
         Meshes of frames: second order needs finer ones than cables. Empty where they cannot do the scene.
+    finest : tuple of Mesh
+        Meshes of quintic cables whose clamps free the stretch, for the smallest target errors.
+    second : dict of element to Fine
+        By which other road a reference is found once more; its coarser mesh and step do not matter.
     """
 
     base: Case
@@ -75,10 +85,13 @@ class Ladder:
     explicit_peers: tuple[str, ...]
     references: Mapping[str, Fine | Reference]
     fine_step: float
+    fine_integrator: str = IMPLICIT
     steps: tuple[float, ...] = STEPS
     quick_steps: tuple[float, ...] = QUICK_STEPS
     targets: tuple[float, ...] = TARGETS
     frames: tuple[Mesh, ...] = ()
+    finest: tuple[Mesh, ...] = ()
+    second: Mapping[str, Fine] = field(default_factory=dict)
 
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
@@ -95,6 +108,7 @@ class Ladder:
         schemes += self._implicit("quintic", "full", self.quintic, QUINTIC_SOLVERS, self.steps)
         schemes += self._high("quintic", "full", self.quintic, HIGH_STEPS)
         schemes += self._controlled("quintic", "full", self.quintic, TOLERANCES)
+        schemes += self._finest()
         schemes += self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.steps)
         schemes += self._controlled("shear", "full", self.shear, TOLERANCES)
         schemes += self._explicit("shear", "full", self.shear, ("global-dae",))
@@ -123,6 +137,15 @@ class Ladder:
         return [
             Scheme(element, quadrature, HIGH, ("anctmm",), meshes, lambda mesh: steps, shared, own)
             for shared, own in choices_of("anctmm")
+        ]
+
+    def _finest(self) -> list[Scheme]:
+        """What meets the smallest target errors, where our solver has steps of fourth order for the scene."""
+        steps = {} if lacks_of_high_order(self.base) else FINEST_STEPS
+        return [
+            replace(scheme, integrator=integrator, stretch="free")
+            for integrator, of in steps.items()
+            for scheme in self._implicit("quintic", "full", self.finest, ("anctmm",), of)
         ]
 
     def _controlled(
@@ -227,7 +250,7 @@ def _four_bar(quick: bool) -> Ladder:
     quintic: tuple[Mesh, ...] = ((1, 1, 1), (1, 2, 1), (1, 3, 1), (1, 4, 1), (2, 6, 2))
     shear: tuple[Mesh, ...] = ((2, 8, 2), (4, 16, 4), (8, 32, 8), (16, 64, 16))
     references: dict[str, Fine | Reference] = {
-        "cable": _smooth((16, 64, 16), (12, 48, 12), 2.5e-4),
+        "cable": finest((6, 24, 6), (4, 16, 4), 2.5e-4),
         "shear": _fine((32, 128, 32), (16, 64, 16), 2.5e-4, "full"),
     }
     if quick:
@@ -245,6 +268,10 @@ def _four_bar(quick: bool) -> Ladder:
         ("global-dae",),
         references,
         FINE_STEP[quick],
+        HIGH,
+        targets=QUICK_TARGETS if quick else TARGETS,
+        finest=((1, 3, 1), (1, 4, 1), (2, 6, 2), (2, 8, 2)),
+        second=second_road((6, 24, 6), 2e-3),
     )
 
 
@@ -254,7 +281,7 @@ def _cantilever(quick: bool) -> Ladder:
     shear: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     frames: tuple[Mesh, ...] = ((16,), (32,), (64,), (128,))
     references: dict[str, Fine | Reference] = {
-        "cable": _smooth((192,), (128,), 1.25e-4),
+        "cable": finest((96,), (64,), 3.125e-5),
         "shear": _fine((512,), (256,), 1.25e-4, "full"),
     }
     if quick:
@@ -273,8 +300,23 @@ def _cantilever(quick: bool) -> Ladder:
         peers,
         references,
         FINE_STEP[quick],
+        HIGH,
+        targets=QUICK_TARGETS if quick else TARGETS,
         frames=frames,
+        finest=((8,), (16,), (24,), (32,), (40,)),
+        second=second_road((64,), 1e-4),
     )
+
+
+def finest(mesh: Mesh, coarser: Mesh, dt: float) -> Fine:
+    """By quintic cables whose clamps free the stretch and steps of fourth order: known to 1e-9 … 1e-8."""
+    options = (("newton_tolerance", NEWTON),)
+    return Fine(("anctmm", "global-dae"), mesh, coarser, dt, 2 * dt, HIGH, "full", "quintic", "free", options)
+
+
+def second_road(mesh: Mesh, dt: float) -> Mapping[str, Fine]:
+    """The global DAE's collocation at Gauss's points, order 6, of the same continuum."""
+    return {"cable": replace(finest(mesh, mesh, dt), solvers=("global-dae",), coarser_mesh=None)}
 
 
 def _smooth(mesh: Mesh, coarser: Mesh, dt: float) -> Fine:

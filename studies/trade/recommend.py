@@ -16,12 +16,13 @@ from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
 from studies.engine.choices import read as read_own
+from studies.engine.dynamics import continuum_of, with_stretch
 from studies.engine.running.trial import Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.engine.timing import undisturbed
 from studies.scenes import base_of, moving_scenes
-from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of
+from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of, stretch_of
 from studies.trade.snippet import snippet, snippet_of_file
 
 #: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.
@@ -310,7 +311,8 @@ def case_of(line: Mapping[Any, Any], base: Case) -> Trial:
     # a table keeps nine digits; a run of a million steps needs them all
     step = base.interval / round(base.interval / dt) if dt > 0 else dt
     return Trial(
-        base.scene, str(line["solver"]), tuple(int(n) for n in str(line["elements"]).split("/")),
+        with_stretch(base.scene, stretch_of(line)), str(line["solver"]),
+        tuple(int(n) for n in str(line["elements"]).split("/")),
         element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
         integrator=str(line["integrator"]), dt=step, t_end=base.duration, output_dt=base.interval, options=options,
         own=read_own(own_of(line)),
@@ -323,7 +325,7 @@ def script(line: Mapping[Any, Any], origin: Origin | None = None) -> str:
     case, trial = origin.case, case_of(line, origin.case)
     if origin.file:
         return snippet_of_file(origin.file, case.name, trial.run(), trial.solver, case.probes, own_of(line))
-    return snippet(case.scene, trial.run(), trial.solver, case.probes, own_of(line))
+    return snippet(trial.scene, trial.run(), trial.solver, case.probes, own_of(line))
 
 
 def rerun(
@@ -365,7 +367,8 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
     """Error of a solution against the kept history of a reference; NaN if it is not whole."""
     if not solution.status.ok:
         return float("nan")
-    mine = histories[(histories["scene"] == scene) & (histories["element"] == element)]
+    of_scene = histories[histories["scene"] == scene]
+    mine = of_scene[of_scene["element"] == continuum_of(element, of_scene["element"].unique())]
     errors = []
     for (body, key), path in mine.groupby(["body", "fraction"], sort=False):
         u = solution.displacement(_place(solution.scene, str(body), key))

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from anctmm.elements.kinds import KINDS
+from anctmm.model.scene import Scene
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from studies.engine.dynamics import Sweep, measured_by
@@ -15,7 +16,9 @@ from studies.engine.running.trial import Mesh, Trial
 
 #: One error outweighs the other when it is this many times larger.
 OUTWEIGHS = 2.0
-Place = tuple[str, str, Mesh]
+#: Newton's tolerance of the runs by a fine step: what it leaves is far below their error.
+NEWTON = 1e-10
+Place = tuple[Scene, str, str, Mesh]
 
 
 @dataclass(frozen=True)
@@ -26,9 +29,10 @@ class SameMesh:
     uncertainty: float
 
 
-def same_mesh(swept: Sweep, dt: float, runner: Runner) -> Mapping[Place, SameMesh]:
+def same_mesh(swept: Sweep, dt: float, integrator: str, runner: Runner) -> Mapping[Place, SameMesh]:
     """Runs of ANC-TMM with a fine step, s, on every mesh of a sweep; meshes that it cannot run are left out."""
-    fine = [_fine(o.case, dt) for o in swept.outcomes if not other_model(o.case)]
+    meant = (_fine(o.case, dt, integrator) for o in swept.outcomes if not other_model(o.case))
+    fine = list(dict.fromkeys(meant))
     coarser = [replace(case, dt=2 * dt) for case in fine]
     found = {o.case: o.solution for o in runner.sweep([*fine, *coarser], timed=False)}
     return {
@@ -72,8 +76,9 @@ def places(swept: Sweep) -> Sequence[Place]:
 
 
 def _place(case: Trial) -> Place:
-    return case.element, case.quadrature, case.mesh
+    return case.scene, case.element, case.quadrature, case.mesh
 
 
-def _fine(case: Trial, dt: float) -> Trial:
-    return replace(case, solver="anctmm", integrator="generalized-alpha", dt=dt, options=())
+def _fine(case: Trial, dt: float, integrator: str) -> Trial:
+    options = (("newton_tolerance", NEWTON),)
+    return replace(case, solver="anctmm", integrator=integrator, dt=dt, options=options, own=())

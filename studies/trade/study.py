@@ -1,6 +1,6 @@
 """The trade of error for time: every setting on both base scenes, the front, and what each error comes from."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import count, product
 from typing import Any
@@ -10,10 +10,10 @@ import pandas as pd
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
 from studies.engine.choices import written
-from studies.engine.dynamics import Sweep, check_mesh, measured_by, sweep
+from studies.engine.dynamics import AS_GIVEN, Fine, Sweep, check_mesh, measured_by, sweep
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Runner
-from studies.engine.running.outcomes import Outcome, Sample
+from studies.engine.running.outcomes import Outcome, Reference, Sample
 from studies.engine.running.rows import row, sample_rows
 from studies.engine.running.trial import Trial, label_of
 from studies.engine.running.turns import at_work
@@ -26,7 +26,9 @@ from studies.trade.advice import advice
 from studies.trade.control import error_control
 from studies.trade.own_ladder import own_ladder
 from studies.trade.plan import Ladder, ladders
+from studies.trade.second_road import second_roads
 from studies.trade.split import same_mesh, split
+from studies.trade.step_orders import step_orders
 from studies.trade.tables import (
     Traded,
     answers,
@@ -35,6 +37,7 @@ from studies.trade.tables import (
     histories,
     notes,
     on_front,
+    orders,
     recommended,
     references,
 )
@@ -43,9 +46,9 @@ from studies.trade.tables import (
 ROUNDS = {False: 5, True: 2}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
-    "newton_tolerance", "own", "t_end", "steps", "newton_iterations", "error", "reference_error", "mesh_error",
-    "step_error", "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s", "repeats",
-    "in_turn", "excess", "status", "reference",
+    "newton_tolerance", "own", "stretch", "t_end", "steps", "newton_iterations", "error", "reference_error",
+    "mesh_error", "step_error", "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s",
+    "repeats", "in_turn", "excess", "status", "reference",
 )  # fmt: skip
 
 
@@ -75,7 +78,7 @@ def run(options: Options, runner: Runner) -> Result:
         tables=(
             advice(best.frame, rivals.frame), best, rivals,
             Table("front", "The front: no other setting is both better and cheaper", on_front(points)), known,
-            error_control(points),
+            *([orders(traded)] if any(t.orders for t in traded) else []), error_control(points),
             Table("points", "All settings", points, notes([ladder.fine_step for ladder in every])), histories(traded),
             Table("samples", "Raw time samples", pd.DataFrame([s for t in traded for s in t.samples])),
         ),
@@ -97,10 +100,10 @@ def _ladders(options: Options, runner: Runner) -> list[Ladder]:
 def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
     swept = sweep(ladder.base, ladder.plan(options.quick), options, runner)
-    fine = same_mesh(swept, ladder.fine_step, runner)
+    fine = same_mesh(swept, ladder.fine_step, ladder.fine_integrator, runner)
     rows = [
         row(o, swept.references[measured_by(o.case, swept.references)])
-        | _asked(o.case)
+        | _asked(o.case, ladder.base)
         | split(swept, o, fine)
         for o in swept.outcomes
     ]
@@ -117,7 +120,19 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
         *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
         *(r for k, found in again.items() for r in _samples(swept.outcomes[k], found)),
     ]
-    return Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
+    traded = Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
+    if options.quick:
+        return traded
+    second = second_roads(ladder.base, ladder.second, swept.references, runner)
+    return replace(traded, second=second, orders=[*_orders(ladder, swept.references, runner)])
+
+
+def _orders(ladder: Ladder, references: Mapping[str, Reference], runner: Runner) -> Iterator[dict[str, Any]]:
+    """The order of steps of references that are found by second roads, too: on the coarsest mesh and on their own."""
+    for element in ladder.second:
+        fine = ladder.references[element]
+        if element in references and isinstance(fine, Fine):
+            yield from step_orders(ladder.base, element, fine, (ladder.finest[0], fine.mesh), runner)
 
 
 def time_again(
@@ -152,10 +167,11 @@ def time_again(
     return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
 
 
-def _asked(case: Trial) -> dict[str, Any]:
+def _asked(case: Trial, base: Case) -> dict[str, Any]:
     asked = dict(case.options)
     bounds = {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
-    return bounds | {"own": written(case.own)}
+    stretch = AS_GIVEN if case.scene == base.scene else "free"
+    return bounds | {"own": written(case.own), "stretch": stretch}
 
 
 def _samples(outcome: Outcome, found: Sequence[Sample]) -> list[dict[str, Any]]:

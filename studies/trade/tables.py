@@ -1,13 +1,15 @@
 """Tables and sentences of the trade: what to take for a target error, and why."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import Any, NamedTuple
 
 import pandas as pd
 
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
+from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.engine.answers import Answer
@@ -15,9 +17,12 @@ from studies.engine.clock import records
 from studies.engine.dynamics import REISSNER
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.running.outcomes import Reference
+from studies.engine.running.trial import mesh_label
 from studies.engine.tables import BUILD, Table, failed, times
+from studies.trade import step_orders
 from studies.trade.choice import KIND, STEPPING, milliseconds, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
+from studies.trade.second_road import Second
 
 #: The target error that sentences speak of, or else the smallest.
 TARGET = 1e-3
@@ -28,17 +33,23 @@ FOUND = (
 #: What tells a setting from another.
 SETTING = (
     "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own",
+    "stretch",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Traded:
-    """One scene's points: a row a setting, the references by element, and all raw times."""
+    """One scene's points: a row a setting, the references by element, and all raw times.
+
+    Of references also what second roads gave, and rows of the order of their steps.
+    """
 
     base: Case
     frame: pd.DataFrame
     references: Mapping[str, Reference]
     samples: list[dict[str, Any]]
+    second: Mapping[str, Second] = field(default_factory=dict)
+    orders: Sequence[Mapping[str, Any]] = ()
 
 
 def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
@@ -160,16 +171,43 @@ def references(traded: Sequence[Traded]) -> Table:
         for element, found in t.references.items():
             both = cable is not None and cable.solution is not None and found.solution is not None
             apart = compare(found.solution, cable.solution, t.base.probes).error if both else float("nan")  # type: ignore
+            second = t.second.get(element, Second())
             rows.append({
-                "scene": t.base.scene.name, "element": element, "reference": found.name,
-                "uncertainty": found.uncertainty, "from_cable": apart,
-                "status": "ok" if found.solution is not None else found.name,
+                "scene": t.base.scene.name, "element": element, **_found_with(found), "reference": found.name,
+                "uncertainty": found.uncertainty, "second_road": second.name, "apart": second.apart,
+                "from_cable": apart, "status": "ok" if found.solution is not None else found.name,
             })  # fmt: skip
     said = (
-        "uncertainty: differences to a coarser mesh and to a coarser step, added. from_cable: difference of the model "
-        "to that of cables: no mesh of either removes it.",
+        "element: whose settings are measured against it, with others of the same continuum; with: the element that "
+        "it is found with, and whether clamps free the stretch there: below 1e-6 a stretch that is held rules the "
+        "error of any mesh.",
+        "uncertainty: differences to a coarser mesh and to a coarser step, added. second_road: another solver with "
+        "another method in time; apart: its difference to the reference, its own errors of mesh and step included. "
+        "from_cable: difference of the model to that of cables: no mesh of either removes it.",
     )
     return Table("references", "References and the distance of the models", pd.DataFrame(rows), said)
+
+
+def orders(traded: Sequence[Traded]) -> Table:
+    """At which order the steps of the references converge."""
+    frame = pd.DataFrame([row for t in traded for row in t.orders], columns=list(step_orders.COLUMNS))
+    return Table("reference_steps", "References: the order of their steps", frame, step_orders.NOTES)
+
+
+def _found_with(reference: Reference) -> dict[str, Any]:
+    """How a reference was found: element, integrator, mesh and step; NaN and "-" where there is none."""
+    solution = reference.solution
+    if solution is None or not isinstance(solution.run, Discretisation):
+        return {"with": "-", "integrator": "-", "elements": "-", "dt": nan}
+    meshes = solution.run.of(solution.scene).values()
+    free = any(feature == "free-stretch" for feature, _ in needs(solution.scene))
+    kinds = "/".join(dict.fromkeys(kind for _, kind in meshes))
+    return {
+        "with": f"{kinds}, stretch free" if free else kinds,
+        "integrator": solution.run.integrator,
+        "elements": mesh_label(tuple(n for n, _ in meshes)),
+        "dt": solution.run.dt,
+    }
 
 
 def histories(traded: Sequence[Traded]) -> Table:
@@ -242,15 +280,17 @@ def _against(rivals: pd.DataFrame, target: float) -> str:
 
 
 def where_high_order_pays(rivals: pd.DataFrame) -> list[str]:
-    """For each scene the target errors at which our steps of fourth order cost less than those of second order."""
+    """For each scene the target errors at which our steps of fourth order cost less than those of second order.
+
+    Each with the cheaper one of cubic and quintic cables.
+    """
     said = []
     names = STEPPING["generalized-alpha"], STEPPING["esdirk"]
-    ours = rivals[
-        (rivals["solver"] == "anctmm") & (rivals["element"] == "cable") & (rivals["status"] == "ok")
-    ]
+    cables = rivals["element"].isin(["cable", "quintic"])
+    ours = rivals[(rivals["solver"] == "anctmm") & cables & (rivals["status"] == "ok")]
     for scene, mine in ours.groupby("scene", sort=False):
         second, fourth = (
-            mine[mine["stepping"] == name].set_index("target_error")["cpu_s_at_error"] for name in names
+            mine[mine["stepping"] == name].groupby("target_error")["cpu_s_at_error"].min() for name in names
         )
         if fourth.empty:
             continue

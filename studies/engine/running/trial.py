@@ -7,6 +7,7 @@ from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, SolverError
+from anctmm.model.needs import needs
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers.foreign_code import contained, told
@@ -72,7 +73,8 @@ class Trial:
     @property
     def kernels(self) -> tuple[Any, ...]:
         """What is equal for runs that need the same compiled code: one of them warms up for all."""
-        return self.solver, self.scene.name, self.element, self.quadrature, self.integrator, self.own
+        needed = frozenset(feature for feature, _ in needs(self.scene))
+        return self.solver, self.scene.name, needed, self.element, self.quadrature, self.integrator, self.own
 
     @property
     def work(self) -> float:
