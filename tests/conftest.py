@@ -41,7 +41,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops"],
     "forces": ["acting"],
-    "integrators": ["esdirk", "modes_of_motions", "static_start"],
+    "integrators": ["esdirk", "modes_of_motions", "static_start", "step_choice"],
     "model": ["inputs", "mechanisms", "scene"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank"],

@@ -16,7 +16,9 @@ Steps end where loads or drives break; where a load or the acceleration of a dri
 The lag of a at such a start is found by a first try of the step.
 
 Newton's iteration stops where what it leaves is a small part of the error that the step may make: what it leaves is
-noise of w, which the estimate would answer with ever smaller steps.
+noise of w, which the estimate would answer with ever smaller steps. No choice of a step hangs on how the iteration went
+below that: the filter has the c_w of the matrix that is kept, which may be that of other steps, and corrections of the
+size of rounding are no effort.
 
 Errors add up over a run: on the average over a part of it, each step may make the share h/t_end of what the user
 allows. A smooth motion so has equal steps, although the error of a step swings with it. Errors are relative to the
@@ -44,7 +46,7 @@ from anctmm.integrators.implicit_run import balance
 from anctmm.integrators.implicit_step import begin_step, copy, dissipated, finish
 from anctmm.integrators.implicit_system import System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import solve_step
+from anctmm.integrators.newton import ROUNDING, SLOW, solve_step
 from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import (
     STEP,
@@ -83,8 +85,8 @@ SHORTER, LONGER, STEADY = 0.87, 1.15, 8
 PEAK, MEMORY = 4.0, 0.05
 #: Steps of equal length after which the error is estimated over several of them, where no load varies.
 ALIKE = 4
-#: Newton corrections and twice the factorizations of a step above which shorter ones are cheaper.
-HARD = 14
+#: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
+HARD = 12
 #: More steps than a run can have.
 UNLIMITED = 1 << 60
 #: Length to which steps are fitted between two stops, of the one aimed at, at most.
@@ -419,16 +421,18 @@ def _step(h, stop, system, control, out):  # type: ignore[no-untyped-def]
     part = NEWTON_PART * control.allowed * h / control.t_end
     left = max(control.rounding, part * control.scale[0] / newton.scale)
     allowed = control.allowed * (progress[TIME] + h - progress[LOOKED]) / control.t_end
-    before = newton.counts[0] + 2 * newton.counts[1]
+    factored = newton.counts[1]
     solved = solve_step(system, c, control.values[1], min(newton.tolerance, left))
+    if newton.counts[1] != factored:
+        progress[FACTORED] = h
     look, error = _looks(h, control), np.inf
     if solved and look:
-        error = step_error(progress[TIME], system, control, c)
+        kept = _coefficients(progress[FACTORED], control.method)
+        error = step_error(progress[TIME], c.h, kept.to_w, system, control)
     guess = control.allowed == np.inf
     if solved and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)):
         _accept(h, stop, c, system, control, out)
-        effort = newton.counts[0] + 2 * newton.counts[1] - before
-        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
+        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if _effort(newton.history) > HARD else np.inf)
         progress[STEADY_STEPS] += 1.0
         if look:
             measure_motion(state.q, control)
@@ -437,6 +441,16 @@ def _step(h, stop, system, control, out):  # type: ignore[no-untyped-def]
                 _aim(h, error, control)
     else:
         _refuse(solved, h, error, allowed, system, control)
+
+
+@inlined
+def _effort(history):  # type: ignore[no-untyped-def]
+    """Newton corrections of a step, and twice the times that they fell slowly; those of rounding are left to chance."""
+    effort = 0
+    for k in range(len(history)):
+        if history[k] > ROUNDING:
+            effort += 1 if k == 0 or history[k] <= SLOW * history[k - 1] else 3
+    return effort
 
 
 @inlined
@@ -471,8 +485,6 @@ def _begin(h, stop, c, system, control):  # type: ignore[no-untyped-def]
     set_drives(loops, angles[1], len(system.clamps.nodes))
     if abs(h - progress[FACTORED]) > STALE * h:
         newton.counts[2] = 1
-    if newton.counts[2] != 0:
-        progress[FACTORED] = h
 
 
 @inlined

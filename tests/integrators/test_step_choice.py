@@ -1,0 +1,34 @@
+"""Steps that an error drives are chosen by the motion, not by how far below its bound Newton's iteration went."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from studies.regression import small_scenes
+
+
+@pytest.mark.parametrize(
+    ("make", "t_end", "bounds"),
+    [
+        # 5 % off where the estimate was filtered by the matrix of one length of steps and scaled by another
+        (small_scenes.pulse, 0.1, (1e-12, 1e-11)),
+        # corrections of the size of rounding, and matrices renewed for them, were an effort that shortens steps
+        (small_scenes.pulse, 0.03, (1e-10, 1e-9)),
+        (small_scenes.stick, 0.1, (1e-12, 1e-11)),
+    ],
+)
+def test_where_newtons_iteration_stops_does_not_choose_the_steps(make, t_end, bounds):
+    scene = make()
+    one, two = (
+        at.solve(scene, mesh=2, tolerance=1e-3, t_end=t_end, output_dt=t_end / 5, newton_tolerance=bound)
+        for bound in bounds
+    )
+    assert one.status.ok
+    assert two.status.ok
+    assert one.cost.steps == two.cost.steps
+    apart = [
+        np.abs(one.fields[b.name].coordinates - two.fields[b.name].coordinates).max() for b in scene.beams
+    ]
+    assert max(apart) < 1e-7 * max(np.abs(one.displacement(f"{b.name}.end")).max() for b in scene.beams), (
+        apart
+    )
