@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from studies.cli import app
 from studies.engine.storage.files import atomic_write
 from studies.trade import recommend
+from studies.trade.choice import setting_of
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = ("points.csv", "histories.csv", "references.csv", "SHA256SUMS", "machine.json")
@@ -42,6 +43,16 @@ def test_a_recommendation_of_the_kept_table_meets_its_error(elsewhere):
     done = invoke("four-bar", "--error", "1e-3")
     assert done.exit_code == 0, done.output
     assert "meets the target error 0.001" in done.output
+
+
+@pytest.mark.parametrize("scene", ["four-bar", "cantilever-fall"])
+@pytest.mark.parametrize("target", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_runners_up_are_told_apart_from_what_is_recommended(elsewhere, scene, target):
+    """Settings that differ in Newton's tolerance alone have one name."""
+    choice = recommend.choose(recommend.kept().points, scene, target, None)
+    told = [setting_of(line) for line in (choice.line, *choice.runners_up.to_dict("records"))]
+    assert len(told) > 2
+    assert len(set(told)) == len(told)
 
 
 def test_what_the_user_measured_here_comes_first(elsewhere):
