@@ -79,7 +79,7 @@ def _method(chain: Chain) -> Method:
 def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
     """A scene cut into elements, if ANC-TMM has what it needs, and the machine the memory."""
     refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
-    check_memory(scene, run, BYTES[run.integrator])
+    check_memory(scene, run, BYTES[run.method.name])
     check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
     for name, (_, kind) in run.of(scene).items():
         if kind_of(kind).rigid:

@@ -43,7 +43,7 @@ ROADS = {
     **{f"{name}, {integrator}": (solve, integrator) for name, solve in MOTION.items() for integrator in INTEGRATORS},
     **{f"{name}, statics": (solve, None) for name, solve in STATIC.items()},
 }  # fmt: skip
-for other in ("pyelastica, generalized-alpha", "opensees, zhai"):
+for other in ("pyelastica, generalized-alpha", "pyelastica, esdirk", "opensees, zhai", "opensees, esdirk"):
     del ROADS[other]  # it has no such steps, whatever the scene
 every_road = pytest.mark.parametrize("road", ROADS)
 
@@ -193,4 +193,4 @@ def test_no_kind_is_a_subclass_of_another():
 
 def test_the_roads_here_are_all_that_are_registered_and_the_kinds_all_names():
     assert set(names()) >= set(MOTION)
-    assert len({*KINDS, *INTEGRATORS, *QUADRATURES}) == 9
+    assert len({*KINDS, *INTEGRATORS, *QUADRATURES}) == 10
