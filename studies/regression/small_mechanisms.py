@@ -178,13 +178,19 @@ def sliding() -> at.Scene:
 
 
 def wheel() -> at.Scene:
-    """A disc that turns by more than half a turn against a rotational spring, and draws a car with a beam."""
+    """A disc that turns by more than half a turn against a rotational spring, and a car that a driven beam pushes."""
     disc = at.RigidBody("disc", 0.2, 3e-4, (0.0, 0.0), {"rim": (0.04, 0.03)}, spin=200.0)
     car = at.RigidBody("car", 0.1, 2e-4, (0.4, 0.1), {"a": (0.35, 0.12), "b": (0.45, 0.1)})
-    bodies: list[Body] = [disc, car, body("tail", (0.45, 0.1), (0.8, 0.2), FIRM, ROD)]
+    tail, crank = (
+        body("tail", (0.45, 0.1), (0.8, 0.2), FIRM, ROD),
+        body("crank", (0.2, -0.3), (0.35, 0.12), PLAIN),
+    )
+    bodies: list[Body] = [disc, car, tail, crank]
     joints: list[Joint] = [
         at.Pin("disc.center"),
         at.Pin("car.b", "tail.start"),
+        at.Clamp("crank.start", angle=at.Quintic(0.1, 0.05)),
+        at.Pin("crank.end", "car.a"),
         at.Slider("car.center", (4.0, 1.0)),
     ]
     connectors: list[Connector] = [
