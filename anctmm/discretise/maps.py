@@ -26,6 +26,8 @@ Ints = NDArray[np.int64]
 
 #: Distance of a place from a node, of an element's length, at which it is the node.
 AT_NODE = 1e-9
+#: Part of a force that is pushed alike below which what is there has no direction of its own.
+NOISE = 1e-9
 
 
 class Term(NamedTuple):
@@ -215,9 +217,12 @@ def push(maps, n, x, y, f):  # type: ignore[no-untyped-def]
 
 @embedded
 def push_alike(maps, n, x, y, f):  # type: ignore[no-untyped-def]
-    """The same of a force of this size, with the signs that f has: the two do not cancel."""
+    """The same of a force of this size, in the directions that f has: the two do not cancel, whatever the axes."""
     for k in range(maps.start[n], maps.start[n + 1]):
         i, row = maps.node[k], maps.row[k]
-        here, beside = abs(maps.a[k] * x + maps.b[k] * y), abs(maps.a[k] * y - maps.b[k] * x)
-        f[row, i] += np.copysign(here, f[row, i])
-        f[row + 1, i] += np.copysign(beside, f[row + 1, i])
+        here, beside = maps.a[k] * x + maps.b[k] * y, maps.a[k] * y - maps.b[k] * x
+        size, there = np.sqrt(here * here + beside * beside), np.sqrt(f[row, i] ** 2 + f[row + 1, i] ** 2)
+        if there > NOISE * size:
+            here, beside = size / there * f[row, i], size / there * f[row + 1, i]
+        f[row, i] += here
+        f[row + 1, i] += beside

@@ -121,8 +121,12 @@ def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-de
 
 
 @inlined
-def missed_impulse(pieces, history, t, h, start, end, found):  # type: ignore[no-untyped-def]
-    """∫|f − its straight line over the step| dt of both values of a load from t to t + h, N s or N m s, in `found`."""
+def missed_impulse(together, pieces, history, t, h, start, end, found):  # type: ignore[no-untyped-def]
+    """∫|f − its straight line over the step| dt of both values of a history from t to t + h, N s or N m s, in `found`.
+
+    With `together` they are those of a vector, a force: then its size is integrated, which no axes change, and 0 is the
+    second number.
+    """
     found[0] = found[1] = 0.0
     if pieces.steady[history]:
         return
@@ -130,11 +134,15 @@ def missed_impulse(pieces, history, t, h, start, end, found):  # type: ignore[no
     while True:
         b = t + h if piece == last else min(pieces.edges[1, piece], t + h)
         for g in range(5):
-            time = a + POINTS[g] * (b - a)
+            time, part = a + POINTS[g] * (b - a), WEIGHTS[g] * (b - a)
             x = (time - t) / h
-            for k in range(2):
-                off = value_at(pieces, piece, k, time) - ((1.0 - x) * start[k] + x * end[k])
-                found[k] += WEIGHTS[g] * (b - a) * abs(off)
+            first = value_at(pieces, piece, 0, time) - ((1.0 - x) * start[0] + x * end[0])
+            second = value_at(pieces, piece, 1, time) - ((1.0 - x) * start[1] + x * end[1])
+            if together:
+                found[0] += part * np.sqrt(first * first + second * second)
+            else:
+                found[0] += part * abs(first)
+                found[1] += part * abs(second)
         if piece == last or b >= t + h:
             break
         a, piece = b, piece + 1

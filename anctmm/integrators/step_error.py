@@ -32,7 +32,7 @@ def step_error(t, h, to_w, system, control):  # type: ignore[no-untyped-def]
     mass_product(x, tables.first, tables.masses, tables.buffer, load)
     drives = angles.shape[1]
     for n in range(len(loads.kinds)):
-        missed_impulse(pieces, drives + n, t, h, values[0, n], values[1, n], missed)
+        missed_impulse(True, pieces, drives + n, t, h, values[0, n], values[1, n], missed)
         fx, fy = load_at(loads, n, q, missed[0], missed[1])
         push_alike(loads.targets, n, to_w * h * fx, to_w * h * fy, load)
     _add_missed_lengths(loads.connectors, pieces, drives, t, h, to_w, q, values, missed, load)
@@ -56,7 +56,7 @@ def _add_missed_lengths(connectors, pieces, drives, t, h, to_w, q, values, misse
         for n in range(len(connectors.kinds)):
             row = connectors.driven[n]
             if row >= 0:
-                missed_impulse(pieces, drives + row, t, h, values[0, row], values[1, row], missed)
+                missed_impulse(False, pieces, drives + row, t, h, values[0, row], values[1, row], missed)
                 m, ax, ay, bx, by = measure(connectors, n, q)
                 k, d = slopes(connectors, n, m - values[1, row, 0], 0.0, t)
                 s = to_w * h * (abs(k) * missed[0] + abs(d) * missed[1])

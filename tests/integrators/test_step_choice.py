@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
+from studies.engine.other_numbers import Change
 from studies.regression import small_scenes
 
 
@@ -32,3 +33,15 @@ def test_where_newtons_iteration_stops_does_not_choose_the_steps(make, t_end, bo
     assert max(apart) < 1e-7 * max(np.abs(one.displacement(f"{b.name}.end")).max() for b in scene.beams), (
         apart
     )
+
+
+def test_a_turned_scene_takes_the_same_steps():
+    """What a force does beside its straight line was taken by components, which depend on the axes."""
+    scene = small_scenes.pulse()
+    one, two = (
+        at.solve(s, mesh=2, tolerance=1e-3, t_end=0.1, output_dt=0.02, newton_tolerance=1e-12)
+        for s in (scene, Change(turn=0.7).scene(scene))
+    )
+    assert one.cost.steps == two.cost.steps
+    ours, theirs = (np.linalg.norm(run.displacement("stick.end"), axis=-1) for run in (one, two))
+    assert np.abs(ours - theirs).max() < 1e-8 * ours.max()
