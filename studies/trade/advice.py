@@ -37,8 +37,8 @@ def advice(best: pd.DataFrame, rivals: pd.DataFrame) -> Table:
         "The cheapest measured setting that surely meets the error: its own and its reference's uncertainty together "
         "are below the target. Elements as 2/6/2 are those of the scene's beams, in their order; a step may be driven "
         "by an error's tolerance instead.",
-        "Why: where its error comes from, which says what to refine next, and how many times more the cheapest of "
-        "other kinds cost for that error: other steps or elements of the same solver, other solvers.",
+        "Why: where its error comes from, which says what to refine next, and how many times more the cheapest "
+        "measured settings of other kinds cost for that error: other steps or elements of one solver, other solvers.",
         "`anctmm recommend SCENE --error E` prints the script that runs it, and its runners-up.",
     )
     return Table(

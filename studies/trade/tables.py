@@ -276,7 +276,11 @@ def _against(rivals: pd.DataFrame, target: float) -> str:
     }
     cheapest = {name: sound[mine].groupby("scene")["ratio_at_error"].min() for name, mine in kinds.items()}
     parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
-    return f"the cheapest of other kinds cost more: {', '.join(parts)} times" if parts else ""
+    return (
+        f"at exactly that error the cheapest of other kinds cost more: {', '.join(parts)} times"
+        if parts
+        else ""
+    )
 
 
 def where_high_order_pays(rivals: pd.DataFrame) -> list[str]:
