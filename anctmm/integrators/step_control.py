@@ -23,8 +23,9 @@ size of rounding are no effort.
 Errors add up over a run: on the average over a part of it, each step may make the share h/t_end of what the user
 allows. A smooth motion so has equal steps, although the error of a step swings with it. Errors are relative to the
 largest displacement of each node, or a part of the largest of all where that is more. How far the nodes will move is
-first guessed by a few long steps of one Newton correction each. Where a run finds that they move much less than was
-assumed, it is made again.
+first guessed by a few long steps of one Newton correction each, and where these find a scene at rest, or next to
+nothing of what acts, by steps over the whole run and what acts beside them. Where a run finds that they move much less
+than was assumed, it is made again.
 """
 
 from collections.abc import Sequence
@@ -93,6 +94,8 @@ UNLIMITED = 1 << 60
 FITTED = 1.15
 #: Steps, as parts of the run, that guess how far nodes move; what they find counts up to FAR of the scene's length.
 GUESS, FAR = (0.5, 0.125), 0.5
+#: Times what a guess finds, that it may miss of what acts: beyond, it has seen none of it.
+BLIND = 1e3
 #: Displacement below which nothing moves, of the scene's length.
 STILL = 1e-11
 #: Part of the largest displacement to which errors of nodes that move less are relative.
@@ -154,7 +157,7 @@ class Control(NamedTuple):
 class March(NamedTuple):
     """One run: outputs kept, time reached (s), whether that is the end, or the user stopped it.
 
-    moved: largest displacement of each node, m, (nodes,). spent: sum of the local errors over what is allowed.
+    moved: largest displacement of each node, m, (nodes,). error: sum of the local errors, relative.
     """
 
     kept: int
@@ -162,7 +165,7 @@ class March(NamedTuple):
     whole: bool
     stopped: bool
     moved: Array
-    spent: float
+    error: float
 
 
 def integrate(chain: Chain) -> Solution:
@@ -187,7 +190,7 @@ def integrate(chain: Chain) -> Solution:
         corrections, factorizations, _ = system.newton.counts
         return record.solution(kept, status, int(counts[0]), int(corrections), int(factorizations))
 
-    def march(times: Array, assumed: Array, scale: float = 0.0, guess: bool = False) -> March:
+    def march(times: Array, assumed: Array, scale: float = 0.0, guess: int = 0) -> March:
         found = _march(chain, system, control, out, times, assumed, scale, guess)
         if found.stopped:
             raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
@@ -197,15 +200,17 @@ def integrate(chain: Chain) -> Solution:
     record.start()
     counts[:] = 0.0
     system.newton.counts[:] = 0
-    assumed, scale = _assumed(
-        chain, [march(part * ends, still, chain.length, guess=True).moved for part in GUESS]
-    )
+    guesses = [march(part * ends, still, chain.length, guess=1) for part in GUESS]
+    assumed, scale = _assumed(chain, [guess.moved for guess in guesses])
+    if scale < max(STILL * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
+        scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
     for _ in range(ROUNDS):
         done = march(outputs, assumed, scale)
         if not done.whole or done.moved.max() < STILL * chain.length:
             break
         used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
-        if done.spent * (used / np.maximum(done.moved, SMALL * done.moved.max())).max() <= FOUND:
+        most = (used / np.maximum(done.moved, SMALL * done.moved.max())).max()
+        if done.error * most <= FOUND * _allowed(chain, system):
             break
         assumed, scale = done.moved, float(done.moved.max())
     return so_far(done.kept, Status() if done.whole else _stuck(chain, system, done.t))
@@ -219,6 +224,26 @@ def _assumed(chain: Chain, guesses: list[Array]) -> tuple[Array, float]:
     moved = np.nan_to_num(np.max(guesses, axis=0), posinf=0.0)
     scale = min(float(moved.max()), FAR * chain.length)
     return moved * (scale / max(float(moved.max()), STILL)), scale
+
+
+def _missed(chain: Chain, guess: March) -> float:
+    """Displacement that the steps of a guess miss, m."""
+    return float(np.nan_to_num(SMALL * chain.length * guess.error))
+
+
+def _acted(chain: Chain, guess: March) -> float:
+    """Displacement of a scene that is at rest until something acts, or that acts too fast for long steps, m.
+
+    The guess is by a step between all breaks of what acts. It counts what these steps find, and what they miss. Without
+    it errors would be relative to what rounding has moved until then.
+    """
+    return min(max(_missed(chain, guess), float(np.nan_to_num(guess.moved.max()))), FAR * chain.length)
+
+
+def _allowed(chain: Chain, system: System) -> float:
+    """Sum of local errors that is allowed."""
+    share = SHARE if rows_in(system.factors.loops) is None else WITH_CONSTRAINTS
+    return float(chain.run.tolerance or 0.0) * share
 
 
 def _system(chain: Chain) -> System:
@@ -286,12 +311,11 @@ def _march(
     times: Array,
     assumed: Array,
     scale: float,
-    guess: bool,
+    guess: int,
 ) -> March:
-    """Run from the start over `times`, with displacements that are assumed, or a `guess` of them in one step."""
+    """Run from the start over `times`, with displacements that are assumed, or a `guess` of them by so many steps."""
     run, state, newton = chain.run, system.state, system.newton
     tolerance = float(run.tolerance or 0.0)
-    share = SHARE if rows_in(system.factors.loops) is None else WITH_CONSTRAINTS
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
     control.scale[0] = scale
@@ -300,21 +324,21 @@ def _march(
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = times[-1] if guess else first, 1.0
     control.progress[CAP] = np.inf
-    control = control._replace(allowed=np.inf if guess else tolerance * share, times=times)
+    control = control._replace(allowed=np.inf if guess else _allowed(chain, system), times=times)
     system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     code, stopped = UNFINISHED, False
     for begin, end in paced(UNLIMITED, STEP * chain.bodies.nodes):
         try:
-            code = int(advance(1 if guess else end - begin, len(times) - 1, system, control, out))
+            code = int(advance(guess or end - begin, len(times) - 1, system, control, out))
         except KeyboardInterrupt:
             stopped = True
         if code != UNFINISHED or stopped or guess:
             break
     progress = control.progress
-    spent = float(progress[SPENT]) / (tolerance * share)
     return March(
-        int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(), spent
-    )
+        int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(),
+        float(progress[SPENT]),
+    )  # fmt: skip
 
 
 def _stuck(chain: Chain, system: System, t: float) -> Status:
@@ -437,8 +461,7 @@ def _step(h, stop, system, control, out):  # type: ignore[no-untyped-def]
         if look:
             measure_motion(state.q, control)
             _remember(control, state)
-            if not guess:
-                _aim(h, error, control)
+            _aim(h, error, control)
     else:
         _refuse(solved, h, error, allowed, system, control)
 

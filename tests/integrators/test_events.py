@@ -90,7 +90,10 @@ def test_what_happens_between_outputs_is_seen(event):
 
 @pytest.mark.parametrize("cycles", [8, 4096, 20_000])
 def test_a_fast_load_is_no_alias(cycles):
-    """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it."""
+    """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it.
+
+    Newton's tolerance is one that the balance of energy bears over a million steps.
+    """
     rate = 2.0 * pi * cycles / T_END
     mass = SOFT.density * 0.02**2
     size = 0.3 * mass * rate / T_END  # it drifts by 0.3 m
@@ -99,7 +102,7 @@ def test_a_fast_load_is_no_alias(cycles):
     ]
     found = at.solve(
         bar(loads=force, material=at.Material(E=1e9, density=1000.0)),
-        mesh=1, tolerance=1e-2, newton_tolerance=1e-9, t_end=T_END, output_dt=T_END,
+        mesh=1, tolerance=1e-2, newton_tolerance=1e-11, t_end=T_END, output_dt=T_END,
     )  # fmt: skip
     assert found.status.ok
     middle = 0.5 * (found.displacement("bar.start") + found.displacement("bar.end"))[-1]
