@@ -102,7 +102,7 @@ def test_stored_histories_are_package_data_small_and_clean():
     assert set(files) <= packed
     for path in files:
         content = path.read_text(encoding="utf-8")
-        assert len(content) < 9500
+        assert len(content) < 12_000
         assert " at 0x" not in content
         head = [line.split(": ")[0] for line in content.splitlines() if line.startswith("# ")]
         assert {"# scene", "# run", "# solver", "# settings"} <= set(head)
