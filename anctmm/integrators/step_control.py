@@ -96,7 +96,9 @@ FITTED = 1.15
 GUESS, FAR = (0.5, 0.125), 0.5
 #: Times what a guess finds, that it may miss of what acts: beyond, it has seen none of it.
 BLIND = 1e3
-#: Displacement below which nothing moves, of the scene's length.
+#: Displacement assumed at least of a scene that is found at rest, and that below which nothing moves, of the scene's
+#: length.
+AT_REST = 1e-6
 STILL = 1e-11
 #: Part of the largest displacement to which errors of nodes that move less are relative.
 SMALL = 0.25
@@ -235,9 +237,10 @@ def _acted(chain: Chain, guess: March) -> float:
     """Displacement of a scene that is at rest until something acts, or that acts too fast for long steps, m.
 
     The guess is by a step between all breaks of what acts. It counts what these steps find, and what they miss. Without
-    it errors would be relative to what rounding has moved until then.
+    it errors would be relative to what rounding has moved until then. Less than AT_REST is found in a second round.
     """
-    return min(max(_missed(chain, guess), float(np.nan_to_num(guess.moved.max()))), FAR * chain.length)
+    found = max(_missed(chain, guess), float(np.nan_to_num(guess.moved.max())))
+    return min(max(found, AT_REST * chain.length), FAR * chain.length)
 
 
 def _allowed(chain: Chain, system: System) -> float:
