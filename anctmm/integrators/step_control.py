@@ -16,9 +16,9 @@ Steps end where loads or drives break; where a load or the acceleration of a dri
 The lag of a at such a start is found by a first try of the step.
 
 Newton's iteration stops where what it leaves is a small part of the error that the step may make: what it leaves is
-noise of w, which the estimate would answer with ever smaller steps. No choice of a step hangs on how the iteration went
-below that: the filter has the c_w of the matrix that is kept, which may be that of other steps, and corrections of the
-size of rounding are no effort.
+noise of w, which the estimate would answer with ever smaller steps. No choice of a step depends on how the iteration
+went below that: the filter has the c_w of the matrix that is kept, which may be that of other steps, and corrections of
+the size of rounding are no effort.
 
 Errors add up over a run: on the average over a part of it, each step may make the share h/t_end of what the user
 allows. A smooth motion so has equal steps, although the error of a step swings with it. Errors are relative to the

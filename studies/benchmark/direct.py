@@ -49,6 +49,10 @@ class Direct:
         x = solveh_banded(band, right, overwrite_ab=True, overwrite_b=True, check_finite=False)
         return (self.matrix @ x).reshape(load.shape)
 
+    def solve_tangent(self, q: Array, load: Array) -> Array:
+        """Unknowns of all nodes by the tangents of the elements at coordinates q, as `solve` has them."""
+        return self.solve(self.band(stiffness_matrices(self.chain.bodies, q)), load)
+
     def band(self, elements: Array) -> Array:
         """Upper band of the joined matrix, as `solveh_banded` takes it.
 

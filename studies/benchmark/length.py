@@ -297,8 +297,7 @@ def clamped_digits(elements: int) -> dict[str, Any]:
     q = chain.bodies.reference()
     rest = solve_static(scene, mesh=elements)
     try:
-        direct = Direct(chain)
-        deflection = direct.solve(direct.band(stiffness_matrices(chain.bodies, q)), chain.dead_load)[1, -1]
+        deflection = Direct(chain).solve_tangent(q, chain.dead_load)[1, -1]
     except np.linalg.LinAlgError:  # rounding has made the matrix indefinite
         deflection = np.nan
     return {

@@ -85,7 +85,7 @@ class Bar:
             NEWTON: lambda: _tip(solve_static(self.scene, **options)),
             RECURSION: lambda: (float(tangent_solve(chain, q, load)[1, -1]), "ok"),
             INVERTED: lambda: (by_inverted_blocks(chain), "ok"),
-            CHOLESKY: lambda: (by_cholesky(chain), "ok"),
+            CHOLESKY: lambda: (float(Direct(chain).solve_tangent(q, load)[1, -1]), "ok"),
             GLOBAL: lambda: _tip(global_dae.solve_static(self.scene, **options)),
         }
         return [self._row(road, *_tried(roads[road])) for road in ROADS]
@@ -99,13 +99,6 @@ class Bar:
             "measured": tip, "predicted": self.predicted, "difference": difference, "rounding": self.rounding,
             "theory": self.theory, "reference": "closed form", "uncertainty": self.uncertainty, "status": status,
         }  # fmt: skip
-
-
-def by_cholesky(chain: Chain) -> float:
-    """Tip's deflection by the global matrix in banded form, by LAPACK."""
-    direct = Direct(chain)
-    band = direct.band(stiffness_matrices(chain.bodies, chain.bodies.reference()))
-    return float(direct.solve(band, chain.dead_load)[1, -1])
 
 
 def by_inverted_blocks(chain: Chain) -> float:
