@@ -169,7 +169,9 @@ class _Planner:
         core = {v: [e for e in self.ends[v] if e[0] in self.core] for v in reached}
         core = {v: ends for v, ends in core.items() if ends or self.vertices[v].forced}
         if not core:
-            self._tree(reached[-1])  # far from the first leaf: a chain runs from end to end
+            # far from the first leaf: a chain runs from end to end; at a guided end, which costs explicit steps least
+            guided = [v for v in reached if self.vertices[v].line is not None and len(self.edges[v]) == 1]
+            self._tree((guided or reached)[-1])
             return
         kept = [v for v, ends in core.items() if len(ends) > 2 or self._constrained(v)] or [min(core)]
         self.kept |= {v: len(self.kept) + i for i, v in enumerate(kept)}

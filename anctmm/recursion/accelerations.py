@@ -12,7 +12,7 @@ from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.kept_motions import add_kept, find_kept
-from anctmm.recursion.lines import keep_on_lines
+from anctmm.recursion.lines import add_guide_forces, keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
 
 Array = NDArray[np.float64]
@@ -56,9 +56,10 @@ def by_scalars(
     """
     _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
     find_kept(kept, a)
+    add_guide_forces(lines, of, motion, a)
     _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
     add_kept(kept, of, reaction, a)
-    keep_on_lines(lines, of, reaction, a)
+    keep_on_lines(lines, a)
 
 
 @inlined

@@ -2,21 +2,22 @@
 
 Across its line a place is held, as a support holds it in all directions; in the line's frame that is one known
 component. Full blocks are turned into this frame for the elimination of that node, and back. The scalar form of
-explicit steps knows no directions: it finds the accelerations a without guides, and J a = 0 across the lines is
-restored by the forces of the guides, which are as constant as the mass,
+explicit steps knows no directions: there the forces λ of the guides are found between the two sweeps. What the
+recursion passes on of the loads Jᵀ, along the path from the place to the root, is as constant as the mass,
 
-    a ← a − Z J a,    Z = M⁻¹Jᵀ (J M⁻¹Jᵀ)⁻¹.
+    b ← b − L⁻¹Jᵀ λ,    λ = (J M⁻¹Jᵀ)⁻¹ (L⁻¹Jᵀ)ᵀ G b,    M⁻¹ = L⁻ᵀ G L⁻¹,
+
+with b the loads that have arrived at each node. A tree with guided ends has its root at one of them (`Plan`), whose
+path is a single node.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.fitting import mass_matrix
-from anctmm.discretise.joined import Joined
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 
@@ -47,32 +48,40 @@ class Turned(NamedTuple):
     normal: Array
 
 
-@writes("across")
+@writes("across", "force")
 class Lines(NamedTuple):
-    """What keeps accelerations along lines.
+    """Forces of guides in trees of scalar blocks.
 
     Parameters
     ----------
-    node, line : ndarray of int, shape (nodes,)
-        Nodes on lines, and the line of each.
-    first : ndarray of int, shape (lines,)
-        A node of each line.
-    normal : ndarray, shape (lines, 2)
-    answer : ndarray, shape (lines, rows, nodes)
-        Z: accelerations of which one is 1 across its line, and the others 0 across theirs.
-    reaction : ndarray, shape (lines, 2, bodies, rows)
-        Generalized forces of these at the first and the last node of each body, which are those of driven clamps.
-    across : ndarray, shape (lines,)
-        Scratch.
+    node : ndarray of int, shape (nodes,)
+        All nodes on lines, those of joined ends included.
+    normal : ndarray, shape (nodes, 2)
+        Normal of the line of each.
+    start : ndarray of int, shape (lines + 1,)
+        Where the path of each line begins in the arrays that follow, and where the last one ends.
+    path : ndarray of int, shape (passed,)
+        Nodes from each place to the root.
+    load, weight : ndarray, shape (passed, rows)
+        L⁻¹Jᵀ and G L⁻¹Jᵀ at these.
+    last : ndarray of int, shape (lines,)
+        Body of each path's last node, which a driven clamp may hold: its acceleration is no matter of loads.
+    inverse : ndarray, shape (lines, lines)
+        (J M⁻¹Jᵀ)⁻¹.
+    across, force : ndarray, shape (lines,)
+        Scratch: accelerations across the lines without the guides, J a, and λ.
     """
 
     node: Ints
-    line: Ints
-    first: Ints
     normal: Array
-    answer: Array
-    reaction: Array
+    start: Ints
+    path: Ints
+    load: Array
+    weight: Array
+    last: Ints
+    inverse: Array
     across: Array
+    force: Array
 
 
 def turned(chain: Chain) -> Turned | None:
@@ -88,56 +97,89 @@ def turned(chain: Chain) -> Turned | None:
     return Turned(node, np.array([direction for _, direction in found]), held, place, normal)
 
 
-def lines(chain: Chain) -> Lines | None:
-    """What keeps the accelerations of a tree of scalar blocks along lines; None where there are none."""
+def lines(chain: Chain, L: Array, G: Array) -> Lines | None:
+    """Forces of guides in trees of scalar blocks, `SplitFactors`; None where there are none."""
     if not chain.guided or chain.plan.kept:  # `kept_motions` are along lines
         return None
-    bodies = chain.bodies
-    joined = Joined(chain, free=True)
-    T, mass = joined.matrix, mass_matrix(bodies)
+    onward = np.arange(1, chain.bodies.nodes + 1)
+    onward[chain.bodies.first[1:] - 1] = chain.onward
+    paths, loads, J = [], [], np.zeros((len(chain.guided), chain.bodies.rows, chain.bodies.nodes))
+    for k, guided in enumerate(chain.guided):
+        x, y = guided.direction
+        J[k, :2, chain.node(guided.carrier)] = -y, x
+        paths.append(_path(onward, chain.node(guided.carrier)))
+        for i, following in pairwise(paths[-1]):
+            J[k, :, following] = _passed_on(L[:, i], J[k, :, i])
+        loads.append(J[k][:, paths[-1]].T)
+    weights = np.zeros_like(J)
+    for c in range(2):
+        weights[:, c] = G[0] * J[:, c] + G[1] * J[:, 2 + c]
+        weights[:, 2 + c] = G[1] * J[:, c] + G[2] * J[:, 2 + c]
+        weights[:, 4 + c :: 2] = G[3] * J[:, 4 + c :: 2]
+    nodes = [(chain.node(end), guided.direction) for guided in chain.guided for end in guided.ends]
     count = len(chain.guided)
-    normal = np.array([(-guided.direction[1], guided.direction[0]) for guided in chain.guided])
-    first = np.array([chain.node(guided.carrier) for guided in chain.guided])
-    J = np.zeros((count, bodies.rows, bodies.nodes))
-    for k in range(count):
-        J[k, :2, first[k]] = normal[k]
-    flat = J.reshape(count, -1)
-    Y = T @ splu((T.T @ mass @ T).tocsc()).solve(T.T @ flat.T)
-    Z = np.linalg.solve((flat @ Y).T, Y.T)
-    held = (mass @ Z.T).T.reshape(J.shape)
-    ends = np.stack([bodies.first[:-1], bodies.first[1:] - 1])
-    nodes = [(chain.node(end), k) for k, guided in enumerate(chain.guided) for end in guided.ends]
     return Lines(
         np.array([i for i, _ in nodes], dtype=np.int64),
-        np.array([k for _, k in nodes], dtype=np.int64),
-        first.astype(np.int64),
-        normal,
-        np.ascontiguousarray(Z.reshape(J.shape)),
-        np.ascontiguousarray(held[:, :, ends].transpose(0, 2, 3, 1)),
+        np.array([(-y, x) for _, (x, y) in nodes]),
+        np.cumsum([0, *map(len, paths)], dtype=np.int64),
+        np.concatenate(paths),
+        np.concatenate(loads),
+        np.concatenate([weight[:, path].T for weight, path in zip(weights, paths, strict=True)]),
+        np.searchsorted(chain.bodies.first, [path[-1] for path in paths], side="right") - 1,
+        np.linalg.inv(np.einsum("jmi,kmi->jk", J, weights)),
+        np.zeros(count),
         np.zeros(count),
     )
 
 
+def _path(onward: Ints, node: int) -> Ints:
+    """Nodes from one to the root."""
+    found = [node]
+    while onward[found[-1]] >= 0:
+        found.append(int(onward[found[-1]]))
+    return np.array(found, dtype=np.int64)
+
+
+def _passed_on(L: Array, load: Array) -> Array:
+    """−L b of a load, (rows,), at a node."""
+    place, vector = load[:2], load[2:4]
+    return -np.concatenate([L[0] * place + L[1] * vector, L[2] * place + L[3] * vector, L[4] * load[4:]])
+
+
 @embedded
-def keep_on_lines(lines, of, reaction, a):  # type: ignore[no-untyped-def]
-    """Take from accelerations, (rows, nodes), and reactions of driven clamps what guides do not allow."""
+def add_guide_forces(lines, of, motion, a):  # type: ignore[no-untyped-def]
+    """Add the forces of guides to the loads that have arrived, (rows, nodes), beside the motion of driven clamps."""
     if lines is not None:
-        normal, across = lines.normal, lines.across
+        start, path, load, weight, across, force = (
+            lines.start, lines.path, lines.load, lines.weight, lines.across, lines.force,
+        )  # fmt: skip
         for k in range(len(across)):
-            i = lines.first[k]
-            across[k] = normal[k, 0] * a[0, i] + normal[k, 1] * a[1, i]
+            total = 0.0
+            for n in range(start[k], start[k + 1]):
+                for m in range(a.shape[0]):
+                    total += weight[n, m] * a[m, path[n]]
+            clamp = of[1, lines.last[k]]
+            if clamp >= 0:
+                for m in range(a.shape[0]):
+                    total += load[start[k + 1] - 1, m] * motion[2, clamp, m]
+            across[k] = total
         for k in range(len(across)):
-            part = across[k]
-            for m in range(a.shape[0]):
-                for i in range(a.shape[1]):
-                    a[m, i] -= part * lines.answer[k, m, i]
-            for b in range(of.shape[1]):
-                for side in range(2):
-                    if of[side, b] >= 0:
-                        for m in range(a.shape[0]):
-                            reaction[of[side, b], m] -= part * lines.reaction[k, side, b, m]
-        for n in range(len(lines.node)):  # nothing is left to rounding, which adds up from step to step
-            i, x, y = lines.node[n], normal[lines.line[n], 0], normal[lines.line[n], 1]
+            total = 0.0
+            for j in range(len(across)):
+                total += lines.inverse[k, j] * across[j]
+            force[k] = total
+        for k in range(len(across)):
+            for n in range(start[k], start[k + 1]):
+                for m in range(a.shape[0]):
+                    a[m, path[n]] -= load[n, m] * force[k]
+
+
+@embedded
+def keep_on_lines(lines, a):  # type: ignore[no-untyped-def]
+    """Take from accelerations what rounding has left across lines, and would add up from step to step."""
+    if lines is not None:
+        for n in range(len(lines.node)):
+            i, x, y = lines.node[n], lines.normal[n, 0], lines.normal[n, 1]
             left = x * a[0, i] + y * a[1, i]
             a[0, i] -= left * x
             a[1, i] -= left * y

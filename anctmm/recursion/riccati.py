@@ -131,7 +131,7 @@ def split_factors(chain: Chain) -> SplitFactors:
     masks[: bodies.rows // 2] = (chain.prescribed | chain.held)[::2]
     link = np.where([isinstance(step.to, Kept) for step in chain.plan.steps], BREAK, chain.link)
     _factorize_split(bodies.first, bodies.masses, link, masks, L, G, D, places)
-    return SplitFactors(L, G, D, places, lines(chain), kept_motions(chain, L))
+    return SplitFactors(L, G, D, places, lines(chain, L, G), kept_motions(chain, L))
 
 
 def no_split_factors(chain: Chain) -> SplitFactors:

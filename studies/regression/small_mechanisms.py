@@ -177,6 +177,20 @@ def sliding() -> at.Scene:
     return _mechanism("small-sliding", bodies, joints, [at.Force("side.end", (0.3, 0.2))], GRAVITY, [stay])
 
 
+def guides() -> at.Scene:
+    """Guides inside and at both ends of trees, all on the ground, and a driven clamp where one of the trees ends."""
+    bodies: list[Body] = [body("arm", A, B), body("bar", C, E, PLAIN), body("foot", E, F, FIRM, ROD)]
+    joints: list[Joint] = [
+        at.Slider(("arm", 0.5), (-1.0, 2.0)),
+        at.Clamp("arm.end", angle=at.Quintic(0.2, 0.05)),
+        at.Slider("bar.start", (2.0, 1.0)),
+        at.Pin("bar.end", "foot.start"),
+        at.Prismatic("foot.end", (1.0, 3.0)),
+    ]
+    stay = at.Spring("bar.end", (0.3, 0.9), stiffness=30.0, damping=0.05, length=0.4)
+    return _mechanism("small-guides", bodies, joints, [at.Force("arm.start", (0.3, -0.1))], GRAVITY, [stay])
+
+
 def wheel() -> at.Scene:
     """A disc that turns by more than half a turn against a rotational spring, and a car that a driven beam pushes."""
     disc = at.RigidBody("disc", 0.2, 3e-4, (0.0, 0.0), {"rim": (0.04, 0.03)}, spin=200.0)

@@ -238,6 +238,7 @@ def _mechanisms() -> tuple[Watch, ...]:
         _watch(linkage, {**moving, "adaptive": careful}),
         _watch(guided, moving),
         _watch(mechanisms.sliding(), {**moving, "static": Static(2, load_steps=2)}),
+        _watch(mechanisms.guides(), moving),
         _watch(mechanisms.wheel(), moving),
         _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),

@@ -32,7 +32,8 @@ STRUTS = [beam("s", (0.25, 0.0), (0.25, 0.5)), beam("t", (0.75, 0.0), (0.75, 0.5
 SCENES = {
     "end": ([B], [at.Clamp("b.start"), at.Slider("b.end", (1.0, 0.4))], False),
     "beside a driven clamp": ([B], [at.Clamp("b.start", angle=turn), at.Slider("b.end", (1.0, 0.4))], False),
-    "driven clamp at the root": ([B], [at.Slider("b.start", (1.0, 0.4)), at.Clamp("b.end", angle=turn)], False),
+    "before a driven clamp": ([B], [at.Slider("b.start", (1.0, 0.4)), at.Clamp("b.end", angle=turn)], False),
+    "driven clamp at the root": ([B], [at.Slider(("b", 0.25), (1.0, 0.4)), at.Clamp("b.end", angle=turn)], False),
     "both ends": ([B], [at.Prismatic("b.start", (0.3, 1.0)), at.Slider("b.end", (1.0, 0.4))], False),
     "inside": ([B], [at.Slider(("b", 0.25), (1.0, 0.3)), at.Pin("b.end")], False),
     "branches": ([B, X], [at.Slider("b.start", (0.0, 1.0)), at.Pin(("b", 0.5), "x.start"),
