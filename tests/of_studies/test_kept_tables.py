@@ -6,6 +6,8 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from studies.trade.recommend import choose, kept
+
 ROOT = Path(__file__).parents[2]
 SCENES = "four-bar", "cantilever-fall"
 TARGETS = 1e-2, 1e-3, 1e-4, 1e-5
@@ -77,3 +79,18 @@ def test_the_readme_tells_the_cost_of_long_chains_of_the_benchmark(bench):
     by = long.set_index("integrator")["ratio"]
     told = f"explicit and implicit | {by['zhai']:.3g}, {by['generalized-alpha']:.3g} |"
     assert told in (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("budget", [None, 1e-9, 1e-2])
+@pytest.mark.parametrize("error", [None, 1e-300, 1e-6, 1e-3, 1e300])
+def test_the_kept_trade_answers_whatever_is_asked(scene, error, budget):
+    """Also what no measured setting meets: then the best there is, and why it is not enough."""
+    if error is None and budget is None:
+        return
+    choice = choose(kept().points, scene, error, budget)
+    assert choice.line["scene"] == scene
+    assert set(choice.runners_up.columns) >= {"kind", "ratio"}
+    met = error is None or choice.line["error"] + choice.line["reference_error"] <= error
+    assert choice.reached == (met and (budget is None or choice.line["cpu_s"] <= budget))
+    assert choice.reached or choice.remarks
