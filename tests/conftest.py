@@ -70,3 +70,13 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if listed(item, SLOW):
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A running Chromium, for tests marked `needs_chromium`."""
+    from browser import Browser  # few modules need it
+
+    started = Browser()
+    yield started
+    started.close()

@@ -8,6 +8,7 @@ from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
 from anctmm.discretise.assembly import elastic_forces
+from anctmm.discretise.fitting import constraint_rates, mass_matrix
 from anctmm.discretise.joined import Joined
 from anctmm.forces.actuation import Actuation
 from anctmm.model.scene import Torque
@@ -110,3 +111,24 @@ def compatible(chain, amount=1e-2, seed=0):
     T = Joined(chain).matrix
     x = amount * np.random.default_rng(seed).standard_normal(T.shape[1])
     return chain.bodies.reference() + (T @ x).reshape(chain.bodies.rows, -1) / scales(chain)
+
+
+def dense(chain, f):
+    """Accelerations under forces on all nodes by the dense matrix of the independent unknowns and the constraints."""
+    T = Joined(chain).matrix
+    A = (T.T @ mass_matrix(chain.bodies) @ T).toarray()
+    J = (constraint_rates(chain, np.zeros_like(f))[0] @ T).toarray()
+    free = np.linalg.svd(J)[2][np.linalg.matrix_rank(J) :].T  # motions that the constraints allow
+    if not free.shape[1]:
+        return None
+    x = free @ np.linalg.solve(free.T @ A @ free, free.T @ (T.T @ f.ravel()))
+    return (T @ x).reshape(f.shape)
+
+
+def assert_as_dense(chain, f, found):
+    """Accelerations under forces on all nodes are those of the dense matrix; none, where nothing can move."""
+    exact = dense(chain, f)
+    if exact is None:
+        assert np.abs(found).max() < 1e-6
+    else:
+        assert np.abs(found - exact).max() < 1e-9 * np.abs(exact).max()

@@ -1,8 +1,10 @@
 """Small scenes and helpers that several tests share; the base scenes are in `studies.scenes`."""
 
+from contextlib import contextmanager
 from math import cos, sin
 
 import numpy as np
+import pytest
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
@@ -90,3 +92,21 @@ def gap(one, two, fraction=1.0, body=None, other=None, mirrored=False):
     body = body or one.scene.bodies[0].name
     there = 1.0 - fraction if mirrored else fraction
     return np.abs(one.position(body, fraction) - two.position(other or body, there)).max()
+
+
+class Trap:
+    """Runs code when it is unpickled."""
+
+    sprung = False
+
+    def __reduce__(self):
+        return setattr, (Trap, "sprung", True)
+
+
+@contextmanager
+def refused(error, words, exactly=False):
+    """What is done in the context is refused by an error whose message has all the words."""
+    with pytest.raises(error) as caught:
+        yield
+    assert [word for word in words if word not in str(caught.value)] == []
+    assert not exactly or type(caught.value) is error

@@ -15,6 +15,8 @@ from studies.engine.running.trial import product
 from studies.scenes import cantilever_fall
 
 SCENE = cantilever_fall().scene
+#: Longest wait for what workers do, s.
+LIMIT = 120.0
 
 
 def cases(count, scene=SCENE):
@@ -88,3 +90,11 @@ def numbers(outcomes):
         )
         for o in outcomes
     ]  # fmt: skip
+
+
+def wait_until(true):
+    """Until a function says so."""
+    until = time.monotonic() + LIMIT
+    while not true():
+        assert time.monotonic() < until
+        time.sleep(0.005)

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import typer
+from shared_sweep import SCENE, write
 
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status
@@ -20,9 +21,7 @@ from studies.cli import sweeping
 from studies.engine.runner import Runner
 from studies.engine.running.trial import product
 from studies.engine.storage import files
-from studies.scenes import cantilever_fall
 
-SCENE = cantilever_fall().scene
 MESHES = range(1, 13)
 #: s, of a run: long enough for a process to be killed in the middle of one.
 PAUSE = 0.05
@@ -50,13 +49,6 @@ def answer(scene, run):
     return Solution(
         "slow", scene, run, t, fields, Energy.unknown(len(t)), Cost(1.0, 1.0, run.steps), Status(), 4
     )
-
-
-def write(log, line):
-    """One line at once, whoever else writes."""
-    handle = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT)
-    os.write(handle, f"{line}\n".encode())
-    os.close(handle)
 
 
 def die_while_writing(n):

@@ -23,6 +23,13 @@ KINDS = {
 }
 
 
+def assert_begins(found, whole):
+    """What was kept of a run is how the whole run begins, to the last bit."""
+    n = found.t.size
+    assert np.array_equal(found.t, whole.t[:n])
+    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+
+
 @pytest.fixture
 def scene_that_is_interrupted():
     """A scene and what arms it: Ctrl-C is then pressed soon after its load was asked for a later time than 0."""
@@ -101,8 +108,7 @@ def test_the_history_kept_is_that_of_the_whole_run(road, kind, when, monkeypatch
     assert n <= 1 + when / 3e-4
     assert found.status.time <= when + 1e-12
     assert n >= (found.status.time - 1e-5) / 3e-4
-    assert np.array_equal(found.t, whole.t[:n])
-    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+    assert_begins(found, whole)
     for name, series in vars(found.energy).items():
         assert np.array_equal(series, getattr(whole.energy, name)[:n])
 
@@ -128,13 +134,11 @@ def test_a_history_that_fails_keeps_what_was_computed_until_then(road, kind, whe
         road(scene, **options)
     assert isinstance(caught.value, at.errors.PropertyError)
     found = caught.value.solution
-    n = found.t.size
     assert found.status == "failed"
     assert "no value there" in found.status.message
     assert found.t[-1] <= when
     assert found.t[-1] >= when - 5e-5
-    assert np.array_equal(found.t, whole.t[:n])
-    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+    assert_begins(found, whole)
 
 
 @pytest.mark.parametrize("road", [at.solve_static, global_dae.solve_static], ids=lambda road: road.__module__)
@@ -154,8 +158,7 @@ def test_equilibria_found_before_ctrl_c_are_kept(road, options, monkeypatch):
     assert 2 <= n < 7
     assert found.status == "interrupted"
     assert f"beyond {found.t[-1]:.6g} of the load" in found.status.message
-    assert np.array_equal(found.t, whole.t[:n])
-    assert np.array_equal(found.position("bar", 1.0), whole.position("bar", 1.0)[:n])
+    assert_begins(found, whole)
 
 
 def _press_after(count, road, monkeypatch):

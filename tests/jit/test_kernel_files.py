@@ -32,11 +32,11 @@ def report():
 '''
 
 
-@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
-def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_or_option_does(tmp_path):
-    """Three processes that import a module as it is edited."""
+@pytest.fixture
+def run(tmp_path):
+    """What a process reports that imports a module as it is now, beside the kernels of those before it."""
 
-    def run(source):
+    def reported(source):
         (tmp_path / "edited.py").write_text(source)
         environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
         environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
@@ -44,6 +44,11 @@ def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_or_option_doe
         done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
         return done.stdout.split()
 
+    return reported
+
+
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
+def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_or_option_does(run):
     assert run(SOURCE) == ["7.0", "0", "1"]
     assert run(SOURCE.replace("A docstring", "Another one,\n\nlonger")) == ["7.0", "1", "0"]
     assert run(SOURCE.replace("2.0 * x", "3.0 * x")) == ["10.0", "0", "1"]
@@ -55,19 +60,11 @@ def test_a_changed_docstring_compiles_nothing_and_a_changed_callee_or_option_doe
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")
-def test_what_is_inlined_in_kernels_is_kept_where_python_calls_it(tmp_path):
+def test_what_is_inlined_in_kernels_is_kept_where_python_calls_it(run):
     source = SOURCE.replace("import kernel", "import inlined, kernel").replace(
         "@kernel\ndef outer", "@inlined\ndef outer"
     )
-    (tmp_path / "edited.py").write_text(source)
-    environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment["PYTHONPATH"] = os.pathsep.join([str(tmp_path), *filter(None, sys.path)])
-    command = [sys.executable, "-c", "import edited; edited.report()"]
-    found = [
-        subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.split()
-        for _ in range(2)
-    ]
-    assert found == [["7.0", "0", "1"], ["7.0", "1", "0"]]
+    assert [run(source), run(source)] == [["7.0", "0", "1"], ["7.0", "1", "0"]]
 
 
 @pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler")

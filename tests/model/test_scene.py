@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import B, C, beam, row_scene, run_of, scene_of
+from samples import B, C, beam, refused, row_scene, run_of, scene_of
 
 import anctmm as at
 from anctmm import errors
@@ -75,9 +75,8 @@ def test_histories_say_where_they_break():
     ],
 )
 def test_breaks_that_are_no_times_are_refused(make, words):
-    with pytest.raises(errors.PropertyError) as caught:
+    with refused(errors.PropertyError, words):
         make()
-    assert [w for w in words if w not in str(caught.value)] == []
 
 
 class Broken:
@@ -123,9 +122,8 @@ def test_tabulated_history_of_one_value():
     ],
 )
 def test_histories_that_fail_say_where(history, words):
-    with pytest.raises(errors.PropertyError) as caught:
+    with refused(errors.PropertyError, words):
         tabulate("hub", history, np.linspace(0.0, 1.0, 5), 2)
-    assert [w for w in words if w not in str(caught.value)] == []
 
 
 # --- topology ----------------------------------------------------------------------------------------------

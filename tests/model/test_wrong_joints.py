@@ -2,7 +2,7 @@
 
 import pytest
 from samples import B as X1
-from samples import beam
+from samples import beam, refused
 
 from anctmm.errors import (
     ContradictingJointsError,
@@ -241,10 +241,8 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_joints_that_do_not_fit_are_refused_by_name(name):
     build, error, words = CASES[name]
-    with pytest.raises(error) as caught:
+    with refused(error, words, exactly=True):
         build()
-    assert type(caught.value) is error
-    assert [w for w in words if w not in str(caught.value)] == []
     assert issubclass(error, TopologyError) or name in ENDS
 
 

@@ -5,7 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 from random_graphs import Kinds, random_graph
-from samples import KINDS, SOFT, SQUARE
+from samples import KINDS, SOFT, SQUARE, refused
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError
@@ -272,6 +272,5 @@ def test_free_loops_have_no_equilibrium_and_say_so():
 
 def test_weld_of_many_ends_needs_one_element_kind():
     scene = fork(Weld("a.end", "b.start", "c.end"))
-    with pytest.raises(DiscretisationError) as caught:
+    with refused(DiscretisationError, ("Weld", "'a'", "'cable'", "'c'", "'shear'")):
         global_dae.solve(scene, mesh=1, element={"a": "cable", "b": "cable", "c": "shear"})
-    assert [w for w in ("Weld", "'a'", "'cable'", "'c'", "'shear'") if w not in str(caught.value)] == []

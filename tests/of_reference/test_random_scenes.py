@@ -5,18 +5,12 @@ the kernels of two solvers for every kind of scene would take minutes to compile
 interpreted ones do is what the stored histories of `anctmm check` show.
 """
 
-import os
-import subprocess
-import sys
-
-import planted
 import pytest
 from random_graphs import asked_graph
 from random_scenes import asked
+from uncompiled import said_by
 
 from anctmm.model.topology import junctions_of
-
-SCRIPT = planted.TABLE.with_name("random_against.py")
 
 
 @pytest.mark.slow
@@ -30,18 +24,11 @@ SCRIPT = planted.TABLE.with_name("random_against.py")
     ],
 )
 def test_no_answer_is_ok_and_wrong(peer, count, drawn):
-    done = subprocess.run(
-        [sys.executable, SCRIPT, "--peer", peer, "--count", str(count), *drawn],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(planted.ROOT)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    counts = {
-        what: int(n) for n, _, what in (p.partition(" ") for p in done.stdout.splitlines()[-1].split(", "))
-    }
+    said = said_by("random_against.py", "--peer", peer, "--count", count, *drawn)
+    counts = {what: int(n) for n, _, what in (p.partition(" ") for p in said.splitlines()[-1].split(", "))}
     assert sum(counts.values()) == count
     locked = "mechanisms" in drawn  # many mechanisms that are drawn lock, and say so
-    assert counts["agree"] >= (0.5 if locked else 0.75) * count, done.stdout
+    assert counts["agree"] >= (0.5 if locked else 0.75) * count, said
 
 
 def test_scenes_are_drawn_of_every_kind():

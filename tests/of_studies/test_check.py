@@ -1,8 +1,6 @@
 """`anctmm check`: stored histories hold where nothing has changed, and every planted fault is seen."""
 
 import json
-import os
-import subprocess
 import sys
 import tomllib
 from dataclasses import replace
@@ -13,6 +11,7 @@ import numpy as np
 import pytest
 from junitparser import Failure, JUnitXml, Skipped
 from typer.testing import CliRunner
+from uncompiled import said_by
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, DiscretisationError, StabilityError
@@ -149,13 +148,7 @@ def verdicts(tmp_path_factory):
     """Histories stored by compiled kernels, then checked by the same code uncompiled, with and without faults."""
     baselines = tmp_path_factory.mktemp("stored")
     assert {f.verdict for fs in update(tasks_of(declared_in(WATCHED)), baselines) for f in fs} == {"new"}
-    done = subprocess.run(
-        [sys.executable, HELPERS / "faults.py", WATCHED, baselines],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return json.loads(said_by("faults.py", WATCHED, baselines))
 
 
 def test_without_a_fault_other_rounding_is_no_difference(verdicts):

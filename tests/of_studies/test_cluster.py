@@ -13,7 +13,7 @@ from collections import Counter
 from contextlib import suppress
 
 import pytest
-from shared_sweep import cases, done, numbers, runner
+from shared_sweep import cases, done, numbers, runner, wait_until
 from typer.testing import CliRunner
 
 from studies.cli import app
@@ -22,7 +22,6 @@ from studies.engine.running.team import SweepError, team
 
 pytest.importorskip("distributed", reason="dask.distributed is not installed")
 
-LIMIT = 120.0
 #: A run whose worker dies is given to another once.
 SETTINGS = {
     "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "1",
@@ -50,13 +49,6 @@ def end(process):
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
     process.wait()
-
-
-def wait_until(true):
-    until = time.monotonic() + LIMIT
-    while not true():
-        assert time.monotonic() < until
-        time.sleep(0.01)
 
 
 class Cluster:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
-from browser import OVERLAPS, Browser, Tab, needs_chromium
+from browser import OVERLAPS, Tab, needs_chromium
 from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 
@@ -189,13 +189,6 @@ def test_the_page_passes_in_a_browser(session, browser, width):
     assert tab.run("return document.querySelectorAll('figure svg').length") >= 3
     assert tab.wrong == []
     tab.close()
-
-
-@pytest.fixture(scope="module")
-def browser():
-    started = Browser()
-    yield started
-    started.close()
 
 
 def told(*typed: str) -> tuple[int, str]:

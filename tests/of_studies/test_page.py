@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from browser import Browser, Tab, needs_chromium
+from browser import Tab, needs_chromium
 from markupsafe import escape
 
 from studies.agreement.study import findings, matrix
@@ -249,13 +249,6 @@ return {
   ground: [colour("body", "backgroundColor"), colour("figure", "backgroundColor")],
 };
 """
-
-
-@pytest.fixture(scope="module")
-def browser():
-    started = Browser()
-    yield started
-    started.close()
 
 
 @needs_chromium

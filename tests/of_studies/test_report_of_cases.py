@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from browser import OVERLAPS, Browser, Tab, needs_chromium
+from browser import OVERLAPS, Tab, needs_chromium
 from typer.testing import CliRunner
 from user_cases import PORTAL_FRAME, SLIDER_CRANK
 
@@ -75,13 +75,6 @@ def mechanism(tmp_path_factory) -> Path:
     result = find("convergence")(Options(quick=True, cases=cases), Runner(None, repeats=1))
     write(result, folder)
     return write_page([result], folder, True, Subject([c.name for c in cases], ["my.py"]))
-
-
-@pytest.fixture(scope="module")
-def browser():
-    started = Browser()
-    yield started
-    started.close()
 
 
 @pytest.fixture(params=[390, 1280])

@@ -1,12 +1,12 @@
 """What `anctmm check` watches beside the base scenes: small scenes that see the faults planted in the solver."""
 
 import json
-import os
 import subprocess
 import sys
 
 import planted
 import pytest
+from uncompiled import said_by
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.lacking import LACKING
@@ -43,13 +43,7 @@ def test_a_planted_fault_of_each_kind_is_seen():
 @pytest.fixture(scope="module")
 def beside_dae():
     """Uncompiled, as the planted faults are tried: the kernels of another solver would take longer to compile."""
-    done = subprocess.run(
-        [sys.executable, planted.TABLE.with_name("small_against_dae.py")],
-        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(planted.ROOT)},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+    return json.loads(said_by("small_against_dae.py").splitlines()[-1])
 
 
 def test_stored_histories_of_small_scenes_are_those_of_the_global_dae(beside_dae):

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -13,7 +12,7 @@ from functools import partial
 import numpy as np
 import pytest
 import shared_sweep
-from shared_sweep import cases, done, numbers, runner
+from shared_sweep import LIMIT, cases, done, numbers, runner, wait_until
 from typer.testing import CliRunner
 
 from anctmm.errors import SolverError
@@ -27,15 +26,6 @@ from studies.engine.running.turns import Turns
 from studies.engine.running.worker import NotSendable, OtherCode, packed_run, work
 from studies.engine.storage import provenance
 from studies.scenes import cantilever_fall
-
-LIMIT = 120.0
-
-
-def wait_until(true):
-    until = time.monotonic() + LIMIT
-    while not true():
-        assert time.monotonic() < until
-        time.sleep(0.005)
 
 
 def begun_twice(log):

@@ -3,8 +3,7 @@
 from pathlib import Path
 
 import pandas as pd
-import pytest
-from browser import OVERLAPS, Browser, Tab, needs_chromium
+from browser import OVERLAPS, Tab, needs_chromium
 
 from studies.report.error_pictures import ELEMENT_TITLES, over_mesh
 from studies.trade.pictures import pictures
@@ -22,13 +21,6 @@ def drawn():
         known = rows["element"].where(rows["element"].isin(list(ELEMENT_TITLES)), "cable")
         elements = rows["elements"].astype(str).str.split("/").map(lambda mesh: sum(map(int, mesh)))
         yield over_mesh(rows.assign(family=known, all_elements=elements), f"mesh_{study}")
-
-
-@pytest.fixture(scope="module")
-def browser():
-    started = Browser()
-    yield started
-    started.close()
 
 
 @needs_chromium

@@ -7,6 +7,7 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
+from samples import Trap
 
 import anctmm as at
 from anctmm.errors import OutputError, ResultError
@@ -158,15 +159,6 @@ def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
     cut.write_bytes(bytes(flipped))
     with pytest.raises(ResultError, match="no saved solution"):
         at.load(cut)
-
-
-class Trap:
-    """Runs code when it is unpickled."""
-
-    sprung = False
-
-    def __reduce__(self):
-        return setattr, (Trap, "sprung", True)
 
 
 def test_arrays_of_objects_are_never_read(tmp_path):

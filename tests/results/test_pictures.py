@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import Browser, Tab, needs_chromium
+from browser import Tab, needs_chromium
 from PIL import Image
 from user_cases import SLIDER_CRANK
 
@@ -71,25 +71,21 @@ def test_pictures_of_mechanisms(mechanism, tmp_path):
 
 
 @needs_chromium
-def test_the_player_of_an_animation_plays(mechanism, tmp_path):
+@pytest.mark.parametrize("width", [1280, 390])
+def test_the_player_of_an_animation_plays(mechanism, browser, width, tmp_path):
     """The page that `animate` writes, offline."""
-    browser = Browser()
-    try:
-        for width in (1280, 390):
-            tab = Tab(browser, mechanism.animate(tmp_path / "motion.html"), width=width)
-            image = "return document.querySelector('.animation img').src"
-            tab.run("document.querySelector('button[title=\"First frame\"]').click();")
-            first = tab.run(image)
-            tab.run("document.querySelector('button[title=\"Next frame\"]').click();")
-            assert first.startswith("data:image/png")
-            assert tab.run(image) != first
-            assert tab.run("return document.documentElement.scrollWidth") == width
-            signs = tab.run(
-                "return [...document.querySelectorAll('.anim-buttons button')].map(b => b.textContent.trim());"
-            )
-            assert "▶" in signs
-            assert all(signs)
-            assert tab.wrong == []
-            tab.close()
-    finally:
-        browser.close()
+    tab = Tab(browser, mechanism.animate(tmp_path / "motion.html"), width=width)
+    image = "return document.querySelector('.animation img').src"
+    tab.run("document.querySelector('button[title=\"First frame\"]').click();")
+    first = tab.run(image)
+    tab.run("document.querySelector('button[title=\"Next frame\"]').click();")
+    assert first.startswith("data:image/png")
+    assert tab.run(image) != first
+    assert tab.run("return document.documentElement.scrollWidth") == width
+    signs = tab.run(
+        "return [...document.querySelectorAll('.anim-buttons button')].map(b => b.textContent.trim());"
+    )
+    assert "▶" in signs
+    assert all(signs)
+    assert tab.wrong == []
+    tab.close()

@@ -11,7 +11,7 @@ from hypothesis import given as such
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays, scalar_dtypes
-from samples import bar
+from samples import Trap, bar
 
 import anctmm as at
 from anctmm.discretise.discretisation import NOT_GIVEN
@@ -156,15 +156,6 @@ def test_a_class_with_other_fields_is_another_class(monkeypatch):
     monkeypatch.setattr(Pair, "_fields", ("second", "first"))
     with pytest.raises(NotPlain, match="other fields"):
         decode(content)
-
-
-class Trap:
-    """Runs code when it is unpickled."""
-
-    sprung = False
-
-    def __reduce__(self):
-        return setattr, (Trap, "sprung", True)
 
 
 def test_a_pickle_in_the_place_of_a_result_is_not_run(tmp_path):
