@@ -15,6 +15,7 @@ from anctmm.errors import (
     listed,
     reason,
     shown,
+    unknown_kind,
 )
 from anctmm.model.accepted import BodyKind, ConnectorKind, JointKind, LoadKind, PairLike
 from anctmm.model.bodies import BODIES, Beam, Body, Material, Point, beam_of, distance
@@ -23,7 +24,7 @@ from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
-from anctmm.model.places import PLACE_NEEDED, Key, Place, Written, place_in, written
+from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.validation import text, vector
 
@@ -174,14 +175,14 @@ class Scene:
         given: Any = written(place)
         name, dot, key = given.rpartition(".") if isinstance(given, str) else (given[0], ".", given[1])
         if not dot:
-            raise UnknownNameError(f"place {shown(place)} is no place of a body; {PLACE_NEEDED}")
+            whole = self._by_name.get(given)
+            needed = PLACE_NEEDED if whole is None else f"allowed is {_places_in_words(whole)}"
+            raise UnknownNameError(f"place {shown(place)} is no place of a body; {needed}")
         body = self.body(name)
         if (found := place_in(body, key)) is None:
-            known = ("start", "end") if isinstance(body, Beam) else body.keys
             raise UnknownNameError(
-                f"place {shown(place)} is not in scene {self.name!r}: "
-                f"{type(body).__name__} {name!r} has {listed(known)}; "
-                f"{PLACE_NEEDED}"
+                f"place {shown(place)} is not in scene {self.name!r}; {type(body).__name__} {name!r} has "
+                f"{_places_in_words(body)}"
             )
         return Place(body, found)
 
@@ -248,6 +249,17 @@ def checked_scene(scene: object) -> Scene:
     if type(scene) is not Scene:
         raise UnknownKindError(f"scene is {shown(scene)} of type {type(scene).__name__}; a Scene is needed")
     return scene
+
+
+def _places_in_words(body: Body) -> str:
+    """Places of a body as they are written."""
+    match body:
+        case Beam():
+            return f"{listed(f'{body.name}.{side}' for side in SIDES)} and ({shown(body.name)}, fraction)"
+        case RigidBody() | PointMass():
+            return listed(f"{body.name}.{key}" for key in body.keys)
+        case _:
+            raise unknown_kind("body", body, BODIES)
 
 
 def _all_of(what: str, things: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:

@@ -1,6 +1,7 @@
 """What every solver answers with: times, fields over the bodies, energies, cost and status."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
@@ -10,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import PropertyError, ResultError, listed
+from anctmm.errors import PropertyError, ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
+from anctmm.model.bodies import beam_of
 from anctmm.model.connectors import Connector
 from anctmm.model.joints import Joint
-from anctmm.model.scene import Beam, Probe, Scene
+from anctmm.model.rigid_bodies import CENTER
+from anctmm.model.scene import Beam, Probe, RigidBody, Scene
 from anctmm.results.export import saving
 from anctmm.results.export.pictures import animate, plot
 from anctmm.results.export.saving import save
@@ -190,9 +193,10 @@ class Solution:
         Parameters
         ----------
         place : str or (str, float)
-            "name.start", "name.end" or, with a fraction, the name of a beam.
+            "name.start", "name.end" or, with a fraction, the name of a beam; "name.point" of a rigid body,
+            "name.center" of it or of a point mass.
         fraction : float or sequence of float, optional
-            Of the undeformed length from the body's start, in [0, 1].
+            Of the undeformed length from the beam's start, in [0, 1].
 
         Raises
         ------
@@ -213,7 +217,7 @@ class Solution:
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles that sections have turned by since the first output, (n,), rad, counter-clockwise; of k fractions
-        (n, k). Parameters as of `position`.
+        (n, k). Parameters as of `position`; of a rigid body its name is enough.
 
         A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
         angle is continuous: whole turns between two outputs are counted by the velocities. Where a solver keeps none,
@@ -224,11 +228,15 @@ class Solution:
         ResultError
             If the solver keeps no angles.
         """
-        return self._each(place, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t))
+        turning = self._turning(place, fraction)
+        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t))
 
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
-        """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters and errors as of `velocity`."""
-        return self._each(place, fraction, lambda field, at: cast(MovingField, field).spin(at))
+        """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
+        `velocity`.
+        """
+        turning = self._turning(place, fraction)
+        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).spin(at))
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """N, Q, M of the part of a beam beyond a section on the part before it, (n, 3), N, N, N m; of k fractions
@@ -238,12 +246,15 @@ class Solution:
         Raises
         ------
         ResultError
-            If the solution is not one of ANCF elements with accelerations, or the body is rigid.
+            If the solution is not one of ANCF elements with accelerations, or the beam is of element "rigid".
+        UnknownKindError
+            If the body is no beam.
         """
         if _several(fraction):
             parts = [self.section_force(place, x) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, 3))
-        name, at = self.scene.probe(place if fraction is None else (place, fraction))  # type: ignore[arg-type]
+        name, at = self.scene.probe(place if fraction is None else self._given(place, fraction))
+        beam_of(self.scene.body(name))
         return section_force(self, name, float(at))
 
     def reaction(self, joint: JointKind) -> Array:
@@ -253,7 +264,18 @@ class Solution:
         return reaction(self, cast(Joint, joint))
 
     def tension(self, connector: ConnectorKind) -> Array:
-        """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,)."""
+        """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,).
+
+        Raises
+        ------
+        UnknownNameError
+            If the connector is not of the scene.
+        """
+        if connector not in self.scene.connectors:
+            raise UnknownNameError(
+                f"connector {shown(connector)} is not in scene {self.scene.name!r}; one of `scene.connectors` is "
+                f"needed, which has {len(self.scene.connectors)}"
+            )
         return tension_of(self, cast(Connector, connector))
 
     def displacement(self, probe: Probe) -> Array:
@@ -307,6 +329,17 @@ class Solution:
         ):
             return f"{place}.{fraction}"
         return place, fraction  # type: ignore[return-value]
+
+    def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
+        """A place whose turn is asked for: a rigid body turns as one, and is meant by its name alone."""
+        if fraction is not None or not any(
+            isinstance(body, RigidBody) and body.name == place for body in self.scene.bodies
+        ):
+            return place
+        with suppress(UnknownNameError):  # a point of another body has that name, too
+            self.scene.place(place)
+            return place
+        return f"{place}.{CENTER}"
 
     def until(self, outputs: int, status: Status) -> "Solution":
         """The first outputs, with the status that says why the others are left out."""

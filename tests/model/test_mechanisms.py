@@ -144,11 +144,11 @@ WRONG = {
     "two bodies of one name": (
         lambda: scene(bodies=[beam("p"), plate()]), errors.DuplicateNameError, ["'p'", "2 times"]),
     "a body that is a dict": (lambda: scene(bodies=[{"name": "p"}]), S, ["bodies", "RigidBody", "PointMass"]),
-    "a point that is not there": (lambda: scene(at.Pin("p.c")), U, ["'p.c'", "'center', 'a', 'b'"]),
-    "an end of a rigid body": (lambda: scene(at.Pin("p.start")), U, ["'p.start'", "RigidBody 'p'", "'a'"]),
+    "a point that is not there": (lambda: scene(at.Pin("p.c")), U, ["'p.c'", "'p.center', 'p.a', 'p.b'"]),
+    "an end of a rigid body": (lambda: scene(at.Pin("p.start")), U, ["'p.start'", "RigidBody 'p'", "'p.a'"]),
     "a fraction of a rigid body": (lambda: scene(at.Pin(("p", 0.5))), U, ["('p', 0.5)", "RigidBody"]),
-    "the centre of a beam": (lambda: scene(at.Pin("a.center")), U, ["'a.center'", "Beam 'a'", "'start', 'end'"]),
-    "an end of a point mass": (lambda: scene(at.Pin("m.end")), U, ["'m.end'", "PointMass 'm'", "'center'"]),
+    "the centre of a beam": (lambda: scene(at.Pin("a.center")), U, ["'a.center'", "Beam 'a'", "'a.start', 'a.end'"]),
+    "an end of a point mass": (lambda: scene(at.Pin("m.end")), U, ["'m.end'", "PointMass 'm'", "'m.center'"]),
     "a fraction beyond the end": (lambda: at.Pin(("a", 1.5)), P, ["fraction", "1.5", "[0, 1]"]),
     "a pin of three numbers": (lambda: at.Pin((1, 2, 3)), U, ["(1, 2, 3)", "'name.point'"]),
     "a pin that parts": (lambda: scene(at.Pin("a.end", "p.b")), G, ["'a.end'", "'p.b'", "1 m apart"]),
@@ -195,7 +195,7 @@ WRONG = {
     "a line where it is pinned": (
         lambda: scene(at.Pin("a.end", "p.a"), at.Slider("a.end", body="p")), R, ["Slider", "body 'p'"]),
     "a load on a point that is not there": (
-        lambda: scene(loads=[at.Force("p.c", (1, 0))]), U, ["'p.c'", "'center'"]),
+        lambda: scene(loads=[at.Force("p.c", (1, 0))]), U, ["'p.c'", "'p.center'"]),
     "a torque on a point mass": (lambda: scene(loads=[at.Torque("m.center", 1.0)]), K, ["'m'", "does not turn"]),
     "a follower force on a point mass": (
         lambda: scene(loads=[at.Force("m.center", (1, 0), follower=True)]), K, ["'m'", "dead Force"]),
@@ -225,7 +225,7 @@ WRONG = {
         sprung(at.Spring("a.end", "p.a", stiffness=1)), P, ["'a.end'", "'p.a'", "one point", "(1.0, 0.0)"]),
     "a spring at a point of the ground": (
         sprung(at.Spring("a.end", (1.0, 0.0), stiffness=1)), P, ["'a.end'", "one point"]),
-    "a spring to a place that is not there": (sprung(at.Spring("a.end", "p.z", stiffness=1)), U, ["'p.z'", "'a', 'b'"]),
+    "a spring to a place that is not there": (sprung(at.Spring("a.end", "p.z", stiffness=1)), U, ["'p.z'", "'p.a', 'p.b'"]),
     "a rotational spring of a point mass": (
         sprung(at.RotationalSpring("m.center", stiffness=1)), K, ["'m'", "does not turn"]),
     "a rotational spring on one place": (

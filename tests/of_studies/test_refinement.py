@@ -7,11 +7,12 @@ import pytest
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THROWN_CHAIN
 
 import anctmm as at
-from anctmm.errors import UnknownOptionError
+from anctmm.errors import StabilityError, UnknownOptionError
 from studies.cases import cases_in, find_case
 from studies.engine.digits import Value, rounded, values_of
 from studies.engine.refinement import Refinement, Setup, coarsest_mesh
 from studies.engine.runner import Runner
+from studies.engine.setting import stable_step
 
 CASES = [(file, case.name) for file in FILES for case in cases_in(file)]
 
@@ -34,6 +35,44 @@ def test_the_estimated_error_holds(file, name):
     wrong = found.levels.difference(found.solution, far)
     assert 0.0 < wrong <= found.error
     assert found.error < 300.0 * wrong  # and is no mere bound
+
+
+def masses_on(**connector):
+    """A mass between two springs and nothing else."""
+    mass = at.PointMass("m", mass=0.1, position=(1.0, 0.0), velocity=(0.0, 0.3))
+    return at.Scene("mass", [mass], connectors=[
+        at.Spring("m.center", (0.0, 0.0), **connector), at.Spring("m.center", (2.0, 0.1), stiffness=80.0)])  # fmt: skip
+
+
+def beam_on(tau=0.0, **connector):
+    """A clamped beam with a spring or damper at its end."""
+    beam = at.Beam("b", (0, 0), (1, 0), at.Rectangle(0.02, 0.02), at.Material(1e7, 1000.0, damping=tau))
+    springs = [at.Spring("b.end", (1.0, 1.0), **connector)] if connector else []
+    return at.Scene("beam", [beam], [at.Clamp("b.start")], gravity=(0, -9.81), connectors=springs)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        masses_on(stiffness=4e5),
+        masses_on(stiffness=10.0, damping=900.0),
+        beam_on(stiffness=1e8),
+        beam_on(stiffness=1.0, damping=300.0),
+        beam_on(tau=1e-2),
+        beam_on(tau=1e-2, stiffness=1e6),
+    ],
+)
+def test_explicit_steps_that_are_chosen_are_stable(scene):
+    """Springs, dampers and damping of materials shorten them, and are all there is where nothing bends."""
+    place = "m.center" if scene.name == "mass" else "b.end"
+    case = at.Case(scene, [place], t_end=2e-4, output_dt=1e-4)
+    found = Refinement(case, Setup(integrator="zhai"), Runner(None, repeats=1))
+    first = found.trial(0, 0)
+    assert at.solve(first.scene, first.run()).status.ok
+    limit = stable_step(scene, first.by_body, {})
+    too_long = at.Discretisation(mesh=first.by_body, integrator="zhai", dt=1.3 * limit, t_end=1.3 * limit)
+    with pytest.raises(StabilityError):
+        at.solve(scene, too_long)
 
 
 @pytest.mark.parametrize(("file", "name"), CASES)

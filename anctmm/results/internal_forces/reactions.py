@@ -52,7 +52,10 @@ def reaction(solution: Any, joint: Joint) -> Array:
     """
     scene = solution.scene
     if joint not in scene.joints:
-        raise UnknownNameError(f"joint {shown(joint)} is not in scene {scene.name!r}")
+        raise UnknownNameError(
+            f"joint {shown(joint)} is not in scene {scene.name!r}; one of `scene.joints` is needed, which has "
+            f"{len(scene.joints)}"
+        )
     number = scene.joints.index(joint)
     system = _System(solution, _together(scene, number))
     return system.found(system.column(number, 0))
