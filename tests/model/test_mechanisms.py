@@ -225,7 +225,8 @@ WRONG = {
         sprung(at.Spring("a.end", "p.a", stiffness=1)), P, ["'a.end'", "'p.a'", "one point", "(1.0, 0.0)"]),
     "a spring at a point of the ground": (
         sprung(at.Spring("a.end", (1.0, 0.0), stiffness=1)), P, ["'a.end'", "one point"]),
-    "a spring to a place that is not there": (sprung(at.Spring("a.end", "p.z", stiffness=1)), U, ["'p.z'", "'p.a', 'p.b'"]),
+    "a spring to a place that is not there": (
+        sprung(at.Spring("a.end", "p.z", stiffness=1)), U, ["'p.z'", "'p.a', 'p.b'"]),
     "a rotational spring of a point mass": (
         sprung(at.RotationalSpring("m.center", stiffness=1)), K, ["'m'", "does not turn"]),
     "a rotational spring on one place": (
