@@ -141,10 +141,10 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
     UnknownOptionError
         If it is not.
     """
-    allowed = sorted(allowed)
+    allowed = tuple(allowed)
     plain = str.__str__(value) if isinstance(value, str) else None
-    if plain not in allowed:
-        raise unknown_option(name, value, allowed)
+    if plain is None or plain not in allowed:
+        raise unknown_option(name, value, sorted(allowed))
     return plain
 
 

@@ -39,7 +39,7 @@ SLOW = {
 #: took most of their time. Their tests marked `compiled` are left out; `jit/test_interpreting.py` holds that both give
 #: the same.
 INTERPRETED = {
-    "discretise": ["kept_chains", "rigid_loops"],
+    "discretise": ["kept_chains", "rigid_loops", "structure"],
     "forces": ["acting"],
     "integrators": ["esdirk", "modes_of_motions", "static_start", "step_choice"],
     "model": ["inputs", "mechanisms", "scene"],

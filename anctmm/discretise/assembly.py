@@ -6,7 +6,7 @@ so that comparing their times compares methods.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -24,7 +24,6 @@ from anctmm.elements.dispatch import (
     formulations_of,
 )
 from anctmm.elements.force_blocks import BLOCK
-from anctmm.elements.kinds import Element
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
@@ -35,6 +34,9 @@ Ints = NDArray[np.int64]
 
 #: Elements that one instruction handles, at most.
 LANES = 8
+#: Where a scalar mass stands among rows r, r_x and third vector of I and O, by its size: of a node of one vector or two
+#: and of an element whose nodes have two or three.
+_PLACES = {len(at): np.ix_(at, at) for at in ([0], [0, 1], [0, 1, 3, 4], [0, 1, 2, 3, 4, 5])}
 #: Where sweeps begin: no literal 0, for which numba would compile what takes it once more.
 FIRST_BODY = np.int64(0)
 
@@ -49,12 +51,6 @@ class Tables(NamedTuple):
     constants: Array
     masses: Array
     buffer: Array
-
-
-@lru_cache
-def _constants_of(element: Element, kernels: int) -> tuple[float, ...]:
-    """Constants of the kernels of an element, found once for all runs that have it."""
-    return tuple(KERNELS[kernels].constants(element).tolist())
 
 
 @dataclass(frozen=True)
@@ -105,7 +101,9 @@ class Bodies:
     @cached_property
     def constants(self) -> Array:
         """Constants of the element kernels, a row a body."""
-        rows = [_constants_of(m.element, m.kernels) if isinstance(m, BodyMesh) else () for m in self.meshes]
+        rows = [
+            KERNELS[m.kernels].constants(m.element) if isinstance(m, BodyMesh) else () for m in self.meshes
+        ]
         table = np.zeros((len(rows), max(1, *map(len, rows))))
         for line, row in zip(table, rows, strict=True):
             line[: len(row)] = row
@@ -130,9 +128,8 @@ class Bodies:
         """
         table = np.zeros((len(self.meshes), 6, 6))
         for line, mesh in zip(table, self.meshes, strict=True):
-            at = [0, 1, 2, 3, 4, 5] if mesh.vectors == 3 else [0, 1, 3, 4]
             mass = mesh.scalar_mass
-            line[np.ix_(at[: len(mass)], at[: len(mass)])] = mass
+            line[_PLACES[len(mass)]] = mass
         return table
 
     @cached_property

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.junctions.rigid_loops import check_rigid_loops
+from anctmm.discretise.junctions.structure import Facts, common, facts_of, shared
 from anctmm.discretise.junctions.vertices import Vertex, vertices_of
 from anctmm.discretise.kept import KeptUnknowns, Port
 from anctmm.discretise.lacking import LACKING
@@ -80,21 +81,7 @@ class Chain:
 
     def __post_init__(self) -> None:
         refuse(self.scene, LACKING, "ANC-TMM")
-        kinds = self.segments.run.of(self.parts)
-        for joint in self.parts.joints:
-            if isinstance(joint, Weld) and joint.stretch == "held":
-                bodies = [self.parts.place(end).body for end in joint.ends]
-                names = [
-                    body.name for body in bodies if isinstance(body, Beam) and body.name not in self.rigid
-                ]
-                if names and not all(
-                    kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names
-                ):
-                    raise DiscretisationError(
-                        f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
-                        f"a weld needs one kind on both sides, or kinds of which it holds the same vectors "
-                        f"(a pin does not)"
-                    )
+        common(self, _check_welds)
         check_rigid_loops(self.parts, self.rigid)
 
     @cached_property
@@ -107,6 +94,11 @@ class Chain:
         """The scene as it is passed: where joints act between the ends of beams, their parts are bodies."""
         return self.segments.scene
 
+    @cached_property
+    def facts(self) -> Facts:
+        """What follows from the structure of the parts alone, and so is that of all chains alike."""
+        return facts_of(self.parts, self.segments.run)
+
     def coarser(self, most: int) -> "Chain":
         """The same scene with so many elements of each body, or of each part of it, at most."""
         run = self.segments.run
@@ -118,12 +110,12 @@ class Chain:
         """Places where ends meet."""
         return junctions_of(self.parts)
 
-    @cached_property
+    @shared
     def vertices(self) -> list[Vertex]:
         """Junctions, less what the ground holds apart."""
         return vertices_of(self.parts, self.junctions, self.rigid)
 
-    @cached_property
+    @shared
     def plan(self) -> Plan:
         """Order and links of the bodies."""
         nodes = {body.name for body in self.parts.bodies if isinstance(body, PointMass)} | self.rigid.keys()
@@ -140,7 +132,7 @@ class Chain:
         """Kept unknowns, and what holds between them."""
         return KeptUnknowns(self)
 
-    @cached_property
+    @shared
     def rigid(self) -> dict[str, None]:
         """Names of the rigid bodies, beams without strain among them, in the order of the scene."""
         cut = self.segments.run.of(self.parts)
@@ -154,7 +146,7 @@ class Chain:
         """Node at an end of a body."""
         return self.bodies.node(*end)
 
-    @cached_property
+    @shared
     def link(self) -> Ints:
         """BREAK, PIN, WELD or TANGENT behind the last node of each body."""
         found = np.array([step.link for step in self.plan.steps], dtype=np.int64)
@@ -163,12 +155,12 @@ class Chain:
             found[(found == WELD) & (held < self.bodies.rows)] = TANGENT
         return found
 
-    @property
+    @shared
     def released(self) -> bool:
         """Whether welds leave a vector of some body free at its ends."""
         return any(mesh.held < 2 * mesh.vectors for mesh in self.bodies.meshes)
 
-    @cached_property
+    @shared
     def onward(self) -> Ints:
         """Node that each body's last node passes on to; −1 where that is none or a kept junction."""
         return np.array(
@@ -209,7 +201,7 @@ class Chain:
         few = self.kept.few if self.plan.kept else len(self.guided) <= FEW_GUIDES
         return bool(straight and few)
 
-    @cached_property
+    @shared
     def guided(self) -> list[Guided]:
         """Places on lines in the ground that are eliminated like others, in the frames of these lines."""
         kept = {end for vertex in self.plan.kept for group in vertex.groups for end in group}
@@ -222,12 +214,12 @@ class Chain:
                 found.append(Guided(ends, next(end for end in ends if end in last), vertex.line))
         return found
 
-    @property
+    @shared
     def single(self) -> bool:
         """Whether all bodies stand in one chain."""
         return not self.plan.kept and bool((self.onward[:-1] == self.bodies.first[1:-1]).all())
 
-    @cached_property
+    @shared
     def held(self) -> NDArray[np.bool_]:
         """Components of ends that follow from kept unknowns, or with them from guides, (rows, nodes)."""
         mask = np.zeros((self.bodies.rows, self.bodies.nodes), dtype=bool)
@@ -239,7 +231,7 @@ class Chain:
             mask[:2, [self.node(guided.carrier) for guided in self.guided]] = True
         return mask
 
-    @cached_property
+    @shared
     def prescribed(self) -> NDArray[np.bool_]:
         """Components whose motion is known, (rows, nodes); so are those that a cable has not."""
         bodies = self.bodies
@@ -281,6 +273,8 @@ class Chain:
         Bodies' velocities are made to fit with the least change: what is held rests, joined ends share the mean.
         """
         v = self.bodies.initial_velocity()
+        if not v.any():  # rest fits all joints
+            return v
         for row, ends in self.shared():
             nodes = [self.node(end) for end in ends]
             turns = [complex(*self.turn_between(ends[0], end)) if row else 1.0 for end in ends]
@@ -356,3 +350,18 @@ class Chain:
 
 def _is_end(to: End | Kept | None) -> TypeGuard[End]:
     return to is not None and not isinstance(to, Kept)
+
+
+def _check_welds(chain: Chain) -> None:
+    """Refuse welds between kinds of element of which they would hold different vectors."""
+    kinds = chain.segments.run.of(chain.parts)
+    for joint in chain.parts.joints:
+        if isinstance(joint, Weld) and joint.stretch == "held":
+            bodies = [chain.parts.place(end).body for end in joint.ends]
+            names = [body.name for body in bodies if isinstance(body, Beam) and body.name not in chain.rigid]
+            if names and not all(kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names):
+                raise DiscretisationError(
+                    f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
+                    f"a weld needs one kind on both sides, or kinds of which it holds the same vectors "
+                    f"(a pin does not)"
+                )

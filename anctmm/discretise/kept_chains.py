@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.jit.copies import copier
+from anctmm.model.kept import forget_structures
 from anctmm.model.scene import Scene
 
 T = TypeVar("T")
@@ -64,6 +65,7 @@ def forget() -> None:
     """Keep nothing of the runs before: what changes code in a running process needs it."""
     with _lock:
         _chains.clear()
+    forget_structures()
 
 
 def _to_be_kept(chain: Chain) -> bool:

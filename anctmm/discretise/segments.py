@@ -19,6 +19,7 @@ from anctmm.errors import MeshError, listed, shown, unknown_kind
 from anctmm.model.bodies import Beam, Body, Point
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.kept import alike
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque
 from anctmm.model.places import SIDES, Place, Written
 from anctmm.model.scene import Scene, unchecked_scene
@@ -215,6 +216,7 @@ class PartVelocity:
         return self.beam.velocity_at((1.0 - fraction) * self.first + fraction * self.last)
 
 
+@alike
 def _inside(scene: Scene) -> dict[str, dict[float, Joint]]:
     """Fractions of beams, between their ends, where joints act, each with one of these."""
     found = dict[str, dict[float, Joint]]()

@@ -6,10 +6,12 @@ No rotary inertia.
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
+from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import eigh
 
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass, lobatto
 from anctmm.model.scene import Beam
@@ -167,6 +169,13 @@ class CableElement:
         cross = np.einsum("p,pi,pcd,pj->icjd", moment, B, bc, C)
         return K + cross + cross.transpose(2, 3, 0, 1)
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of the free element without strain, rad/s: it stretches or bends, and one does not move the other."""
+        stretching, bending = _unit_frequencies(type(self), self.quadrature)  # type: ignore[arg-type]
+        speed, stiffness = sqrt(self.EA / self.mass_per_length), sqrt(self.EI / self.mass_per_length)
+        return max(stretching * speed / self.l, bending * stiffness / self.l**2)
+
     @cached_property
     def mass(self) -> Array:
         """Scalar mass matrix m, (4, 4); the element's is m ⊗ I₂."""
@@ -189,3 +198,17 @@ class CableElement:
         curvature = (b * (c @ W.T)).sum(axis=1) / s
         by_b = (c @ W.T - 2.0 * curvature[:, None] * b) / s[:, None]
         return curvature, by_b, (b @ W) / s[:, None], s
+
+
+@lru_cache
+def _unit_frequencies(kind: type[CableElement], quadrature: str) -> tuple[float, float]:
+    """Highest frequencies of an element of length and mass 1 that stretches with EA = 1, and that bends with EI = 1."""
+    found = []
+    for EA, EI in ((1.0, 0.0), (0.0, 1.0)):
+        unit = kind(1.0, EA, EI, 1.0, quadrature)
+        q = np.zeros((2, kind.vectors_per_node, 2))
+        q[:, 1, 0] = q[1, 0, 0] = 1.0
+        K = unit.tangent(q.reshape(-1, 2)).reshape(q.size, q.size)
+        values = eigh(K, np.kron(unit.mass, np.eye(2)), eigvals_only=True)
+        found.append(sqrt(float(values[-1])))
+    return found[0], found[1]

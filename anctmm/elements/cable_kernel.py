@@ -4,6 +4,7 @@ Here the loop over the quadrature points is the outer one, so that one kernel se
 over elements is vectorised.
 """
 
+from functools import lru_cache
 from math import sqrt
 
 import numpy as np
@@ -52,17 +53,22 @@ PLACES = placement(
 
 
 def constants(e: CableElement) -> Array:
-    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points.
+    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points."""
+    return np.concatenate([[e.l, e.EA, e.EI], _points(e.quadrature)])
+
+
+@lru_cache
+def _points(quadrature: str) -> Array:
+    """Numbers of axial and bending points, and the points: none of it depends on the length of an element.
 
     An axial point is l S1', S2', S5' and the weight, a bending point these three, l² S1'', l S2'', l S5''
     and the weight; S4 = 1 − S1.
     """
-    (Ba, wa), (Bb, Cb, wb) = e.axial_rule, e.bending_rule
-    scale = np.array([e.l, 1.0, 1.0])
-    columns = [0, 1, 3]
-    axial = np.column_stack([Ba[:, columns] * scale, wa / e.l])
-    bending = np.column_stack([Bb[:, columns] * scale, Cb[:, columns] * scale * e.l, wb / e.l])
-    return np.concatenate([[e.l, e.EA, e.EI, len(wa), len(wb)], axial.ravel(), bending.ravel()])
+    unit, columns = CableElement(1.0, 1.0, 1.0, 1.0, quadrature), [0, 1, 3]
+    (Ba, wa), (Bb, Cb, wb) = unit.axial_rule, unit.bending_rule
+    axial = np.column_stack([Ba[:, columns], wa])
+    bending = np.column_stack([Bb[:, columns], Cb[:, columns], wb])
+    return np.concatenate([[len(wa), len(wb)], axial.ravel(), bending.ravel()])
 
 
 @kernel

@@ -190,7 +190,8 @@ def kind_of(name: Any, what: str = "element") -> ElementKind:
     UnknownOptionError
         If there is no such kind.
     """
-    return KINDS[one_of(what, name, KINDS)]
+    found = KINDS.get(name) if type(name) is str else None
+    return found or KINDS[one_of(what, name, KINDS)]
 
 
 def flexible() -> tuple[str, ...]:

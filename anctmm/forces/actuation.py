@@ -85,10 +85,11 @@ class Actuation:
             if self.bodies.mesh(end[0]).elements
         ]
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Numbers that the tables of driven clamps and loads hold for each time."""
-        return 3 * len(self.driven) + self.load_table(np.zeros(1)).size
+        rows = len(varying_loads(self.scene)) + len(driven_connectors(self.scene)) + has_clock(self.scene)
+        return 3 * len(self.driven) + 2 * rows
 
     def clamps(self) -> DrivenClamps:
         """Driven clamps for kernels, with a memory of their own."""

@@ -1,5 +1,7 @@
 """Histories of all drives of a scene: of driven clamps, and of constraints behind them."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,3 +30,21 @@ def drive_table(chain: Chain, actuation: Actuation, t: Array) -> Array:
 def drive_width(chain: Chain, actuation: Actuation) -> int:
     """Numbers that the tables of drives and loads hold for each time."""
     return actuation.width + 3 * (len(drives_of(chain, actuation)) - len(actuation.driven))
+
+
+def tables_of(chain: Chain, actuation: Actuation, t: Callable[[], Array], count: int) -> tuple[Array, Array]:
+    """Values of all drives, (count, drives, 3), and of loads, (count, loads, 2), at as many times.
+
+    Parameters
+    ----------
+    chain : Chain
+    actuation : Actuation
+        Its own.
+    t : callable
+        Gives the times: not asked for where nothing acts.
+    count : int
+    """
+    if drive_width(chain, actuation) == 0:
+        return np.zeros((count, 0, 3)), np.zeros((count, 0, 2))
+    times = t()
+    return drive_table(chain, actuation, times), actuation.load_table(times)

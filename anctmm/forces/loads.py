@@ -4,6 +4,7 @@ Each acts on a vector of the coordinates (`anctmm.discretise.maps`): a force on 
 all places of a beam; a moment on the direction that it turns.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -73,6 +74,8 @@ class Loads(NamedTuple):
 
 def loads_of(scene: Scene, bodies: Bodies, varying: list[Load]) -> Loads:
     """Loads and connectors of a scene for kernels, with a memory of their own."""
+    if not varying and not scene.connectors:
+        return no_loads(bodies)
     found = [_vectors(scene, bodies, load) for load in varying]
     targets, directions = maps([t for _, t, _ in found]), maps([d for _, _, d in found])
     q, rest = bodies.reference(), np.zeros((len(found), 2))
@@ -99,10 +102,14 @@ def loads_of(scene: Scene, bodies: Bodies, varying: list[Load]) -> Loads:
 
 def no_loads(bodies: Bodies) -> Loads:
     """What stands in their place where nothing acts."""
+    return _nothing(bodies.rows)
+
+
+@lru_cache
+def _nothing(rows: int) -> Loads:
+    """The same for so many components of a node: there is nothing in it that runs could write into."""
     nothing = maps([])
-    local = Local(
-        np.empty(0, np.int64), np.empty((0, 2 * bodies.rows, 2 * bodies.rows)), *np.empty((2, 0), np.int64)
-    )
+    local = Local(np.empty(0, np.int64), np.empty((0, 2 * rows, 2 * rows)), *np.empty((2, 0), np.int64))
     empty = np.empty(0, np.int64)
     return Loads(
         empty, empty, nothing, nothing, np.empty((0, 2)), np.empty((2, 0, 2)), None,

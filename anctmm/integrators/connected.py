@@ -23,10 +23,11 @@ class Connected:
     """
 
     def __init__(self, chain: Chain) -> None:
-        actuation = Actuation(chain.parts, chain.bodies)
-        self.chain = chain
-        self.connectors = actuation.loads().connectors if chain.parts.connectors else None
-        self.values = actuation.load_table(np.zeros(1))[0]
+        self.chain, self.connectors, self.values = chain, None, np.empty((0, 2))
+        if chain.parts.connectors:
+            actuation = Actuation(chain.parts, chain.bodies)
+            self.connectors = actuation.loads().connectors
+            self.values = actuation.load_table(np.zeros(1))[0]
 
     def subtract(self, q: Array, at: Array, damping: bool, out: Array) -> None:
         """Subtract from `out`, (rows, nodes), the forces at coordinates `at`, or at q and the velocities at − q."""

@@ -23,7 +23,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import Coefficients
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
-from anctmm.forces.driving import drive_table, drive_width
+from anctmm.forces.driving import drive_width, tables_of
 from anctmm.integrators.implicit_run import Steps, take_steps
 from anctmm.integrators.implicit_step import begin_step, dissipated, finish
 from anctmm.integrators.implicit_system import System, new_system
@@ -61,8 +61,8 @@ def integrate(chain: Chain) -> Solution:
     run, actuation, system = chain.run, once(chain, actuation_of), own(chain, new_system)
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
-        t = run.times(np.arange(max(begin, 0), min(end, run.steps) + 1))
-        tables = drive_table(chain, actuation, t), actuation.load_table(t)
+        first, last = max(begin, 0), min(end, run.steps)
+        tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, last + 1)), last + 1 - first)
         return begin, end, Numbers(run.steps, run.stride, c), system, out, *tables
 
     def failed_at(step: int) -> float:

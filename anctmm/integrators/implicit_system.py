@@ -119,9 +119,10 @@ def new_state(chain: Chain) -> State:
 
 def new_damping(chain: Chain) -> Damping | None:
     """Damping of a scene that has some, for steps of the discretisation's length."""
-    bodies, c = chain.bodies, chain.run.coefficients
+    bodies = chain.bodies
     if bodies.damping is None:
         return None
+    c = chain.run.coefficients
     v = bodies.initial_velocity()
     return Damping(
         bodies.damping, v, np.zeros((2, *v.shape)), stiffened_bodies(bodies, c).tables(), v.ravel()

@@ -13,6 +13,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.joined import Joined
 from anctmm.discretise.mesh import BodyMesh, Element
+from anctmm.elements.cable import CableElement
 from anctmm.errors import StabilityError
 from anctmm.integrators.connected import Connected
 from anctmm.recursion.riccati import mass_factors, solve
@@ -147,14 +148,18 @@ def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
     """
     meshes = [mesh for mesh in (bodies or chain.bodies).meshes if isinstance(mesh, BodyMesh)]
     one_of_each = {mesh.element: mesh for mesh in meshes}
-    return max(
-        (_frequency(e, tuple(mesh.reference[:2].ravel().tolist())) for e, mesh in one_of_each.items()),
-        default=0.0,
-    )
+    return max((_frequency(e, mesh) for e, mesh in one_of_each.items()), default=0.0)
+
+
+def _frequency(element: Element, mesh: BodyMesh) -> float:
+    """Largest frequency of a free element of a mesh, rad/s."""
+    if isinstance(element, CableElement):
+        return element.highest_frequency
+    return _frequency_at(element, tuple(mesh.reference[:2].ravel().tolist()))
 
 
 @lru_cache
-def _frequency(element: Element, coordinates: tuple[float, ...]) -> float:
+def _frequency_at(element: Element, coordinates: tuple[float, ...]) -> float:
     """Largest frequency of a free element at its coordinates, rad/s, found once for all runs that have it."""
     q = np.reshape(coordinates, (-1, 2))
     K = element.tangent(q).reshape(q.size, q.size)

@@ -25,7 +25,7 @@ from anctmm.forces.actuation import (
     work_done,
 )
 from anctmm.forces.connectors import add_connectors
-from anctmm.forces.driving import drive_table, drive_width
+from anctmm.forces.driving import drive_table, drive_width, tables_of
 from anctmm.forces.loads import Loads, set_loads
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
@@ -164,8 +164,9 @@ def integrate(chain: Chain) -> Solution:
 
 def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tuple[Any, ...]:
     """Arguments of `advance`."""
-    actuation, t = once(chain, actuation_of), chain.run.times(np.arange(begin, end))
-    tables = drive_table(chain, actuation, t), actuation.load_table(t)
+    tables = tables_of(
+        chain, once(chain, actuation_of), lambda: chain.run.times(np.arange(begin, end)), end - begin
+    )
     return begin, end, system, out, *tables
 
 

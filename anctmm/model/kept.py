@@ -1,10 +1,29 @@
-"""Facts of a scene that are found once and stay with it: a scene never changes."""
+"""Facts that are found once: of a scene, which never changes, or of all scenes of one structure.
+
+Scenes are alike that have the same bodies by kind and name, and the same joints, as those of a study over a parameter
+have. What is connected follows from that alone. Places, sections, materials, velocities, gravity, loads and connectors
+do not matter to it.
+"""
 
 from collections.abc import Callable
 from functools import wraps
+from threading import Lock
 from typing import Any, TypeVar
 
+from numpy.typing import NDArray
+
 T = TypeVar("T")
+Facts = dict[Any, Any]
+
+#: Structures whose facts are kept at most, bodies that each may have, and numbers in arrays that describe one.
+STRUCTURES, BODIES, NUMBERS = 32, 512, 4096
+#: What names of facts of a scene begin with, and the name of those of its structure.
+PREFIX = "_kept "
+_STRUCTURE = f"{PREFIX}structure"
+
+_structures: dict[Any, Facts] = {}
+_tables: list[dict[Any, Any]] = [_structures]
+_lock = Lock()
 
 
 def kept(find: Callable[[Any], T]) -> Callable[[Any], T]:
@@ -16,7 +35,7 @@ def kept(find: Callable[[Any], T]) -> Callable[[Any], T]:
         scene → fact. It calls no function of the user's, whose answers may change, and nobody writes into what it
         finds.
     """
-    name = f"_kept {find.__module__}.{find.__qualname__}"
+    name = f"{PREFIX}{find.__module__}.{find.__qualname__}"
 
     @wraps(find)
     def get(scene: Any) -> T:
@@ -26,3 +45,76 @@ def kept(find: Callable[[Any], T]) -> Callable[[Any], T]:
         return facts[name]  # type: ignore[no-any-return]
 
     return get
+
+
+def alike(find: Callable[[Any], T]) -> Callable[[Any], T]:
+    """Make a function of a scene look only once at all scenes of a structure.
+
+    Parameters
+    ----------
+    find : callable
+        scene → fact. It asks for bodies' kinds and names, and for joints: for no number of a body, load or connector.
+        Nobody writes into what it finds.
+    """
+
+    @wraps(find)
+    def get(scene: Any) -> T:
+        facts = facts_alike(scene)
+        if find not in facts:
+            facts[find] = find(scene)
+        return facts[find]  # type: ignore[no-any-return]
+
+    return get
+
+
+def facts_alike(scene: Any) -> Facts:
+    """What is known of all scenes of a scene's structure, to be added to; of large ones each has its own."""
+    facts: Facts | None = vars(scene).get(_STRUCTURE)
+    if facts is None:
+        facts = vars(scene)[_STRUCTURE] = _facts(scene)
+    return facts
+
+
+def _facts(scene: Any) -> Facts:
+    if len(scene.bodies) > BODIES:
+        return {}
+    key = tuple((type(body), body.name, getattr(body, "keys", None)) for body in scene.bodies), scene.joints
+    try:
+        found = _structures.get(key)
+    except Exception:  # a history of the user's that cannot be hashed or compared
+        return {}
+    if found is None:
+        with _lock:
+            if len(_structures) >= STRUCTURES:
+                _structures.clear()
+            found = _structures.setdefault(key, {})
+    return found
+
+
+def of_arrays(find: Callable[..., T]) -> Callable[..., T]:
+    """Make a function of arrays look only once at equal small ones; nobody writes into what it finds."""
+    known: dict[Any, T] = {}
+    _tables.append(known)
+
+    @wraps(find)
+    def get(*arrays: NDArray[Any]) -> T:
+        if sum(array.size for array in arrays) > NUMBERS:
+            return find(*arrays)
+        key = tuple((array.shape, array.dtype.str, array.tobytes()) for array in arrays)
+        found = known.get(key)
+        if found is None:
+            found = find(*arrays)
+            with _lock:
+                if len(known) >= STRUCTURES:
+                    known.clear()
+                known[key] = found
+        return found
+
+    return get
+
+
+def forget_structures() -> None:
+    """Keep nothing of the scenes before: what changes code in a running process needs it."""
+    with _lock:
+        for table in _tables:
+            table.clear()

@@ -1,11 +1,12 @@
 """What a scene asks of a solver beyond beams, pins, welds and clamps, so that nothing is passed over in silence."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
 from anctmm.errors import UnsupportedError, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam
 from anctmm.model.connectors import CONNECTORS, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Pin, Prismatic, Slider, Weld
+from anctmm.model.kept import alike, kept
 from anctmm.model.loads import LOADS, Force, LineLoad, Torque
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -35,6 +36,15 @@ MECHANISMS = {
 WITH = " + "
 
 
+@kept
+def features_of(scene: Scene) -> Mapping[str, object]:
+    """Features of `MECHANISMS` that a scene needs, each with the first thing that needs it."""
+    found: dict[str, object] = {}
+    for feature, thing in needs(scene):
+        found.setdefault(feature, thing)
+    return found
+
+
 def needs(scene: Scene) -> Iterator[tuple[str, object]]:
     """Features of `MECHANISMS` that a scene needs, each with the thing that needs it."""
     for body in scene.bodies:
@@ -47,7 +57,7 @@ def needs(scene: Scene) -> Iterator[tuple[str, object]]:
                 yield "point-masses", body
             case _:
                 raise unknown_kind("body", body, BODIES)
-    yield from _joints(scene)
+    yield from _of_joints(scene)
     yield from _connectors(scene)
     yield from _loads(scene)
 
@@ -69,11 +79,8 @@ def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None
     ------
     UnsupportedError
     """
-    lacking = [tuple(lack.split(WITH)) for lack in sorted(lacks)]
-    asked: dict[str, object] = {}
-    for feature, thing in needs(scene):
-        asked.setdefault(feature, thing)
-    for parts in lacking:
+    asked = features_of(scene)
+    for parts in (lack.split(WITH) for lack in (sorted(lacks) if asked else ())):
         found = [part for part in parts if part in asked]
         if found and all(part in asked or part in features for part in parts):
             others = [part for part in parts if part not in asked]
@@ -91,6 +98,11 @@ def not_offered(thing: object) -> UnsupportedError:
 
 def _inside(scene: Scene, places: Iterable[Written]) -> bool:
     return any(scene.place(place).interior for place in places)
+
+
+@alike
+def _of_joints(scene: Scene) -> tuple[tuple[str, object], ...]:
+    return tuple(_joints(scene))
 
 
 def _joints(scene: Scene) -> Iterator[tuple[str, object]]:

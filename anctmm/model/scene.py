@@ -23,6 +23,7 @@ from anctmm.model.checks.joints import check_joints
 from anctmm.model.checks.start import check_start
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, check_connector
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, check_drive
+from anctmm.model.kept import PREFIX
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, check_load
 from anctmm.model.places import PLACE_NEEDED, SIDES, Key, Place, Written, place_in, written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -121,6 +122,10 @@ class Scene:
         for load in self.loads:
             check_load(self, load)
         check_start(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is stored of it: facts that were found are found again."""
+        return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
 
     @property
     def beams(self) -> tuple[Beam, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.structure import common
 from anctmm.discretise.plan import Kept
 from anctmm.jit.compiling import inlined
 from anctmm.jit.copies import writes
@@ -46,7 +47,14 @@ class Branches(NamedTuple):
 
 def branches(chain: Chain) -> Branches:
     """Branches of a scene, with room of their own for what waits."""
-    rows, first = chain.bodies.rows, chain.bodies.first
+    at, to, take, node = common(chain, _places)
+    rows, junctions = chain.bodies.rows, int(to.max(initial=-1)) + 1
+    return Branches(at, to, take, node, np.zeros((junctions, rows)), np.zeros((junctions, rows * rows)))
+
+
+def _places(chain: Chain) -> tuple[Ints, Ints, Ints, Ints]:
+    """Places where the recursion leaves the row, as `Branches` has them."""
+    first = chain.bodies.first
     leaves = {
         int(first[b + 1]): int(node) for b, node in enumerate(chain.onward) if node not in (-1, first[b + 1])
     }
@@ -54,13 +62,11 @@ def branches(chain: Chain) -> Branches:
     stretches = {int(first[b]) for b, step in enumerate(chain.plan.steps) if step.start is not None}
     kept = {int(first[b + 1]) for b, step in enumerate(chain.plan.steps) if isinstance(step.to, Kept)}
     at = sorted({*leaves, *junction, *stretches, *kept, chain.bodies.nodes})
-    return Branches(
+    return (
         np.array(at, dtype=np.int64),
         np.array([junction.get(leaves.get(i, -1), -1) for i in at], dtype=np.int64),
         np.array([junction.get(i, -1) for i in at], dtype=np.int64),
         np.array([leaves.get(i, -1) for i in at], dtype=np.int64),
-        np.zeros((len(junction), rows)),
-        np.zeros((len(junction), rows * rows)),
     )
 
 

@@ -21,9 +21,10 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept import Port
 from anctmm.discretise.plan import Kept
 from anctmm.jit.compiling import embedded, inlined
+from anctmm.model.kept import of_arrays
 from anctmm.recursion.branches import Branches
 from anctmm.recursion.rows import Rows, rows_of
-from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse
+from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse, with_room
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -94,16 +95,8 @@ def loops(chain: Chain, branches: Branches) -> Loops | None:
     begin, end, start, ports = _ports(chain, branches)
     table = np.array([port.unknowns for port in ports]).reshape(-1, d)
     ends = np.stack([end, start])[:, (end >= 0) & (start >= 0)]
-    pairs = np.concatenate([_pairs(table, ends), kept.constraints.pairs], axis=1)
-    number = order_of(pairs, kept.dual, kept.blocks)
-    dual = np.empty_like(kept.dual)
-    dual[number] = kept.dual
-    matrix = sparse(number[pairs], dual)
-    table = np.where(table >= 0, number[table], -1)
-    own = matrix_places(matrix, table, table)
-    own[table[:, :, None] > table[:, None, :]] = -1  # each entry once
-    cross = np.full_like(own, -1)
-    cross[ends[0]] = matrix_places(matrix, *table[ends])
+    number, table, own, cross, matrix = _pattern(table, ends, kept.constraints.pairs, kept.dual, kept.blocks)
+    matrix, dual = with_room(matrix), matrix.dual
     return Loops(
         np.zeros((nodes, d * d)), begin, end, start, table,
         np.array([port.shared for port in ports]), np.array([port.map for port in ports]),
@@ -111,6 +104,36 @@ def loops(chain: Chain, branches: Branches) -> Loops | None:
         np.zeros(len(dual)), np.zeros(len(dual)), np.zeros(len(dual)),
         np.zeros(d), np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, d)),
     )  # fmt: skip
+
+
+@of_arrays
+def _pattern(
+    table: Ints, ends: Ints, pairs: Ints, dual: NDArray[np.bool_], blocks: Ints
+) -> tuple[Ints, Ints, Ints, Ints, Sparse]:
+    """New numbers of the kept unknowns; `unknowns`, `own` and `cross` of `Loops`, and the matrix by these.
+
+    Parameters
+    ----------
+    table : ndarray of int, shape (ports, d)
+        `unknowns` by the old numbers.
+    ends : ndarray of int, shape (2, k)
+        Ports at both ends of each stretch.
+    pairs : ndarray of int, shape (2, pairs)
+        What constraints couple.
+    dual, blocks
+        Of `KeptUnknowns`.
+    """
+    pairs = np.concatenate([_pairs(table, ends), pairs], axis=1)
+    number = order_of(pairs, dual, blocks)
+    renumbered = np.empty_like(dual)
+    renumbered[number] = dual
+    matrix = sparse(number[pairs], renumbered)
+    table = np.where(table >= 0, number[table], -1)
+    own = matrix_places(matrix, table, table)
+    own[table[:, :, None] > table[:, None, :]] = -1  # each entry once
+    cross = np.full_like(own, -1)
+    cross[ends[0]] = matrix_places(matrix, *table[ends])
+    return number, table, own, cross, matrix
 
 
 def _ports(chain: Chain, branches: Branches) -> tuple[Ints, Ints, Ints, list[Port]]:

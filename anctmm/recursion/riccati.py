@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, block_tangents, components
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.structure import common
 from anctmm.discretise.plan import BREAK, PIN, TANGENT, WELD, Kept
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.loads import Loads, no_loads
@@ -159,6 +160,11 @@ def block_factors(chain: Chain, single: bool = False) -> BlockFactors:
 
 def links(chain: Chain) -> Links:
     """Arrays of a chain for kernels."""
+    return Links(chain.link, chain.turn, common(chain, _known), turned(chain))
+
+
+def _known(chain: Chain) -> NDArray[np.bool_]:
+    """Components prescribed, or found with the kept unknowns."""
     known = chain.prescribed.copy()
     for b, step in enumerate(chain.plan.steps):
         if step.start is not None:
@@ -166,7 +172,7 @@ def links(chain: Chain) -> Links:
             known[:held, chain.bodies.first[b]] = True
     for guided in chain.guided:
         known[1, chain.node(guided.carrier)] = True
-    return Links(chain.link, chain.turn, known, turned(chain))
+    return known
 
 
 def mass_factors(chain: Chain, q: Array | None = None) -> BlockFactors:

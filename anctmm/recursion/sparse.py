@@ -182,6 +182,15 @@ def matrix_places(matrix: Sparse, rows: Ints, columns: Ints) -> Ints:
     return np.where((one >= 0) & (two >= 0), places, -1)
 
 
+def with_room(matrix: Sparse) -> Sparse:
+    """The same pattern with values and factors of its own."""
+    size = len(matrix.inverse)
+    return matrix._replace(
+        values=np.zeros_like(matrix.values), L=np.zeros_like(matrix.L), inverse=np.zeros(size),
+        filled=np.zeros(size, dtype=np.int64), row=np.zeros(size),
+    )  # fmt: skip
+
+
 @embedded
 def factorize_kept(matrix):  # type: ignore[no-untyped-def]
     """L and 1/D of the kept unknowns' matrix, row by row.

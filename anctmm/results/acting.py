@@ -41,7 +41,7 @@ def ends_of(body: Body) -> tuple[Any, ...]:
 @kept
 def reach_of(scene: Scene) -> float:
     """Largest coordinate of an end or a point, m."""
-    return max(float(np.abs(body.position_at(key)).max()) for body in scene.bodies for key in ends_of(body))
+    return max(abs(x) for body in scene.bodies for key in ends_of(body) for x in body.position_at(key))
 
 
 def weight_of(scene: Scene) -> float:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anctmm.elements.kinds import kind_of
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
-from anctmm.model.kept import kept
+from anctmm.model.kept import alike, kept
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
@@ -113,29 +113,41 @@ def constraint_findings(
 @kept
 def constraints_of(scene: Scene) -> Constraints:
     """What the joints of a scene keep."""
+    of, beams = _numbered(scene), scene.beams
+    points = np.array([(body.start, body.end) for body in beams]).reshape(-1, 2).view(np.complex128)[:, 0]
+    along = np.exp([-1j * body.angle for body in beams])
+    clamps = tuple(
+        clamp for junction in junctions_of(scene) for clamp in junction.clamps if clamp is not None
+    )
+    return of._replace(places=points[of.held], clamps=clamps, undo=np.repeat(along, 2)[:, None])
+
+
+@alike
+def _numbered(scene: Scene) -> Constraints:
+    """The same without what has numbers of the scene: places, clamps and turns."""
     names = tuple((body.name, side) for body in scene.beams for side in (0, 1))
     number = {end: i for i, end in enumerate(names)}
     held: list[int] = []
     pairs: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
-    clamps: list[tuple[int, Clamp]] = []
+    clamped: list[int] = []
     for junction in junctions_of(scene):
         if junction.grounded:
             held.append(number[junction.ends[0]])
-        for alike, groups in zip(pairs, ((junction.ends,), junction.groups), strict=True):
-            alike += [(number[group[0]], number[end]) for group in groups for end in group[1:]]
+        for together, groups in zip(pairs, ((junction.ends,), junction.groups), strict=True):
+            together += [(number[group[0]], number[end]) for group in groups for end in group[1:]]
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
             if clamp is not None:
-                clamps.append((number[group[0]], clamp))
-    joined, welded = (np.array(alike, dtype=np.int64).reshape(-1, 2).T for alike in pairs)
-    points = np.array([complex(*point) for body in scene.beams for point in (body.start, body.end)])
+                clamped.append(number[group[0]])
+    joined, welded = (np.array(one, dtype=np.int64).reshape(-1, 2).T for one in pairs)
+    nothing = np.empty(0, dtype=np.complex128)
     return Constraints(
         np.array(held, dtype=np.int64),
-        points[held],
+        nothing,
         joined,
         welded,
-        np.array([end for end, _ in clamps], dtype=np.int64),
-        tuple(clamp for _, clamp in clamps),
-        np.repeat(np.exp([-1j * body.angle for body in scene.beams]), 2)[:, None],
+        np.array(clamped, dtype=np.int64),
+        (),
+        nothing,
         names,
     )
 

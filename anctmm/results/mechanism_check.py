@@ -13,7 +13,7 @@ from anctmm.model.bodies import Beam
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Guide, Joint, Prismatic, drive_of
 from anctmm.model.kept import kept
-from anctmm.model.needs import needs
+from anctmm.model.needs import features_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Clamp, Scene, Slider, Weld
@@ -30,7 +30,7 @@ ADVICE = "a smaller dt or a smaller newton_tolerance may do"
 @kept
 def is_mechanism(scene: Scene) -> bool:
     """Whether a scene has more than beams joined at their ends."""
-    return next(needs(scene), None) is not None
+    return bool(features_of(scene))
 
 
 def mechanism_findings(

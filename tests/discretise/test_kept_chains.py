@@ -75,6 +75,19 @@ def test_a_second_run_is_the_first_one_again(name, run):
 
 
 @pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("run", RUNS)
+def test_a_scene_after_another_of_its_structure_gives_what_it_gives_alone(name, run):
+    scene = SCENES[name]
+    bodies = [replace(body, material=at.Material(E=4e5, density=800.0)) for body in scene.bodies]
+    other = replace(scene, bodies=bodies, gravity=(1.0, -5.0))
+    kept_chains.forget()
+    at.solve(scene, RUNS[run])
+    after = numbers(at.solve(other, RUNS[run]))
+    kept_chains.forget()
+    assert numbers(at.solve(other, RUNS[run])) == after
+
+
+@pytest.mark.parametrize("name", SCENES)
 @pytest.mark.parametrize(
     ("run", "system"), [("zhai", zhai._system), ("generalized-alpha", implicit_system.new_system)]
 )
