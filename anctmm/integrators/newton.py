@@ -34,6 +34,7 @@ from anctmm.recursion.riccati import (
     turn_back,
 )
 from anctmm.recursion.rows import KEPT
+from anctmm.recursion.scratch import vectors
 
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
@@ -146,6 +147,7 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
     first, formulations, kinds, constants, masses, buffer = tables
     size, L, _, wide, work, _, places, _ = factors
     d, body, nodes, place = len(size), FIRST_BODY, q.shape[1], 0
+    load, _, _, _ = vectors(size)
     last = 12 * BLOCK
     buffer[last:] = 0.0
     start_sweep(size, loops, work)
@@ -167,11 +169,11 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
                         prefetch_columns(f, min(i + BLOCK, nodes - 1))
                 for k in range(d):
                     at = k * BLOCK + i - start
-                    work[4 * d * d + k] = f[k, i] - buffer[at] - buffer[last + k]
+                    work[load + k] = f[k, i] - buffer[at] - buffer[last + k]
                     buffer[last + k] = buffer[at + 6 * BLOCK]
                 pass_outboard(size, L, wide, loops, i, work)
                 for k in range(d):
-                    arrived[i, k] = work[4 * d * d + k]
+                    arrived[i, k] = work[load + k]
             begin = stop
             if stop == places.at[place]:
                 part_outboard(size, places, loops, place, work)
@@ -188,6 +190,7 @@ def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyp
     """
     size, L, G, wide, work, _, places, _ = factors
     d, largest, odd = len(size), 0.0, 0.0
+    load, _, found, _ = vectors(size)
     nodes = q.shape[1]
     for place in range(len(places.at) - 1, -1, -1):
         meet_inboard(size, places, loops, place, arrived, work)
@@ -200,10 +203,10 @@ def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyp
                     prefetch_columns(q, max(i - 2 * AHEAD, 0))
                     prefetch_columns(w, max(i - 2 * AHEAD, 0))
             for k in range(d):
-                work[4 * d * d + k] = arrived[i, k]
+                work[load + k] = arrived[i, k]
             find_unknowns(size, L, G, wide, loops, i, work)
             for k in range(d):
-                x = work[4 * d * d + 2 * d + k]
+                x = work[found + k]
                 arrived[i, k] = x
                 q[k, i] += c.to_q * x
                 w[k, i] += c.to_w * x

@@ -26,6 +26,7 @@ from anctmm.recursion.rows import (
     set_signals,
     take_multipliers,
 )
+from anctmm.recursion.scratch import vectors
 from anctmm.recursion.sparse import factorize_rows, solve_kept
 
 
@@ -107,17 +108,18 @@ def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
     """Add to u the changes of all nodes, a, that those of the kept unknowns, `moved`, bring: a backward sweep."""
     size, L, _, wide, work, _, places, _ = factors
     d = len(size)
+    _, _, found, _ = vectors(size)
     for k in range(len(loops.x)):
         loops.x[k] = loops.moved[k]
     for k in range(d):
-        work[4 * d * d + 2 * d + k] = 0.0
+        work[found + k] = 0.0
     for place in range(len(places.at) - 1, -1, -1):
         meet_inboard(size, places, loops, place, a.T, work)
         begin = places.at[place - 1] if place > 0 else 0
         for i in range(places.at[place] - 1, begin - 1, -1):
             follow_unknowns(size, L, wide, loops, i, work)
             for k in range(d):
-                a[k, i] = work[4 * d * d + 2 * d + k]
+                a[k, i] = work[found + k]
                 u[k, i] += a[k, i]
 
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
+from anctmm.recursion.scratch import matrices
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -200,12 +201,12 @@ def hold_on_lines(turned, q, w, c):  # type: ignore[no-untyped-def]
 
 @embedded
 def turn_node(size, c, s, work):  # type: ignore[no-untyped-def]
-    """Turn the place of a node, in matrices 1 (symmetric, its lower triangle) and 2 of the scratch, by an angle.
+    """Turn the place of a node, in its own matrix and its coupling with the next node, by an angle.
 
     With the cosine and the sine of a line its first component is that along the line, the second that across.
     """
     d = len(size)
-    A = d * d
+    _, A, K, _ = matrices(size)
     xx, xy, yy = work[A], work[A + d], work[A + d + 1]
     work[A] = c * c * xx + 2.0 * c * s * xy + s * s * yy
     work[A + d] = c * s * (yy - xx) + (c * c - s * s) * xy
@@ -213,16 +214,16 @@ def turn_node(size, c, s, work):  # type: ignore[no-untyped-def]
     for m in range(2, d):
         turn_pair(c, s, A + d * m, work)
     for m in range(d):
-        turn_pair(c, s, 2 * A + d * m, work)
+        turn_pair(c, s, K + d * m, work)
 
 
 @embedded
 def turn_back_node(size, c, s, work):  # type: ignore[no-untyped-def]
-    """The same by the opposite angle, and in matrix 3."""
+    """The same by the opposite angle, and in L."""
     turn_node(size, c, -s, work)
-    d = len(size)
-    for m in range(d):
-        turn_pair(c, -s, 3 * d * d + d * m, work)
+    _, _, _, L = matrices(size)
+    for m in range(len(size)):
+        turn_pair(c, -s, L + len(size) * m, work)
 
 
 @inlined

@@ -24,6 +24,7 @@ from anctmm.jit.compiling import embedded, inlined
 from anctmm.model.kept import of_arrays
 from anctmm.recursion.branches import Branches
 from anctmm.recursion.rows import Rows, rows_of
+from anctmm.recursion.scratch import matrices, vectors
 from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse, with_room
 
 Array = NDArray[np.float64]
@@ -163,9 +164,10 @@ def _pairs(table: Ints, ends: Ints) -> Ints:
 
 
 @inlined
-def start_stretch(loops, port, d, work):  # type: ignore[no-untyped-def]
-    """Begin a stretch at a node whose matrix 1 and coupling with the next node, 2, are in the scratch."""
-    A, K, W = d * d, 2 * d * d, loops.maps[port]
+def start_stretch(size, loops, port, work):  # type: ignore[no-untyped-def]
+    """Begin a stretch at a node whose own matrix and coupling with the next node are in the scratch."""
+    d, W = len(size), loops.maps[port]
+    _, A, K, _ = matrices(size)
     for m in range(d):
         for p in range(d):
             near = far = 0.0
@@ -191,7 +193,7 @@ def eliminate_coupled(size, loops, port, known, i, work):  # type: ignore[no-unt
     unless that is −1. Returns the number of negative pivots.
     """
     if port >= 0:
-        start_stretch(loops, port, len(size), work)
+        start_stretch(size, loops, port, work)
     negative = _eliminate(size, loops, known, 0, i, work)
     keep_coupling(loops, port, i)
     return negative
@@ -204,10 +206,10 @@ def release_coupled(size, loops, passed, turn, known, i, work):  # type: ignore[
     Returns the number of negative pivots.
     """
     d = len(size)
-    K, L = 2 * d * d, 3 * d * d
+    D, _, K, L = matrices(size)
     for m in range(d):
         for k in range(d):
-            work[K + d * m + k] = work[d * max(m, k) + min(m, k)] if m < passed <= k else 0.0
+            work[K + d * m + k] = work[D + d * max(m, k) + min(m, k)] if m < passed <= k else 0.0
             loops.passed[m, k] = loops.coupling[m, k] if m < passed else 0.0
     negative = _eliminate(size, loops, known, passed, i, work)
     for m in range(passed):
@@ -223,11 +225,12 @@ def release_coupled(size, loops, passed, turn, known, i, work):  # type: ignore[
 def turn_coupled(size, loops, i, work):  # type: ignore[no-untyped-def]
     """Pass a weld whose L is in the scratch: the coupling turns."""
     d = len(size)
+    _, _, _, L = matrices(size)
     for m in range(d):
         for p in range(d):
             total = 0.0
             for k in range(d):
-                total -= work[3 * d * d + d * m + k] * loops.coupling[k, p]
+                total -= work[L + d * m + k] * loops.coupling[k, p]
             loops.passed[m, p] = total
     for m in range(d):
         for p in range(d):
@@ -239,11 +242,12 @@ def turn_coupled(size, loops, i, work):  # type: ignore[no-untyped-def]
 def _eliminate(size, loops, known, least, i, work):  # type: ignore[no-untyped-def]
     """Eliminate a node component by component from `least` on.
 
-    Matrix 1 of the scratch, symmetric, becomes −G, 2 and 3 become L; D of the next node, its coupling and S lose their
-    parts. Returns the number of negative pivots.
+    Its own matrix becomes −G, its coupling with the next node L; D of that node, its coupling with the start and S lose
+    their parts. Returns the number of negative pivots.
     """
     d = len(size)
-    A, K, column = d * d, 2 * d * d, 4 * d * d
+    D, A, K, L = matrices(size)
+    column, beyond, start, _ = vectors(size)
     C, S, P = loops.coupling, loops.condensed, loops.passed
     negative = 0
     for k in range(d):
@@ -258,26 +262,26 @@ def _eliminate(size, loops, known, least, i, work):  # type: ignore[no-untyped-d
         inverse = 1.0 / pivot
         for m in range(d):
             work[column + m] = work[A + d * max(k, m) + min(k, m)]
-            work[column + d + m] = work[K + d * m + k]
-            work[column + 2 * d + m] = C[k, m]
+            work[beyond + m] = work[K + d * m + k]
+            work[start + m] = C[k, m]
         for n in range(d):
-            f, g = work[column + d + n] * inverse, work[column + n] * inverse
-            h = work[column + 2 * d + n] * inverse
+            f, g = work[beyond + n] * inverse, work[column + n] * inverse
+            h = work[start + n] * inverse
             for m in range(n + 1):
-                work[d * n + m] -= f * work[column + d + m]
+                work[D + d * n + m] -= f * work[beyond + m]
                 work[A + d * n + m] -= g * work[column + m]
             for m in range(d):
                 work[K + d * n + m] -= f * work[column + m]
-                P[n, m] -= f * work[column + 2 * d + m]
-                C[n, m] -= g * work[column + 2 * d + m]
-                S[n, m] -= h * work[column + 2 * d + m]
+                P[n, m] -= f * work[start + m]
+                C[n, m] -= g * work[start + m]
+                S[n, m] -= h * work[start + m]
         for m in range(d):
             work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
-            work[K + d * m + k] = work[column + d + m] * inverse
-            C[k, m] = work[column + 2 * d + m] * inverse
+            work[K + d * m + k] = work[beyond + m] * inverse
+            C[k, m] = work[start + m] * inverse
         work[A + d * k + k] = -inverse
     for k in range(d * d):
-        work[K + d * d + k] = work[K + k]
+        work[L + k] = work[K + k]
     return negative
 
 
@@ -296,12 +300,13 @@ def end_stretch(size, loops, place, work):  # type: ignore[no-untyped-def]
     """Add what arrives at a kept junction to its matrix; nothing goes on."""
     d = len(size)
     end, start, values = loops.end[place], loops.start[place], loops.matrix.values
-    W, product = loops.maps[end], 2 * d * d
+    W = loops.maps[end]
+    D, _, product, _ = matrices(size)
     for p in range(d):
         for m in range(d):
             total = 0.0
             for k in range(d):
-                total += W[k, p] * work[d * max(k, m) + min(k, m)]
+                total += W[k, p] * work[D + d * max(k, m) + min(k, m)]
             work[product + d * p + m] = total
     for p in range(d):
         for r in range(d):
@@ -321,7 +326,7 @@ def end_stretch(size, loops, place, work):  # type: ignore[no-untyped-def]
                     values[loops.cross[end, p, r]] += (2.0 if same else 1.0) * total
     for k in range(d):
         for m in range(d):
-            work[d * k + m] = loops.coupling[k, m] = loops.condensed[k, m] = 0.0
+            work[D + d * k + m] = loops.coupling[k, m] = loops.condensed[k, m] = 0.0
 
 
 @inlined

@@ -47,6 +47,7 @@ from anctmm.recursion.loops import (
     turn_coupled,
 )
 from anctmm.recursion.rows import fill
+from anctmm.recursion.scratch import matrices, new_scratch, vectors
 from anctmm.recursion.sparse import factorize_kept, solve_kept
 
 Array = NDArray[np.float64]
@@ -94,7 +95,7 @@ class BlockFactors(NamedTuple):
     wide : ndarray, shape (2, d²)
         Scratch: a row of L and of G in double precision, if they are not kept in it.
     work : ndarray, shape (4 d² + 4 d,)
-        Scratch: matrices and vectors of one node, in one array so that the compiler sees that they do not overlap.
+        Scratch: matrices and vectors of one node; see `anctmm.recursion.scratch`.
     buffer : ndarray, shape (TANGENT_BUFFER,)
     branches : Branches
     loops : Loops or None
@@ -151,7 +152,7 @@ def block_factors(chain: Chain, single: bool = False) -> BlockFactors:
         np.zeros((nodes, rows * rows), kind),
         np.zeros((nodes, triangle + more), kind),
         np.zeros((2, rows * rows)),
-        np.zeros(4 * rows * rows + 4 * rows),
+        new_scratch(rows),
         np.zeros(TANGENT_BUFFER),
         places,
         loops(chain, places),
@@ -305,6 +306,7 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
     first, formulations, kinds, constants, masses, _ = tables
     link, turn, known, _ = links
     d = len(size)
+    D, _, _, _ = matrices(size)
     negative, place, port, site, line = 0, 0, -1, 0, 0
     work[:] = 0.0
     local = loads.local
@@ -346,7 +348,7 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 continue
             if i == first[b]:  # a body of one node
                 for k in range(d):
-                    work[d * k + k] += mass * masses[b][k // 2, k // 2]
+                    work[D + d * k + k] += mass * masses[b][k // 2, k // 2]
             if link[b] == WELD:
                 _turn(size, turn[b, 0], turn[b, 1], i, work, L, G)
                 if loops is not None:
@@ -369,10 +371,11 @@ def _end_body(size, loops, turned, line, link, turn, known, i, work, L, G):  # t
     Returns the negative pivots.
     """
     d = len(size)
+    D, A, _, _ = matrices(size)
     passed = 2 if link == PIN else 4 if link == TANGENT else 0
     negative = 0
     for k in range(d * d):
-        work[d * d + k] = work[k]
+        work[A + k] = work[D + k]
     if turned is not None and turned.node[line] == i:
         turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
     if loops is not None and passed > 0:
@@ -392,9 +395,10 @@ def _end_body(size, loops, turned, line, link, turn, known, i, work, L, G):  # t
 @inlined
 def _pass_place(size, places, loops, place, work):  # type: ignore[no-untyped-def]
     """Where condensed matrices part and meet. Returns the port at which a stretch begins, or −1."""
+    D, _, _, _ = matrices(size)
     if loops is not None and loops.end[place] >= 0:
         end_stretch(size, loops, place, work)
-    pass_branch(place, places.to, places.take, places.matrices, work, 0)
+    pass_branch(place, places.to, places.take, places.matrices, work, D)
     return loops.begin[place] if loops is not None else -1
 
 
@@ -417,15 +421,16 @@ def sweep(factors: BlockFactors, b: Array, a: Array) -> None:
 def _sweep(factors, loops, b, a):  # type: ignore[no-untyped-def]
     size, L, G, wide, work, _, places, _ = factors
     d, at = len(size), places.at
+    load, _, found, _ = vectors(size)
     start_sweep(size, loops, work)
     begin = 0
     for place in range(len(at)):
         for i in range(begin, at[place]):
             for k in range(d):
-                work[4 * d * d + k] = b[k, i]
+                work[load + k] = b[k, i]
             pass_outboard(size, L, wide, loops, i, work)
             for k in range(d):
-                b[k, i] = work[4 * d * d + k]
+                b[k, i] = work[load + k]
         part_outboard(size, places, loops, place, work)
         begin = at[place]
     turn_back(size, loops, work)
@@ -434,57 +439,57 @@ def _sweep(factors, loops, b, a):  # type: ignore[no-untyped-def]
         begin = at[place - 1] if place > 0 else 0
         for i in range(at[place] - 1, begin - 1, -1):
             for k in range(d):
-                work[4 * d * d + k] = b[k, i]
+                work[load + k] = b[k, i]
             find_unknowns(size, L, G, wide, loops, i, work)
             for k in range(d):
-                a[k, i] = work[4 * d * d + 2 * d + k]
+                a[k, i] = work[found + k]
 
 
 @inlined
 def start_sweep(size, loops, work):  # type: ignore[no-untyped-def]
     """Nothing has come yet to the first node of a forward sweep, nor to what is kept."""
-    d = len(size)
-    for k in range(d):
-        work[4 * d * d + d + k] = 0.0
+    _, come, _, _ = vectors(size)
+    for k in range(len(size)):
+        work[come + k] = 0.0
     if loops is not None:
         clear(loops)
 
 
 @inlined
 def part_outboard(size, places, loops, place, work):  # type: ignore[no-untyped-def]
-    """Forward at a place: what comes (vector 1 of the scratch) leaves the row, and what waits here comes."""
-    d = len(size)
+    """Forward at a place: what comes leaves the row, and what waits here comes."""
+    _, come, _, _ = vectors(size)
     if loops is not None:
-        leave_stretch(loops, place, work, 4 * d * d + d)
-    pass_branch(place, places.to, places.take, places.vectors, work, 4 * d * d + d)
+        leave_stretch(loops, place, work, come)
+    pass_branch(place, places.to, places.take, places.vectors, work, come)
 
 
 @inlined
 def turn_back(size, loops, work):  # type: ignore[no-untyped-def]
     """Between the sweeps: the kept unknowns are found, and beyond the last node there is none."""
-    d = len(size)
-    for k in range(d):
-        work[4 * d * d + 2 * d + k] = 0.0
+    _, _, found, _ = vectors(size)
+    for k in range(len(size)):
+        work[found + k] = 0.0
     if loops is not None:
         solve_kept(loops.matrix, loops.x)
 
 
 @inlined
-def meet_inboard(size, places, loops, place, found, work):  # type: ignore[no-untyped-def]
-    """Backward at a place: the unknowns (vector 2) of the node that the one before passed on to, among those found."""
-    d = len(size)
+def meet_inboard(size, places, loops, place, known, work):  # type: ignore[no-untyped-def]
+    """Backward at a place: the unknowns of the node that the one before passed on to, among those known, (nodes, d)."""
+    _, _, found, _ = vectors(size)
     if places.node[place] >= 0:
-        for k in range(d):
-            work[4 * d * d + 2 * d + k] = found[places.node[place], k]
+        for k in range(len(size)):
+            work[found + k] = known[places.node[place], k]
     if loops is not None:
-        enter_stretch(loops, place, work, 4 * d * d + 2 * d)
+        enter_stretch(loops, place, work, found)
 
 
 @inlined
 def pass_outboard(size, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
-    """Forward at node i: its loads (vector 0 of the scratch) and those that come (vector 1) sum up; −L b goes on."""
+    """Forward at node i: its loads and those that come sum up; −L b goes on."""
     d = len(size)
-    load, come = 4 * d * d, 4 * d * d + d
+    load, come, _, _ = vectors(size)
     M, r = in_double(L, i, wide, 0)
     for k in range(d):
         work[load + k] += work[come + k]
@@ -500,9 +505,9 @@ def pass_outboard(size, L, wide, loops, i, work):  # type: ignore[no-untyped-def
 
 @inlined
 def find_unknowns(size, L, G, wide, loops, i, work):  # type: ignore[no-untyped-def]
-    """Backward at node i: unknowns (vector 2) G b − L^T a from the loads (vector 0) and those of the node outboard."""
+    """Backward at node i: unknowns G b − L^T a from the loads and the unknowns of the node outboard."""
     d = len(size)
-    load, x, out = 4 * d * d, 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    load, _, x, out = vectors(size)
     M, r = in_double(L, i, wide, 0)
     S, n = in_double(G, i, wide, 1)
     for k in range(d):
@@ -520,9 +525,9 @@ def find_unknowns(size, L, G, wide, loops, i, work):  # type: ignore[no-untyped-
 
 @inlined
 def follow_unknowns(size, L, wide, loops, i, work):  # type: ignore[no-untyped-def]
-    """Backward at node i without loads: unknowns (vector 2) −L^T a from those of the node outboard."""
+    """Backward at node i without loads: unknowns −L^T a from those of the node outboard."""
     d = len(size)
-    x, out = 4 * d * d + 2 * d, 4 * d * d + 3 * d
+    _, _, x, out = vectors(size)
     M, r = in_double(L, i, wide, 0)
     for k in range(d):
         work[out + k] = work[x + k]
@@ -537,20 +542,21 @@ def follow_unknowns(size, L, wide, loops, i, work):  # type: ignore[no-untyped-d
 
 @embedded
 def _add_element(size, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
-    """Add element j of the buffer: matrix 1 of the scratch ← D + K_II, 2 ← K_OI, D ← K_OO; lower triangles of the
-    symmetric ones. An element with fewer components, `own`, than the nodes leaves the others without stiffness.
+    """Add element j of the buffer: the node's own matrix ← D + K_II, the coupling ← K_OI, D ← K_OO.
+
+    An element with fewer components, `own`, than the nodes leaves the others without stiffness.
     """
     d = len(size)
-    A, K = d * d, 2 * d * d
+    D, A, K, _ = matrices(size)
     for k in range(d):
         for n in range(d):
             given = k < own and n < own and stiffness != 0.0
             work[K + d * k + n] = stiffness * buffer[lower(own + k, n) + j] if given else 0.0
             if n <= k:
-                work[A + d * k + n] = work[d * k + n] + (
+                work[A + d * k + n] = work[D + d * k + n] + (
                     stiffness * buffer[lower(k, n) + j] if given else 0.0
                 )
-                work[d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
+                work[D + d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
     for k in range(d // 2):
         for n in range(d // 2):
             for c in range(2):
@@ -558,18 +564,19 @@ def _add_element(size, own, mass, m, stiffness, buffer, j, work):  # type: ignor
                 work[K + at] += mass * m[3 + k, n]
                 if n <= k:
                     work[A + at] += mass * m[k, n]
-                    work[at] += mass * m[3 + k, 3 + n]
+                    work[D + at] += mass * m[3 + k, 3 + n]
 
 
 @embedded
 def _invert(size, known, start, i, work):  # type: ignore[no-untyped-def]
-    """Matrix 1 ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere; lower triangle.
+    """The node's own matrix ← −inverse of itself on the components from `start` on that are not known, 0 elsewhere.
 
     The symmetric form of Gauss-Jordan's method ("sweep operator") without exchange of rows: the matrix is positive
     definite in every stable state. Returns the number of negative pivots.
     """
     d = len(size)
-    A, column = d * d, 3 * d * d
+    _, A, _, _ = matrices(size)
+    column, _, _, _ = vectors(size)
     negative = 0
     for k in range(d):
         if k < start or known[k, i]:
@@ -598,24 +605,26 @@ def _invert(size, known, start, i, work):  # type: ignore[no-untyped-def]
 
 @inlined
 def _store(size, i, work, L, G):  # type: ignore[no-untyped-def]
-    """Keep G, minus matrix 1, and L, matrix 3."""
+    """Keep G and L of a node."""
     d = len(size)
+    _, A, _, passing = matrices(size)
     for k in range(d):
         for m in range(d):
-            L[i, d * k + m] = work[3 * d * d + d * k + m]
+            L[i, d * k + m] = work[passing + d * k + m]
         for m in range(k + 1):
-            G[i, k * (k + 1) // 2 + m] = -work[d * d + d * k + m]
+            G[i, k * (k + 1) // 2 + m] = -work[A + d * k + m]
 
 
 @embedded
 def _eliminate(size, known, i, work):  # type: ignore[no-untyped-def]
-    """Pass an element: matrix 1 ← −inverse of itself, L ← K_OI G, D ← K_OO − L K_IO, component by component.
+    """Pass an element: own matrix ← −inverse of itself, L ← K_OI G, D ← K_OO − L K_IO, component by component.
 
     Not by products with the inverse: of a slender element with an r_y that has a condition of (l/h)², and what bends D
     would be a difference of numbers that are wrong by as much. Returns the number of negative pivots.
     """
     d = len(size)
-    A, K, L, column = d * d, 2 * d * d, 3 * d * d, 4 * d * d
+    D, A, K, L = matrices(size)
+    column, beyond, _, _ = vectors(size)
     negative = 0
     for k in range(d):
         if known[k, i]:
@@ -629,17 +638,17 @@ def _eliminate(size, known, i, work):  # type: ignore[no-untyped-def]
         inverse = 1.0 / pivot
         for m in range(d):
             work[column + m] = work[A + d * max(k, m) + min(k, m)]
-            work[column + d + m] = work[K + d * m + k]
+            work[beyond + m] = work[K + d * m + k]
         for n in range(d):
-            f, g = work[column + d + n] * inverse, work[column + n] * inverse
+            f, g = work[beyond + n] * inverse, work[column + n] * inverse
             for m in range(n + 1):
-                work[d * n + m] -= f * work[column + d + m]
+                work[D + d * n + m] -= f * work[beyond + m]
                 work[A + d * n + m] -= g * work[column + m]
             for m in range(d):
                 work[K + d * n + m] -= f * work[column + m]
         for m in range(d):  # column k, which the loops above need not spare
             work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
-            work[K + d * m + k] = work[column + d + m] * inverse
+            work[K + d * m + k] = work[beyond + m] * inverse
         work[A + d * k + k] = -inverse
     for k in range(d * d):
         work[L + k] = work[K + k]
@@ -653,7 +662,7 @@ def _release(size, passed, work):  # type: ignore[no-untyped-def]
     A pin passes r, two components; the joint that passes r_x too, but not l r_xx, four.
     """
     d = len(size)
-    A, L = d * d, 3 * d * d
+    D, A, _, L = matrices(size)
     for k in range(d * d):
         work[L + k] = 0.0
     for m in range(passed):
@@ -661,26 +670,28 @@ def _release(size, passed, work):  # type: ignore[no-untyped-def]
         for k in range(passed, d):
             s = 0.0
             for n in range(passed, d):
-                s -= work[d * n + m] * work[A + d * max(n, k) + min(n, k)]
+                s -= work[D + d * n + m] * work[A + d * max(n, k) + min(n, k)]
             work[L + d * m + k] = s
     for m in range(passed):
         for k in range(m + 1):
             for n in range(passed, d):
-                work[d * m + k] -= work[L + d * m + n] * work[d * n + k]
+                work[D + d * m + k] -= work[L + d * m + n] * work[D + d * n + k]
 
 
 @embedded
 def turn_passed(size, c, s, work):  # type: ignore[no-untyped-def]
     """Turn r_x behind a joint that passes it: L ← W L, D ← W D W^T."""
     d = len(size)
+    D, _, _, L = matrices(size)
     for k in range(d):
-        _turn_rows(c, s, 3 * d * d + 2 * d + k, 3 * d * d + 3 * d + k, work)
+        _turn_rows(c, s, L + 2 * d + k, L + 3 * d + k, work)
+    two, three = D + 2 * d, D + 3 * d
     for k in range(2):
-        _turn_rows(c, s, 2 * d + k, 3 * d + k, work)
-    xx, xy, yy = work[2 * d + 2], work[3 * d + 2], work[3 * d + 3]
-    work[2 * d + 2] = c * c * xx - 2.0 * c * s * xy + s * s * yy
-    work[3 * d + 2] = c * s * (xx - yy) + (c * c - s * s) * xy
-    work[3 * d + 3] = s * s * xx + 2.0 * c * s * xy + c * c * yy
+        _turn_rows(c, s, two + k, three + k, work)
+    xx, xy, yy = work[two + 2], work[three + 2], work[three + 3]
+    work[two + 2] = c * c * xx - 2.0 * c * s * xy + s * s * yy
+    work[three + 2] = c * s * (xx - yy) + (c * c - s * s) * xy
+    work[three + 3] = s * s * xx + 2.0 * c * s * xy + c * c * yy
 
 
 @inlined
@@ -694,18 +705,19 @@ def _turn_rows(c, s, one, two, work):  # type: ignore[no-untyped-def]
 def _forget(size, passed, work):  # type: ignore[no-untyped-def]
     """Keep of D what goes on beyond a body: that of the components that pass a joint."""
     d = len(size)
+    D, _, _, _ = matrices(size)
     for m in range(passed, d):
         for k in range(m + 1):
-            work[d * m + k] = 0.0
+            work[D + d * m + k] = 0.0
 
 
 @embedded
 def _turn(size, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
     """Pass a weld: gradients turn by W, L ← −W, G ← 0, D ← W D W^T."""
     d = len(size)
-    K, W = 2 * d * d, 3 * d * d
+    D, A, K, W = matrices(size)
     for k in range(d * d):
-        work[d * d + k] = work[W + k] = 0.0
+        work[A + k] = work[W + k] = 0.0
     for k in range(0, d, 2):
         x, y = (1.0, 0.0) if k == 0 else (c, s)
         work[W + d * k + k] = work[W + d * (k + 1) + k + 1] = -x
@@ -714,14 +726,14 @@ def _turn(size, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
         for k in range(d):
             t = 0.0
             for n in range(d):
-                t -= work[W + d * m + n] * work[d * max(n, k) + min(n, k)]
+                t -= work[W + d * m + n] * work[D + d * max(n, k) + min(n, k)]
             work[K + d * m + k] = t
     for m in range(d):
         for k in range(m + 1):
             t = 0.0
             for n in range(d):
                 t -= work[K + d * m + n] * work[W + d * k + n]
-            work[d * m + k] = t
+            work[D + d * m + k] = t
     _store(size, i, work, L, G)
 
 
@@ -729,17 +741,19 @@ def _turn(size, c, s, i, work, L, G):  # type: ignore[no-untyped-def]
 def add_block_here(size, block, work):  # type: ignore[no-untyped-def]
     """Add a matrix of a node and the next one to D: the node's own part."""
     d = len(size)
+    D, _, _, _ = matrices(size)
     for m in range(d):
         for k in range(m + 1):
-            work[d * m + k] += block[m, k]
+            work[D + d * m + k] += block[m, k]
 
 
 @inlined
 def add_block_beyond(size, block, work):  # type: ignore[no-untyped-def]
-    """Add the other parts: to matrix 2, and to D of the next node."""
+    """Add the other parts: to the coupling with the next node, and to its D."""
     d = len(size)
+    D, _, K, _ = matrices(size)
     for m in range(d):
         for k in range(d):
-            work[2 * d * d + d * m + k] += block[d + m, k]
+            work[K + d * m + k] += block[d + m, k]
         for k in range(m + 1):
-            work[d * m + k] += block[d + m, d + k]
+            work[D + d * m + k] += block[d + m, d + k]
