@@ -322,14 +322,8 @@ def _one_by_one(kept, rows, first, drives, state):  # type: ignore[no-untyped-de
 @embedded
 def _accelerate(block, rows, state, tables, clamps, split, now):  # type: ignore[no-untyped-def]
     """Accelerations, `now`, and reactions of driven clamps."""
-    first, formulations, kinds, constants, masses, buffer = tables
     if block is None:
-        _, of, _, _, motion, reaction, _ = clamps
-        L, G, D, places, lines, kept = split
-        by_scalars(
-            formulations, state.q, state.f, first, kinds, constants, masses, buffer, of, motion, reaction,
-            L, G, D, places, lines, kept, now,
-        )  # fmt: skip
+        by_scalars(tables, clamps, split, state.q, state.f, now)
     else:
         _ask(rows, block.loops)
         by_blocks(state.q, state.f, tables, clamps, block, state.scratch, now)

@@ -19,58 +19,40 @@ Array = NDArray[np.float64]
 
 
 @inlined
-def by_scalars(
-    formulations,
-    q,
-    f,
-    first,
-    kinds,
-    constants,
-    masses,
-    buffer,
-    of,
-    motion,
-    reaction,
-    L,
-    G,
-    D,
-    places,
-    lines,
-    kept,
-    a,
-):  # type: ignore[no-untyped-def]
+def by_scalars(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
     """Accelerations of a chain of scalar blocks (`Chain.split`), and the reactions of its driven clamps.
 
     Parameters
     ----------
-    formulations : tuple of int
-        Of `Tables`, as are first, kinds, constants, masses and buffer.
+    tables : Tables
+    clamps : DrivenClamps
+        Their reactions are written.
+    factors : SplitFactors
     q, f : ndarray, shape (rows, nodes)
         Coordinates and the external forces on them.
-    of, motion, reaction : ndarray
-        Of `DrivenClamps`; the reactions are written.
-    L, G, D, places, lines, kept
-        Of `SplitFactors`.
     a : ndarray, shape (rows, nodes)
         Written.
     """
-    _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a)
+    lines, kept = factors.lines, factors.kept
+    _forward(tables, clamps, factors, q, f, a)
     find_kept(kept, a)
-    add_guide_forces(lines, of, motion, a)
-    _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a)
-    add_kept(kept, of, reaction, a)
+    add_guide_forces(lines, clamps.of, clamps.motion, a)
+    _backward(tables, clamps, factors, a)
+    add_kept(kept, clamps.of, clamps.reaction, a)
     keep_on_lines(lines, a)
 
 
 @inlined
-def _forward(formulations, q, f, first, kinds, constants, masses, buffer, of, motion, L, places, a):  # type: ignore[no-untyped-def]
+def _forward(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
     """Elastic forces and forward sweep, block by block: a ← loads that have arrived at each node.
 
     A carry c comes from inboard; b = t + c arrives, −L b goes on. L t is found before c is known, so that only one
     product stands between a node and the next.
     """
+    first, formulations, kinds, constants, masses, buffer = tables
+    of, motion, L = clamps.of, clamps.motion, factors.L
     director = q.shape[0] == 6
-    at, to, take, _, waiting, _ = places
+    at, to, take, _, waiting, _ = factors.branches
     place = 0
     rx = ry = gx = gy = dx = dy = 0.0
     for b in range(len(kinds)):
@@ -151,10 +133,13 @@ def _push(masses, b, motion, clamp, buffer):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _backward(first, kinds, masses, of, motion, reaction, L, G, D, places, a):  # type: ignore[no-untyped-def]
+def _backward(tables, clamps, factors, a):  # type: ignore[no-untyped-def]
     """Backward sweep: the loads in a become accelerations."""
+    first, _, kinds, _, masses, _ = tables
+    of, motion, reaction = clamps.of, clamps.motion, clamps.reaction
+    L, G, D = factors.L, factors.G, factors.D
     director = a.shape[0] == 6
-    at, _, _, node, _, _ = places
+    at, _, _, node, _, _ = factors.branches
     place = len(at) - 1
     rx = ry = gx = gy = dx = dy = 0.0
     for b in range(len(kinds) - 1, -1, -1):

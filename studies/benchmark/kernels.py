@@ -120,31 +120,8 @@ def repeat_tangents(repeats: int, q: Array, t: Tables, buffer: Array) -> None:
 @kernel
 def repeat_scalars(repeats: int, p: Parts, factors: SplitFactors) -> None:
     """Elastic forces, forward and backward sweep of the split form."""
-    q, f, a = p.q, p.f, p.a
-    first, formulations, kinds, constants, masses, buffer = p.tables
-    of, motion, reaction = p.clamps.of, p.clamps.motion, p.clamps.reaction
-    L, G, D, places, lines, kept = factors
     for _ in range(repeats):
-        accelerations.by_scalars(
-            formulations,
-            q,
-            f,
-            first,
-            kinds,
-            constants,
-            masses,
-            buffer,
-            of,
-            motion,
-            reaction,
-            L,
-            G,
-            D,
-            places,
-            lines,
-            kept,
-            a,
-        )
+        accelerations.by_scalars(p.tables, p.clamps, factors, p.q, p.f, p.a)
 
 
 @kernel

@@ -148,8 +148,7 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
             of_kind.tangents, q, 0, n, bodies.constants[0], counted(np.zeros(TANGENT_BUFFER))
         ),
         ACCELERATIONS: operations(
-            accelerations.by_scalars, t.formulations, q, zeros, t.first, t.kinds, t.constants, t.masses, t.buffer,
-            p.clamps.of, p.clamps.motion, p.clamps.reaction, *riccati.split_factors(chain), zeros,
+            accelerations.by_scalars, t, p.clamps, riccati.split_factors(chain), q, zeros, zeros
         ),
         UPDATE: operations(
             explicit.update, *(counted(np.zeros(q.size)) for _ in range(4)), explicit.Numbers(1, 1, 1e-3, 0.5, 0.5)

@@ -77,11 +77,8 @@ def direct(chain, matrix, load):
 
 def by_split(chain, q, f, clamps=None):
     a = np.empty_like(q)
-    t, clamps = chain.bodies.tables(), clamps or Actuation(chain.scene, chain.bodies).clamps()
-    bodies = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-    by_scalars(
-        t.formulations, q, f, *bodies, clamps.of, clamps.motion, clamps.reaction, *split_factors(chain), a
-    )
+    clamps = clamps or Actuation(chain.scene, chain.bodies).clamps()
+    by_scalars(chain.bodies.tables(), clamps, split_factors(chain), q, f, a)
     return a
 
 

@@ -58,10 +58,8 @@ def test_accelerations_of_any_topology(name, element):
     exact = d.solved(d.mass(), d.f - d.elastic())
     assert error(solve(mass_factors(d.chain), d.f - d.elastic()), exact) < 1e-12 * ROUNDING[element]
     if d.chain.split:
-        t, clamps, a = d.bodies.tables(), Actuation(d.chain.scene, d.bodies).clamps(), np.zeros_like(d.q)
-        tables = (t.first, t.kinds, t.constants, t.masses, t.buffer)
-        motion = (clamps.of, clamps.motion, clamps.reaction)
-        by_scalars(t.formulations, d.q, d.f, *tables, *motion, *split_factors(d.chain), a)
+        clamps, a = Actuation(d.chain.scene, d.bodies).clamps(), np.zeros_like(d.q)
+        by_scalars(d.bodies.tables(), clamps, split_factors(d.chain), d.q, d.f, a)
         assert error(a, exact) < 1e-12
 
 
