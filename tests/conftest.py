@@ -18,8 +18,8 @@ settings.load_profile("steady")
 #: commands, or hundreds of random scenes.
 SLOW = {
     "discretise": ["interior_joints"],
-    "integrators": ["arc_length", "connected", "damping", "divergence", "equilibrium_stability", "events",
-                    "graph_histories", "graph_motion", "graph_properties", "interrupted", "memory", "modes",
+    "integrators": ["arc_length", "connected", "damped_tolerance", "damping", "divergence", "equilibrium_stability",
+                    "events", "graph_histories", "graph_motion", "graph_properties", "interrupted", "memory", "modes",
                     "modes_of_mechanisms", "motion", "nonconservative_statics", "promise", "properties", "rates",
                     "stabilised_statics"],
     "model": ["typing"],

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import slow_where
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
@@ -15,7 +16,10 @@ CASES = {
 }
 
 
-@pytest.fixture(scope="module", params=[(n, e) for n in CASES for e in ("cable", "shear")], ids="-".join)
+BOTH = [(name, element) for name in CASES for element in ("cable", "shear")]
+
+
+@pytest.fixture(scope="module", params=slow_where(lambda case: case[1] == "shear", BOTH), ids="-".join)
 def case(request):
     """A base scene, its options and a reference whose step is far below what any tolerance here takes."""
     name, element = request.param

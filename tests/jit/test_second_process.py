@@ -90,7 +90,13 @@ SCENES = {
     ids=["zhai", "generalized-alpha", "esdirk"],
 )
 @pytest.mark.parametrize(
-    ("kind", "name"), [("cable", "hinged"), ("shear", "driven"), ("cable", "triangle"), ("cable", "plate")]
+    ("kind", "name"),
+    [
+        ("cable", "hinged"),
+        pytest.param("shear", "driven", marks=pytest.mark.slow),
+        pytest.param("cable", "triangle", marks=pytest.mark.slow),
+        ("cable", "plate"),
+    ],
 )
 def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integrator, module, monkeypatch):
     """Else it would work in vain, and in every process again."""

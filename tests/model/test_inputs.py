@@ -9,7 +9,7 @@ from collections import namedtuple
 from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
-from functools import partial
+from itertools import repeat
 from math import nan
 
 import numpy as np
@@ -395,7 +395,7 @@ def test_numbers_become_floats():
         lambda: body(end=(1e-16, 0.0)),
         lambda: body(end=(1e-14, 0.0), material=material(E=1e90)),
         lambda: body(name=Text("a\n")),
-        lambda: scene(bodies=iter(partial(body), 1)),
+        lambda: scene(bodies=repeat(body())),
         lambda: scene(bodies={body()}),
         lambda: scene(bodies={"a": body()}),
         lambda: scene(joints=at.Clamp("a.start")),

@@ -5,6 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 from direct import assert_as_dense, by_split
+from marks import slow_where
 from random_mechanisms import random_mechanism
 
 import anctmm as at
@@ -118,7 +119,7 @@ def same(ours, other, allowed):
     return size
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", slow_where(lambda name: "shear" in name, SCENES))
 def test_a_motion_is_that_of_full_blocks_and_of_the_global_dae(name, monkeypatch):
     scene, options = SCENES[name]
     chain = Chain(scene, Discretisation(**cut(scene, **{k: v for k, v in options.items() if k != "scale"})))
