@@ -43,7 +43,15 @@ class BadOption(Exception):
 
 
 class Command(TyperCommand):
-    """A command whatever of which fails is one line, and an exit code."""
+    """A command whatever of which fails is one line, and an exit code; each option is given once."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Read the arguments; of an option that is given twice, the first value would be lost in silence."""
+        _, _, order = self.make_parser(ctx).parse_args(list(args))
+        for option in order:
+            if order.count(option) > 1 and option.param_type_name == "option":
+                ctx.fail(f"{option.opts[0]} is given {order.count(option)} times; once is allowed")
+        return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
         """Run it."""

@@ -140,10 +140,10 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
         and (not only or any(o in task.name or fnmatch(task.name, o) for o in only))
     ]
     if not chosen:
-        names = ", ".join(dict.fromkeys(f"{t.scene.name}/{t.run_name}" for t in tasks))
+        names = ", ".join(dict.fromkeys(t.scene.name for t in tasks))
         raise CheckError(
             f"--only {','.join(only)!r} with --solver {','.join(solvers) or 'any'!r} leaves nothing; "
-            f"allowed are parts or patterns of {names}"
+            f"allowed are parts or patterns of scene/run/solver, with scenes {names}"
         )
     return tuple(chosen)
 

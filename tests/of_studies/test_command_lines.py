@@ -307,6 +307,10 @@ ARGUMENTS = {
     "a report of something": (["report", "trade"], 2, ["trade"]),
     "a bench's out that is a file": (["bench", "--quick", "--out", "FILE"], 2, ["--out"]),
     "check of nothing": (["check", "--only", "five-bar"], 2, ["leaves nothing"]),
+    "check of one and of another": (
+        ["check", "--only", "four-bar", "--only", "small"], 2, ["--only is given 2 times; once is allowed"]
+    ),
+    "check twice stored": (["check", "--update", "--update"], 2, ["--update is given 2 times"]),
     "check of an empty text": (["check", "--only", ""], 2, ["--only is ''"]),
     "check of commas": (["check", "--only", " , "], 2, ["--only"]),
     "check by nobody": (["check", "--solver", "adams"], 2, ["'adams'", "still"]),
