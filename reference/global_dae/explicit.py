@@ -10,16 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import damping_forces, elastic_forces
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel
 from reference.global_dae.assemble import fill_dense, solve_dense
 from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
-from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
+from reference.global_dae.history import HUGE, Acting, Marcher, Motion, Outputs, Reached, keep, motion_of
 from reference.global_dae.loads import Loads, add_loads, work_since
 from reference.global_dae.lu import Factors, Index, factorise, no_factors, solve_factored
 from reference.global_dae.model import Model, Parts, kkt, typical
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Scheme(NamedTuple):
@@ -88,78 +87,72 @@ def advance(scheme: Scheme, q: Array, v: Array, left: Array, before: Array) -> N
         before[i] = a
 
 
-@kernel
-def march(
-    scheme: Scheme,
-    parts: Parts,
-    rows: Rows,
-    loads: Loads,
-    factors: Factors,
-    constant: Constant,
-    values: Array,
-    angles: Array,
-    span: tuple[int, int, int],
-    wanted: Ints,
-    s: State,
-    kept: Array,
-    energies: Array,
-    damping: Array | None,
-    power: Array,
-) -> tuple[int, int]:
-    """Steps span[0] … span[1] − 1: acceleration, output where wanted, and advance unless it is the last, span[2].
+class Damping(NamedTuple):
+    """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
 
-    Parameters
-    ----------
-    values, angles : ndarray
-        Loads and drives at the times of steps span[0] … span[1], the first row that of span[0].
-    wanted : ndarray
-        Steps to keep, ascending, from the first one not yet kept; −1 at its end.
-    damping : ndarray or None
-        Of `Bodies`.
-    power : ndarray, shape (1,)
-        Lost by damping at the step before, W.
+    of: Array
+    power: Array
+
+
+class Equations(NamedTuple):
+    """What the steps take: the method, bodies, joints, loads, the factored matrix or its entries, the state.
+
+    `damping` is None unless a material has some: then nothing of it is compiled.
+    """
+
+    scheme: Scheme
+    parts: Parts
+    rows: Rows
+    loads: Loads
+    factors: Factors
+    constant: Constant
+    state: State
+    damping: Damping | None
+
+
+@embedded
+def resist(damping, parts, motion, force):  # type: ignore[no-untyped-def]
+    """Take damping forces from the force; power lost now and at the step before, W."""
+    if damping is None:
+        return 0.0
+    before = damping.power[0]
+    damping.power[0] = damping_forces(
+        parts.formulations, motion.q, motion.v, parts.first, parts.kinds, parts.constants, damping.of, motion.buffer,
+        force,
+    )  # fmt: skip
+    return before + damping.power[0]
+
+
+@kernel
+def march(equations: Equations, span: tuple[int, int, int], acting: Acting, out: Outputs) -> tuple[int, int]:
+    """Steps span[0] … span[1] − 1: acceleration, output where wanted, and advance unless it is the last, span[2].
 
     Returns
     -------
     int, int
         Step reached (below span[1] if the acceleration there is not finite), outputs kept.
     """
-    # arrays are taken out of their tuples once: their references would be counted at every step
+    scheme, parts, rows, loads, factors, constant, s, damping = equations
+    values, angles = acting
+    wanted, kept, energies = out
     count, m, size = 0, s.motion, s.before.size
-    q, flat_q, flat_v, force, right, left, before = (
-        m.q,
-        m.flat_q,
-        m.flat_v,
-        s.force,
-        s.right,
-        s.left,
-        s.before,
-    )
-    b, rate, acceleration, trail, buffer, scratch, dense = (
-        m.b, m.rate, m.acceleration, m.trail, m.buffer, s.scratch, s.dense
+    flat_q, flat_v, b, rate, acceleration, trail = (
+        m.flat_q, m.flat_v, m.b, m.rate, m.acceleration, m.trail
     )  # fmt: skip
-    first, formulations, kinds, constants, dead = (
-        parts.first,
-        parts.formulations,
-        parts.kinds,
-        parts.constants,
-        parts.dead,
-    )
+    right, left, before, dead = s.right, s.left, s.before, parts.dead
     for n in range(span[0], span[1]):
         at = n - span[0]
         if n == 0:
             prescribe(rows, angles, 0, b, rate, acceleration)
             project(rows, flat_v, rate)
-        elastic_forces(formulations, q, first, kinds, constants, buffer, force)
+        elastic_forces(parts.formulations, m.q, parts.first, parts.kinds, parts.constants, m.buffer, s.force)
         for i in range(size):
             right[i] = dead[i] - right[i]
-        if damping is not None:
-            lost = damping_forces(formulations, q, m.v, first, kinds, constants, damping, buffer, force)
-            m.work[0] -= 0.5 * scheme.h * (power[0] + lost) if n > 0 else 0.0
-            power[0] = lost
+        lost = resist(damping, parts, m, s.force)
+        m.work[0] -= 0.5 * scheme.h * lost if n > 0 else 0.0
         add_loads(loads, values, at, flat_q, right)
         scale_driven(rows, acceleration, right, size)
-        if not solve(factors, constant, right, left, scratch, dense):
+        if not solve(factors, constant, right, left, s.scratch, s.dense):
             return n, count
         if n == 0:
             for i in range(size):
@@ -209,7 +202,12 @@ class Zhai(Marcher):
 
     def begin(self) -> None:
         """Set the state to t = 0."""
-        self.state, self.power = self._start(), np.zeros(1)
+        model, damping = self.model, self.model.bodies.damping
+        self.state = self._start()
+        self.equations = Equations(
+            self.scheme, model.parts, self.rows, model.loads, self.factors, self.constant, self.state,
+            None if damping is None else Damping(damping, np.zeros(1)),
+        )  # fmt: skip
 
     def _start(self) -> State:
         model, unknowns = self.model, self.model.dofs + 2 * len(self.model.joints)
@@ -224,16 +222,9 @@ class Zhai(Marcher):
             dense=np.zeros((unknowns, unknowns) if self.dense else (0, 0)),
         )
 
-    def batch(
-        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
-    ) -> Reached:
+    def batch(self, first: int, last: int, acting: Acting, out: Outputs) -> Reached:
         """Do steps first … last − 1; see `march`."""
-        model, span = self.model, (first, last, self.model.run.steps)
-        step, outputs = march(
-            self.scheme, model.parts, self.rows, model.loads, self.factors, self.constant,
-            values, angles, span, wanted, self.state, kept, energies,
-            model.bodies.damping, self.power,
-        )  # fmt: skip
+        step, outputs = march(self.equations, (first, last, self.model.run.steps), acting, out)
         self.factorizations = step if self.dense else 1
         if step == last:
             return Reached(step, outputs)

@@ -20,13 +20,12 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
-from reference.global_dae.history import HUGE, Marcher, Reached
+from reference.global_dae.history import HUGE, Acting, Marcher, Outputs, Reached
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Matrix, Model
 from reference.global_dae.reduced import Given, Reduced
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 #: Points of a step.
 STAGES = 3
@@ -74,7 +73,7 @@ class Gauss(Marcher):
             [[lagrange(self.points.c, j)(1.0 + x) for j in range(STAGES)] for x in self.points.c]
         )
 
-    def _tables(self, first: int, last: int) -> tuple[Array, Array]:
+    def _tables(self, first: int, last: int) -> Acting:
         """Values of loads and drives at the points and at the end of each step, (steps, STAGES + 1, …)."""
         run = self.model.run
         n = np.arange(first, last + 1)
@@ -83,8 +82,7 @@ class Gauss(Marcher):
             [starts[:, None] + np.minimum(n, 1)[:, None] * self.h * self.points.c, run.times(n)[:, None]]
         )
         tables = load_table(self.model.scene, t.ravel()), drive_table(self.model.scene, t.ravel())
-        values, drives = (x.reshape(*t.shape, *x.shape[1:]) for x in tables)
-        return values, drives
+        return Acting(*(x.reshape(*t.shape, *x.shape[1:]) for x in tables))
 
     def prepare(self) -> None:
         """What stays the same is found where it is first needed: set the state to t = 0."""
@@ -103,17 +101,15 @@ class Gauss(Marcher):
         self.work, self.factors = 0.0, None
         self.newton_iterations = self.factorizations = 0
 
-    def batch(
-        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
-    ) -> Reached:
+    def batch(self, first: int, last: int, acting: Acting, out: Outputs) -> Reached:
         """Do steps first … last − 1."""
-        outputs = 0
+        outputs, (values, drives) = 0, acting
         for n in range(first, last):
             at = n - first
-            if n > 0 and not self._step(values[at], angles[at]):
+            if n > 0 and not self._step(values[at], drives[at]):
                 return Reached(n, outputs, self._worst(), "Newton's iteration does not converge")
-            if n == wanted[outputs]:
-                self._keep(values[at, -1], angles[at, -1], kept[outputs], energies[outputs])
+            if n == out.wanted[outputs]:
+                self._keep(values[at, -1], drives[at, -1], out.states[outputs], out.energies[outputs])
                 outputs += 1
         return Reached(last, outputs)
 

@@ -107,6 +107,28 @@ class Reached:
     residuals: tuple[float, ...] = ()
 
 
+class Acting(NamedTuple):
+    """Loads, (steps, loads, 2), and drives, (steps, drives, 3), at the times of steps, from the first of a batch on."""
+
+    loads: Array
+    drives: Array
+
+
+class Outputs(NamedTuple):
+    """What a batch keeps: the steps wanted, ascending, from the first one not yet kept, and −1 at their end.
+
+    states: coordinates, velocities and accelerations, (outputs, 3, rows, nodes); energies, (outputs, 4).
+    """
+
+    wanted: Ints
+    states: Array
+    energies: Array
+
+    def after(self, count: int) -> "Outputs":
+        """Those behind the first ones."""
+        return Outputs(self.wanted[count:], self.states[count:], self.energies[count:])
+
+
 class Marcher:
     """A model marched in time; integrators fill in `prepare`, `begin` and `batch`."""
 
@@ -127,9 +149,7 @@ class Marcher:
         """Set the state to t = 0 once more."""
         raise NotImplementedError
 
-    def batch(
-        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
-    ) -> Reached:
+    def batch(self, first: int, last: int, acting: Acting, out: Outputs) -> Reached:
         """Do steps first … last − 1 (step 0 is the start); loads and drives are given from step `first` on."""
         raise NotImplementedError
 
@@ -140,7 +160,8 @@ class Marcher:
         kept = np.zeros((len(wanted) - 1, 3, self.model.bodies.rows, self.model.bodies.nodes))
         energies = np.zeros((len(kept), 4))
         self.prepare()
-        self.batch(0, 0, *self._tables(0, 0), wanted, kept, energies)  # compiles
+        out = Outputs(wanted, kept, energies)
+        self.batch(0, 0, self._tables(0, 0), out)  # compiles
         self.begin()
         start = process_time(), perf_counter()  # what is set up is no cost of steps, here as in ANC-TMM
         step, count = 0, 0
@@ -162,8 +183,7 @@ class Marcher:
             nonlocal step, count, ended
             if ended is not None:
                 return
-            tables = self._tables(first, min(last, run.steps))
-            reached = self.batch(first, last, *tables, wanted[count:], kept[count:], energies[count:])
+            reached = self.batch(first, last, self._tables(first, min(last, run.steps)), out.after(count))
             count += reached.outputs
             step = reached.step
             ended = None if reached.node < 0 else self._diverged(reached)
@@ -192,12 +212,12 @@ class Marcher:
 
     def _width(self) -> int:
         """Numbers tabulated for each step."""
-        values, angles = self._tables(0, 0)
-        return int(values[0].size + angles[0].size)
+        loads, drives = self._tables(0, 0)
+        return int(loads[0].size + drives[0].size)
 
-    def _tables(self, first: int, last: int) -> tuple[Array, Array]:
+    def _tables(self, first: int, last: int) -> Acting:
         t = self.model.run.times(np.arange(first, last + 1))
-        return load_table(self.model.scene, t), drive_table(self.model.scene, t)
+        return Acting(load_table(self.model.scene, t), drive_table(self.model.scene, t))
 
     def _diverged(self, reached: Reached) -> Status:
         t = float(self.model.run.times(np.array([reached.step]))[0])

@@ -14,10 +14,10 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from anctmm.discretise.assembly import damping_forces, elastic_forces, mass_product
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
-from reference.global_dae.history import HUGE, Marcher, Motion, Reached, keep, motion_of
+from reference.global_dae.history import HUGE, Acting, Marcher, Motion, Outputs, Reached, keep, motion_of
 from reference.global_dae.loads import Loads, add_loads, work_since
 from reference.global_dae.lu import Factors, Pattern, choose, no_factors, refactor, solve_factored
 from reference.global_dae.model import Model, Parts, kkt, typical
@@ -92,6 +92,25 @@ class Damping(NamedTuple):
     force: Array
 
 
+class Equations(NamedTuple):
+    """What the steps take: the method, bodies, joints, loads, Newton's matrix, and the state.
+
+    stiff: the bodies with the stiffness of Newton's matrix, that of damping included. pattern, factors: of that matrix.
+    damping: None unless a material has some: then nothing of it is compiled.
+    """
+
+    scheme: Scheme
+    parts: Parts
+    stiff: Parts
+    rows: Rows
+    loads: Loads
+    matrix: System
+    pattern: Pattern
+    factors: Factors
+    state: State
+    damping: Damping | None
+
+
 def damping_of(model: Model) -> Damping | None:
     """Damping of a model that has some; None where it has none: then nothing of it is compiled."""
     bodies = model.bodies
@@ -147,10 +166,12 @@ def resisting(damping: Damping, parts: Parts, q: Array, v: Array, buffer: Array,
             f[k, i] += force[k, i]
 
 
-@inlined
-def dissipated(damping: Damping, q: Array, before: Array) -> float:
+@embedded
+def dissipated(damping: Damping | None, q: Array, before: Array) -> float:
     """Work of the damping forces over a step, J: their mean times the displacement; q of shape (rows, nodes)."""
     work = 0.0
+    if damping is None:
+        return work
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
             now = damping.force[0, k, i]
@@ -224,21 +245,9 @@ def at_rounding(system: System, s: State) -> bool:
 
 
 @kernel
-def newton(
-    c: Scheme,
-    parts: Parts,
-    stiff: Parts,
-    rows: Rows,
-    loads: Loads,
-    damping: Damping | None,
-    system: System,
-    pattern: Pattern,
-    factors: Factors,
-    table: Array,
-    n: int,
-    s: State,
-) -> int:
+def newton(equations: Equations, table: Array, n: int) -> int:
     """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if dense, else while it contracts with an old one."""
+    c, parts, stiff, rows, loads, system, pattern, factors, s, damping = equations
     dense = len(factors.width) == 0
     before, renew = np.inf, dense or s.counts[3] == 0
     s.residuals[:] = 0.0
@@ -283,40 +292,17 @@ def accept(c: Scheme, s: State) -> None:
 
 
 @kernel
-def march(
-    c: Scheme,
-    parts: Parts,
-    stiff: Parts,
-    rows: Rows,
-    loads: Loads,
-    damping: Damping | None,
-    system: System,
-    pattern: Pattern,
-    factors: Factors,
-    values: Array,
-    angles: Array,
-    span: tuple[int, int],
-    wanted: Ints,
-    s: State,
-    kept: Array,
-    energies: Array,
-) -> int:
+def march(equations: Equations, span: tuple[int, int], acting: Acting, out: Outputs) -> int:
     """Steps span[0] … span[1] − 1, step n leading to t_n; step 0 only keeps the start.
-
-    Parameters
-    ----------
-    stiff : Parts
-        The bodies with the stiffness of Newton's matrix, that of damping included.
-    values, angles : ndarray
-        Loads and drives at the times of the steps.
-    wanted : ndarray
-        Steps to keep, ascending, from the first one not yet kept; −1 at its end.
 
     Returns
     -------
     int
         CONVERGED, or why Newton's iteration ended; step reached and outputs kept are in `s.counts`.
     """
+    c, parts, _, rows, loads, _, _, _, s, damping = equations
+    values, angles = acting
+    wanted, kept, energies = out
     m = s.motion
     s.counts[5] = 0
     for n in range(span[0], span[1]):
@@ -325,11 +311,10 @@ def march(
         if n > 0:
             prescribe(rows, angles, at, m.b, m.rate, m.acceleration)
             predict(c, s)
-            code = newton(c, parts, stiff, rows, loads, damping, system, pattern, factors, values, at, s)
+            code = newton(equations, values, at)
             if code != CONVERGED:
                 return code
-            if damping is not None:
-                m.work[0] += dissipated(damping, s.new, m.q)
+            m.work[0] += dissipated(damping, s.new, m.q)
             accept(c, s)
         if len(m.trail):
             work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)
@@ -356,7 +341,7 @@ class GeneralizedAlpha(Marcher):
     def prepare(self) -> None:
         """Factor the mass, choose order and pivots, and set the state to t = 0."""
         model = self.model
-        q, (values, _) = model.bodies.reference(), self._tables(0, 0)
+        q, values = model.bodies.reference(), self._tables(0, 0).loads
         bare, size = system_of(model, 1.0), 2 * model.bodies.rows
         data, small, K = np.zeros(len(bare.row) + 1), np.zeros(TANGENT_BUFFER), np.zeros((size, size))
         assemble(bare, self.scheme.by_acceleration, self.stiff, model.loads, values[0], q, small, K, data)
@@ -369,7 +354,7 @@ class GeneralizedAlpha(Marcher):
     def begin(self) -> None:
         """Set the state to t = 0, with accelerations and multipliers."""
         self.state = _start(self.model, self.system, self.dense)
-        _accelerate(self.model, self.rows, self.damping, *self._tables(0, 0), self.mass, self.state)
+        _accelerate(self.model, self.rows, self.damping, self._tables(0, 0), self.mass, self.state)
 
     def _choose_pivots(self, value: Array, q: Array) -> None:
         places, data = self.model.places(1), self.state.data
@@ -381,17 +366,13 @@ class GeneralizedAlpha(Marcher):
             self.pattern, self.factors = choose(matrix_of(self.system, data), places)
         self.state.counts[3] = 0
 
-    def batch(
-        self, first: int, last: int, values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
-    ) -> Reached:
+    def batch(self, first: int, last: int, acting: Acting, out: Outputs) -> Reached:
         """Do steps first … last − 1; see `march`. Where the pivots turn bad, choose new ones and go on."""
         outputs, start, repivoted = 0, first, -1
         while True:
             try:
-                code = self._march(
-                    (start, last), values[start - first :], angles[start - first :],
-                    wanted[outputs:], kept[outputs:], energies[outputs:],
-                )  # fmt: skip
+                rest = Acting(*(table[start - first :] for table in acting))
+                code = march(self._equations(), (start, last), rest, out.after(outputs))
             except np.linalg.LinAlgError:
                 code = FAILED
             counts = self.state.counts
@@ -405,17 +386,15 @@ class GeneralizedAlpha(Marcher):
                 return Reached(start, outputs, int(counts[2]), why, tuple(map(float, found[found > 0.0])))
             repivoted = start
             try:
-                self._choose_pivots(values[start - first], self.state.motion.q)
+                self._choose_pivots(acting.loads[start - first], self.state.motion.q)
             except np.linalg.LinAlgError:
                 return Reached(start, outputs, int(counts[2]), "the tangent is singular")
 
-    def _march(
-        self, span: tuple[int, int], values: Array, angles: Array, wanted: Ints, kept: Array, energies: Array
-    ) -> int:
+    def _equations(self) -> Equations:
         model = self.model
-        return march(  # type: ignore[no-any-return]
-            self.scheme, model.parts, self.stiff, self.rows, model.loads, self.damping, self.system, self.pattern,
-            self.factors, values, angles, span, wanted, self.state, kept, energies,
+        return Equations(
+            self.scheme, model.parts, self.stiff, self.rows, model.loads, self.system, self.pattern, self.factors,
+            self.state, self.damping,
         )  # fmt: skip
 
 
@@ -457,14 +436,14 @@ def _start(model: Model, system: System, dense: bool) -> State:
 
 
 def _accelerate(
-    model: Model, rows: Rows, damping: Damping | None, values: Array, angles: Array, mass: SuperLU, s: State
+    model: Model, rows: Rows, damping: Damping | None, acting: Acting, mass: SuperLU, s: State
 ) -> None:
     """Velocities that fit the drives at t = 0, and q̈_0 and μ_0 from [M Φᵀ; Φ 0] [q̈; μ] = [F; b̈]; a_0 := q̈_0.
 
     `mass`: factors of that matrix, its Φ scaled by the typical mass.
     """
     m, size = s.motion, model.size
-    prescribe(rows, angles, 0, m.b, m.rate, m.acceleration)
+    prescribe(rows, acting.drives, 0, m.b, m.rate, m.acceleration)
     project(rows, m.flat_v, m.rate)
     s.right[:size] = model.parts.dead
     if damping is not None:
@@ -475,7 +454,7 @@ def _accelerate(
         )
         s.force[:] += damping.force[0]
         damping.force[1] = damping.force[0]
-    add_loads(model.loads, values, 0, m.flat_q, s.right)
+    add_loads(model.loads, acting.loads, 0, m.flat_q, s.right)
     scale = typical(model.scalar_mass)
     s.right[size:] = scale * m.acceleration.reshape(-1)
     s.left[s.places] = mass.solve(s.right[s.places])
