@@ -189,7 +189,7 @@ class Chain:
         cosine, sine = float(a @ c), float(a[0] * c[1] - a[1] * c[0])
         return (1.0, 0.0) if cosine > 0.0 and abs(sine) < ALIGNED else (cosine, sine)
 
-    @property
+    @cached_property
     def split(self) -> bool:
         """Whether x and y, and a third vector and the rest, do not mix in the mass, but for a few guides or a few kept
         unknowns: no weld at an angle elsewhere, and no quintic cable.

@@ -66,13 +66,14 @@ def constraint_rates(chain: Chain, v: Array) -> tuple[csr_array, Array]:
 def mass_matrix(bodies: Bodies) -> csc_array:
     """Mass matrix of all nodes, joints apart."""
     index = np.arange(bodies.rows * bodies.nodes).reshape(bodies.rows, bodies.nodes)
-    rows, columns, values = [], [], []
+    rows, columns, values, axis = [], [], [], np.arange(2)[:, None, None]
     for b, mesh in enumerate(bodies.meshes):
-        first = bodies.first[b] + np.arange(max(mesh.elements, 1))
-        for k, n in zip(*np.nonzero(bodies.masses[b]), strict=True):
-            for c in range(2):
-                rows.append(index[2 * (k % 3) + c, first + k // 3])
-                columns.append(index[2 * (n % 3) + c, first + n // 3])
-                values.append(np.full(len(first), bodies.masses[b, k, n]))
+        first = (
+            bodies.first[b] + np.arange(max(mesh.elements, 1))[:, None]
+        )  # (axis, element, entry of the mass)
+        k, n = np.nonzero(bodies.masses[b])
+        rows.append(index[2 * (k % 3) + axis, first + k // 3].ravel())
+        columns.append(index[2 * (n % 3) + axis, first + n // 3].ravel())
+        values.append(np.broadcast_to(bodies.masses[b, k, n], (2, len(first), len(k))).ravel())
     place = (np.concatenate(rows), np.concatenate(columns))
     return csc_array((np.concatenate(values), place), shape=(index.size, index.size))

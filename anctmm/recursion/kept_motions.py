@@ -15,7 +15,8 @@ Positions and velocities lose what truncation adds to these constraints in the d
 mass, as in `constrained`.
 """
 
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +47,8 @@ Array = NDArray[np.float64]
 
 #: Part of the largest of the linear constraints below which one says what others say.
 DEPENDENT = 1e-9
+#: Coordinates of all nodes up to which matrices are full: what sparse ones take beside their entries is more.
+DENSE = 256
 
 
 @writes("rows", "J", "S", "inverse", "alone", "y", "moved")
@@ -143,17 +146,23 @@ def _free_directions(chain: Chain) -> Array:
 
 def _fields(chain: Chain, mass: csc_array) -> tuple[Array, Array]:
     """Fields of units of the kept unknowns and places on lines, (rows · nodes, n), and the mass of these, (n, n)."""
-    T, nodes = Joined(chain, free=True).matrix, chain.bodies.nodes
-    A = (T.T @ mass @ T).tocsc()
+    T: Any = Joined(chain, free=True).matrix
+    M: Any = mass
+    nodes, small = chain.bodies.nodes, T.shape[0] <= DENSE
+    if small:
+        T, M = T.toarray(), M.toarray()
+    A = T.T @ M @ T
     guided = [row * nodes + chain.node(one.carrier) for one in chain.guided for row in (0, 1)]
-    of_kept = T.tocsr()[[*(chain.kept.homes[0] * nodes + chain.kept.homes[1]), *guided]]
-    masters = np.unique(of_kept.indices[of_kept.data != 0.0])
+    of_kept = T[[*(chain.kept.homes[0] * nodes + chain.kept.homes[1]), *guided]]
+    masters = np.unique(of_kept.nonzero()[1])
     free = np.setdiff1d(np.arange(T.shape[1]), masters)
     values = np.zeros((T.shape[1], of_kept.shape[0]))
-    values[masters] = np.linalg.inv(of_kept[:, masters].toarray())
+    own = of_kept[:, masters]
+    values[masters] = np.linalg.inv(own if small else own.toarray())
     if free.size:
-        coupling = A[free][:, masters] @ values[masters]
-        values[free] = -splu(A[free][:, free].tocsc()).solve(coupling)
+        coupling, inner = A[free][:, masters] @ values[masters], A[free][:, free]
+        solve = partial(np.linalg.solve, inner) if small else splu(inner.tocsc()).solve
+        values[free] = -solve(coupling)
     return T @ values, values.T @ (A @ values)
 
 

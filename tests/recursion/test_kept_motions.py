@@ -15,6 +15,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.fitting import mass_matrix
 from anctmm.discretise.kept_chains import forget
 from anctmm.errors import DiscretisationError, UnsupportedError
+from anctmm.recursion import kept_motions
 from anctmm.recursion.riccati import split_factors
 from reference import global_dae
 
@@ -231,3 +232,16 @@ def test_joints_do_not_part_in_a_million_steps():
         apart = np.abs(s.position(one, 1.0) - s.position(two, 0.0)).max()
         assert apart < 1e-12
     assert np.abs(s.position("follower", 1.0) - s.position("follower", 1.0)[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_full_and_sparse_matrices_give_the_same_motions(name, monkeypatch):
+    scene, options = SCENES[name]
+    options = {key: value for key, value in options.items() if key != "scale"}
+    run = Discretisation(**cut(scene, **options), integrator="zhai", dt=1e-5, t_end=1e-4)
+    found = []
+    for dense in (0, 10_000):
+        monkeypatch.setattr(kept_motions, "DENSE", dense)
+        found.append(split_factors(Chain(scene, run)).kept)
+    for one, two in zip(found[0][:5], found[1][:5], strict=True):
+        assert np.abs(one - two).max() <= 1e-9 * np.abs(two).max()
