@@ -1,5 +1,6 @@
 """Exceptions and warnings. Every message names the thing, its value and what is allowed."""
 
+import re
 from collections.abc import Iterable
 from itertools import islice
 from math import log10
@@ -125,7 +126,7 @@ def shown(value: object) -> str:
         text = _SHORT.repr(value)
     except Exception:  # reprs of others may do anything
         return f"<{type(value).__name__} that cannot be shown>"
-    return one_line(text)
+    return one_line(_ADDRESS.sub(r"\1", text))
 
 
 def listed(names: Iterable[object]) -> str:
@@ -179,6 +180,8 @@ class _Short(Repr):
         return repr(x) if abs(x) < 10**40 else f"{'-' if x < 0 else ''}{_power_of_ten(abs(x))}"
 
 
+#: Where a function or another object stands in memory: it says nothing, and is another one in each run.
+_ADDRESS = re.compile(r"(<[\w .<>'-]+?) at 0x[0-9a-fA-F]+(?=>)")
 #: Characters of a value in a message, and names in a list, at most.
 LONG, MANY = 240, 12
 _SHORT = _Short()

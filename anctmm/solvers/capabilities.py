@@ -49,6 +49,9 @@ class Offer:
         "rigid + generalized-alpha" of a solver that moves rigid bodies in explicit steps only.
     extras : iterable of str
         What no solver is taken to have that does not say so: of `HIGH_ORDER`.
+    slow_with : iterable of str
+        Features of scenes, of `FEATURES`, that it has to check answers, in a way that is not made to be fast: studies
+        of cost then compare its times only where it is asked for by name.
     element : str
         The one element it uses whatever a discretisation asks for; empty where it uses what is asked.
     limits : mapping of str to str
@@ -71,11 +74,14 @@ class Offer:
     limits: Mapping[str, str] = field(default_factory=lambda: dict(LIMITS))
     choices: tuple[Mapping[str, Any], ...] = tuple({"newton_tolerance": t} for t in NEWTON_TOLERANCES)
     extras: frozenset[str] = frozenset()
+    slow_with: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "lacks", _lacks(self.lacks))
         extras = frozenset(one_of("an Offer's extra", extra, HIGH_ORDER) for extra in self.extras)
         object.__setattr__(self, "extras", extras - self.lacks)
+        slow = frozenset(one_of("a feature an Offer is slow with", part, FEATURES) for part in self.slow_with)
+        object.__setattr__(self, "slow_with", slow)
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))

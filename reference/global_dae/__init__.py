@@ -32,6 +32,7 @@ OFFER = Offer(
         f"esdirk + {feature}" for feature in (*MECHANISMS, "damping", "rigid") if feature != "free-stretch"
     ),
     extras=frozenset({"esdirk"}),
+    slow_with=frozenset(MECHANISMS),  # see `reference.global_dae.mechanisms`
 )
 #: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
 #: orders), and a dense matrix for each pair.

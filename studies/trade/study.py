@@ -23,6 +23,7 @@ from studies.engine.tables import Table
 from studies.engine.timing import in_turn, summarise
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
+from studies.trade.contestants import left_out, said_of, without
 from studies.trade.control import error_control
 from studies.trade.own_ladder import own_ladder
 from studies.trade.plan import Ladder, ladders
@@ -73,7 +74,7 @@ def run(options: Options, runner: Runner) -> Result:
         title="Which setting for which error",
         question="Solver, element, quadrature, integrator, mesh and step: what does an error cost, and where does it "
         "come from?",
-        findings=tuple(findings(points, best, rivals, known)),
+        findings=(*findings(points, best, rivals, known), *(text for t in traded for text in t.said)),
         assumptions=tuple(dict.fromkeys(a for t in traded for a in assumptions_of(t.base))),
         tables=(
             advice(best.frame, rivals.frame), best, rivals,
@@ -99,7 +100,9 @@ def _ladders(options: Options, runner: Runner) -> list[Ladder]:
 
 def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
-    swept = sweep(ladder.base, ladder.plan(options.quick), options, runner)
+    plan = ladder.plan(options.quick)
+    out = left_out(plan, ladder.base, options.solvers)
+    swept = sweep(ladder.base, without(plan, out), options, runner)
     fine = same_mesh(swept, ladder.fine_step, ladder.fine_integrator, runner)
     rows = [
         row(o, swept.references[measured_by(o.case, swept.references)])
@@ -120,7 +123,8 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
         *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
         *(r for k, found in again.items() for r in _samples(swept.outcomes[k], found)),
     ]
-    traded = Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples)
+    said = said_of(ladder.base, out)
+    traded = Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples, said=said)
     if options.quick:
         return traded
     second = second_roads(ladder.base, ladder.second, swept.references, runner)

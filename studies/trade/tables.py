@@ -41,7 +41,8 @@ SETTING = (
 class Traded:
     """One scene's points: a row a setting, the references by element, and all raw times.
 
-    Of references also what second roads gave, and rows of the order of their steps.
+    Of references also what second roads gave, and rows of the order of their steps; and sentences about solvers that
+    are not timed.
     """
 
     base: Case
@@ -50,6 +51,7 @@ class Traded:
     samples: list[dict[str, Any]]
     second: Mapping[str, Second] = field(default_factory=dict)
     orders: Sequence[Mapping[str, Any]] = ()
+    said: Sequence[str] = ()
 
 
 def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:

@@ -333,6 +333,16 @@ def texts(value):
         yield from map(shown, value)
 
 
+def test_messages_do_not_tell_where_things_stand_in_memory():
+    """They are the same in each run, and no longer than needed."""
+    inner = at.Clamp("a.start", angle=lambda t: (0.0, 0.0, 0.0))
+    for thing in (inner, [inner, object()], at.History(np.sin.__call__), test_junk_is_refused_by_name):
+        assert "0x" not in shown(thing)
+        assert " at 0x" in repr(thing)
+    assert shown(test_junk_is_refused_by_name) == "<function test_junk_is_refused_by_name>"
+    assert shown("at 0x12>") == "'at 0x12>'"
+
+
 @pytest.mark.parametrize("name", EVERYWHERE)
 @pytest.mark.parametrize("junk", [*JUNK, *MADE])
 def test_junk_is_refused_by_name(name, junk):

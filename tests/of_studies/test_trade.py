@@ -26,6 +26,7 @@ from studies.report.plots import picture, tell
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
 from studies.trade import recommend
 from studies.trade.choice import milliseconds, reaching, setting_of
+from studies.trade.contestants import left_out, said_of, without
 from studies.trade.plan import FRAME_SOLVERS, QUICK_TOLERANCES, ladders
 from studies.trade.snippet import SnippetError, code, snippet
 from studies.trade.split import weigh
@@ -159,6 +160,30 @@ def test_meshes_are_given_to_the_scenes_they_fit(tmp_path):
     found = find("trade")(only, Runner(None, repeats=1)).table("points").frame
     assert set(found["scene"]) == {"four-bar"}
     assert set(found["elements"]) == {"1/3/1"}
+
+
+def swing(ladder):
+    """The scene of a ladder with a spring at its first probe."""
+    first = ladder.base.scene.beams[0].name
+    spring = at.RotationalSpring(f"{first}.start", stiffness=1.0)
+    return replace(ladder, base=replace(ladder.base, scene=replace(ladder.base.scene, connectors=[spring])))
+
+
+@pytest.mark.parametrize("quick", [False, True])
+def test_who_only_checks_answers_is_not_timed_unless_asked_for(quick):
+    """The global DAE does mechanisms by plain NumPy: a quick trade took 23 minutes, most of them its times."""
+    for ladder in ladders(quick):
+        plan, sprung = ladder.plan(quick), swing(ladder)
+        assert left_out(plan, ladder.base, None) == {}
+        out = left_out(plan, sprung.base, None)
+        assert set(out) == {"global-dae"} | ({"global-dae-dense"} if not quick else set())
+        assert "rotational springs" in " ".join(said_of(sprung.base, out))
+        assert left_out(plan, sprung.base, ("global-dae", "global-dae-dense")) == {}
+        rest = without(plan, out)
+        assert all(scheme.solvers for scheme in rest.schemes)
+        assert {x for s in rest.schemes for x in s.solvers} == {
+            x for s in plan.schemes for x in s.solvers
+        } - set(out)
 
 
 @pytest.mark.parametrize("quick", [False, True])
