@@ -48,7 +48,7 @@ Chosen = Annotated[str | None, typer.Option("--case", help="Scene of the file, b
 Target = Annotated[
     str | None, typer.Option("--error", help="Target error, relative: 1e-3.", metavar="NUMBER")
 ]
-Element = Annotated[str | None, typer.Option(help="Element: cable, shear, rigid.")]
+Element = Annotated[str | None, typer.Option(help="Element: cable, quintic, shear, rigid.")]
 Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
@@ -237,7 +237,9 @@ def recommend(
     elements: Elements = None,
     dt: Steps = None,
     solvers: Solvers = None,
-    element: Annotated[str | None, typer.Option(help="Only this kind: cable, shear, reissner.")] = None,
+    element: Annotated[
+        str | None, typer.Option(help="Only this kind: cable, quintic, shear, reissner.")
+    ] = None,
     integrator: Integrator = None,
     table: Annotated[
         Path | None,
