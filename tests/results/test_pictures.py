@@ -1,10 +1,12 @@
 """Pictures and animations of mechanisms: everything that moves is to be seen, and no name lies on another."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from browser import Tab, needs_chromium
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from PIL import Image
 from user_cases import SLIDER_CRANK
 
@@ -89,3 +91,21 @@ def test_the_player_of_an_animation_plays(mechanism, browser, width, tmp_path):
     assert all(signs)
     assert tab.wrong == []
     tab.close()
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 0.03, 1.0, 7e3, 1e5])
+@pytest.mark.parametrize("t_end", [3e-7, 0.015, 40.0])
+def test_numbers_at_the_axes_do_not_run_into_each_other(scale, t_end):
+    mass = at.PointMass("m", mass=0.3, position=(0, 0), velocity=(scale / t_end, 0.5 * scale / t_end))
+    found = at.solve(at.Scene("thrown", [mass]), dt=t_end / 4, t_end=t_end)
+    figure = found.plot()
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw(renderer)
+    for axes in figure.axes:
+        for axis, way in ((axes.xaxis, 0), (axes.yaxis, 1)):
+            low, high = sorted(axis.get_view_interval())
+            seen = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+            boxes = [tick.label1.get_window_extent(renderer) for tick in seen if tick.label1.get_text()]
+            edges = sorted((box.min[way], box.max[way]) for box in boxes)
+            assert len(edges) > 2
+            assert all(left[1] + 2.0 < right[0] for left, right in pairwise(edges))

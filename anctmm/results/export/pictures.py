@@ -278,6 +278,7 @@ def _energies(axes: "Axes", solution: Any) -> None:
     axes.set_xlabel("load factor" if solution.static else "t (s)")
     axes.set_ylabel("energy (J)")
     axes.grid(alpha=0.3)
+    _short_numbers(axes)
     if axes.lines:
         axes.legend(fontsize="small")
 
@@ -298,3 +299,9 @@ def frame(axes: "Axes", points: Array) -> None:
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.grid(alpha=0.3)
+    _short_numbers(axes)
+
+
+def _short_numbers(axes: "Axes") -> None:
+    """Numbers of small and large scenes by a power of ten: written out they run into each other."""
+    axes.ticklabel_format(scilimits=(-2, 4), useMathText=True)
