@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 import pytest
+from small_studies import small_bench
 from typer.testing import CliRunner
 
 from anctmm.jit.compiling import kernel
@@ -11,19 +12,15 @@ from anctmm.solve import solve
 from studies import cli
 from studies.benchmark import additions as bench_additions
 from studies.benchmark import kernels as bench_kernels
-from studies.benchmark import length as bench_length
-from studies.benchmark import peers as bench_peers
-from studies.benchmark import precision as bench_precision
 from studies.benchmark import study as bench
 from studies.benchmark.kernels import EXPLICIT, IMPLICIT
 from studies.benchmark.length import Long, acceleration_check, clamped_digits, memory, support_check
 from studies.benchmark.peak import counted, kernel_operations, operations
 from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
-from studies.benchmark.precision import Point, Race, Setting, contenders, cost_at, front, promising
+from studies.benchmark.precision import Point, Setting, contenders, cost_at, front, promising
 from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
 from studies.engine.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
 from studies.engine.tables import MOST_ROWS
-from studies.scenes import cantilever_fall, four_bar
 
 TABLES = {
     "requirements", "kernels", "peak", "exudyn", "equal_error", "work_precision", "methods", "length", "direct",
@@ -44,22 +41,7 @@ def _point(error: float, cpu_s: float, mesh: int = 8, dt: float = 1e-3, code: st
 @pytest.fixture(scope="module")
 def small():
     """The whole benchmark at the smallest sizes."""
-
-    def races(quick: bool) -> list[Race]:
-        return [
-            Race(cantilever_fall(), ((8,), (16,), (32,)), (OURS, EXUDYN), (64,), (48,)),
-            Race(four_bar(), ((1, 4, 1), (2, 8, 2)), (OURS,), (4, 16, 4), (3, 12, 3)),
-        ]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench_kernels, "SIZES", (1, 4, 8))
-        patch.setattr(bench_peers, "CANTILEVER_SIZES", (8,))
-        patch.setattr(bench_peers, "FOUR_BARS", ((2, 8, 2),))
-        patch.setattr(bench_additions, "ELEMENTS", 8)
-        patch.setattr(bench_length, "SHEAR_LENGTHS", (10, 1000))
-        patch.setattr(bench_length, "CABLE_LENGTHS", (10, 1000))
-        patch.setattr(bench_precision, "races", races)
-        patch.setattr(bench_precision, "STEPS", (1e-2, 5e-3, 2e-3, 2e-3))
+    with small_bench():
         return bench.bench(quick=True)
 
 

@@ -10,12 +10,13 @@ import pandas as pd
 import pytest
 from browser import Tab, needs_chromium
 from markupsafe import escape
+from small_studies import SMALL
 
 from studies.agreement.study import findings, matrix
 from studies.engine.answers import answers_of
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Trial
-from studies.engine.study import Options, Result, find
+from studies.engine.study import Result, find
 from studies.engine.tables import MOST_ROWS, Table
 from studies.report import animation as film
 from studies.report.folder import write
@@ -26,13 +27,8 @@ from studies.scenes import cantilever_fall, four_bar
 from studies.trade.advice import advice
 
 KEPT = Path(__file__).parents[2] / "reports"
-#: Every study in its smallest form, with runs that end well, runs that diverge and a solver that refuses.
-SMALL = {
-    "four-bar": Options(quick=True, meshes=((2, 8, 2),), steps=(5e-3,), solvers=("anctmm",)),
-    "cantilever": Options(quick=True, meshes=((8,),), steps=(1e-2,), solvers=("anctmm",)),
-    "agreement": Options(quick=True, meshes=((16,),), steps=(5e-3,), solvers=("anctmm", "global-dae", "pyelastica")),
-    "trade": Options(quick=True, meshes=((1, 3, 1), (4,)), steps=(1e-2,), solvers=("anctmm",)),
-}  # fmt: skip
+#: Studies whose tables and pictures are of all kinds.
+SHOWN = ("four-bar", "cantilever", "agreement", "trade")
 
 
 def another_study() -> Result:
@@ -55,7 +51,7 @@ def another_study() -> Result:
 @pytest.fixture(scope="module")
 def results(tmp_path_factory) -> list[Result]:
     runner = Runner(tmp_path_factory.mktemp("runs"), repeats=1)
-    return [*(find(name)(options, runner) for name, options in SMALL.items()), another_study()]
+    return [*(find(name)(SMALL[name], runner) for name in SHOWN), another_study()]
 
 
 @pytest.fixture(scope="module")
