@@ -118,7 +118,7 @@ class Gauss(Marcher):
         (a, _, c), h, reduced = self.points, self.h, self.reduced
         given = [reduced.given(d) for d in drives[:STAGES]]
         w, ahead = self.further @ self.stages, self.y + h * np.outer(c, self.v)
-        square, last = h * h * (a @ a), np.inf
+        square, last = h * h * (a @ a), np.nan
         bound = max(LEFT * self.model.run.newton_tolerance, 1e2 * np.finfo(float).eps) * self.model.length
         for k in range(CORRECTIONS):
             if self.dense or self.factors is None:
@@ -132,7 +132,7 @@ class Gauss(Marcher):
             self.newton_iterations += 1
             if not size < HUGE:
                 return False
-            rate = size / last if np.isfinite(last) else 1.0
+            rate = size / last  # of the first correction nothing is known: neither converged nor slow
             if size <= bound or (rate < 1.0 and size * rate / (1.0 - rate) <= bound):
                 self._accept(w, ahead + square @ w, given, values)
                 return True
