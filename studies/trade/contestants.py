@@ -4,13 +4,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from anctmm.model.case import Case
-from anctmm.model.needs import MECHANISMS, needs
+from anctmm.model.needs import needs
 from anctmm.solvers import registry
 from studies.engine.dynamics import Plan
 
 
 def left_out(plan: Plan, case: Case, asked: Iterable[str] | None) -> dict[str, list[str]]:
-    """Solvers of a plan that are not made to be fast on a case, with what of it, in words; none that are asked for."""
+    """Solvers of a plan that are not made to be fast on a case, with what of it; none that are asked for."""
     listed = dict.fromkeys(solver for scheme in plan.schemes for solver in scheme.solvers)
     slow = {solver: _slow_with(solver, case) for solver in listed if solver not in (asked or ())}
     return {solver: things for solver, things in slow.items() if things}
@@ -26,12 +26,12 @@ def without(plan: Plan, solvers: Iterable[str]) -> Plan:
 def said_of(case: Case, out: Mapping[str, list[str]]) -> list[str]:
     """Sentences about who is left out, and why."""
     return [
-        f"{case.name}: {solver} is not timed: it does {things[0]}{' and more' if len(things) > 1 else ''} to check "
-        f"answers, and is not made to be fast there; --solvers times it all the same."
+        f"{case.name}: {solver} is not timed: it has {', '.join(things)} to check answers, and is not made to be fast "
+        f"with them; --solvers {solver} times it all the same."
         for solver, things in out.items()
     ]
 
 
 def _slow_with(solver: str, case: Case) -> list[str]:
     slow = registry.offer_of(registry.load(solver)).slow_with
-    return [MECHANISMS[f] for f in dict.fromkeys(f for f, _ in needs(case.scene)) if f in slow]
+    return [f.replace("-", " ") for f in dict.fromkeys(f for f, _ in needs(case.scene)) if f in slow]

@@ -356,3 +356,25 @@ def test_reactions_of_beams_are_those_of_anc_tmm(integrator):
     for joint in joints:
         one, two = ours.reaction(joint), dae.reaction(joint)
         np.testing.assert_allclose(one, two, atol=1e-7 * np.abs(two).max())
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e5])
+def test_the_stability_of_an_equilibrium_does_not_depend_on_the_size(scale):
+    """Lengths and stiffnesses times a scale: rows of lengths and of gradients differ by it, strains stay."""
+    section, material = at.Rectangle(0.02 * scale, 0.01 * scale), at.Material(E=5e7 * scale, density=1200.0)
+    ends = [(0.0, 0.0), (0.3 * scale, 0.4 * scale), (0.1 * scale, 0.4 * scale), (0.4 * scale, 0.0)]
+    beams = [
+        at.Beam("left", ends[0], ends[1], section, material),
+        at.Beam("right", ends[3], ends[2], section, material),
+        at.Beam("coupler", ends[1], ends[2], section, material),
+    ]
+    joints = [at.Pin("left.start"), at.Pin("right.start"), at.Pin("left.end", "coupler.start"),
+              at.Pin("right.end", "coupler.end")]  # fmt: skip
+    spring = at.RotationalSpring("left.start", stiffness=2.0 * scale**4)
+    scene = at.Scene("linkage", beams, joints, gravity=(0.5, -0.5), connectors=[spring])
+    found = global_dae.solve_static(scene, mesh=1)
+    assert found.status.ok, found.status
+    ours = at.solve_static(scene, mesh=1)
+    assert ours.status.ok, ours.status
+    apart = np.abs(found.position("coupler", 0.5) - ours.position("coupler", 0.5)).max()
+    assert apart < 1e-9 * scale

@@ -17,9 +17,13 @@ NOTHING, VOID = 1e-11, 1e-10
 
 
 def free_motions(system: System, q: Array, p: Array) -> Array:
-    """Z with J Z = 0, (size, free)."""
-    J = system.constraints.jacobian(q, p)
-    return np.asarray(null_space(J, rcond=VOID)) if len(J) else np.eye(system.size)
+    """Z with J Z = 0, (size, free), of columns without a unit: the same for small and large scenes."""
+    unit = system.layout.unit
+    J = system.constraints.jacobian(q, p) * unit
+    if not len(J):
+        return np.diag(unit)
+    sizes = np.linalg.norm(J, axis=1, keepdims=True)
+    return unit[:, None] * null_space(J / np.where(sizes > 0.0, sizes, 1.0), rcond=VOID)
 
 
 def highest(system: System) -> tuple[float, float]:
