@@ -82,8 +82,9 @@ FIRST, LOOSE, SMALLEST = 0.5, 1e-2, 1e-9
 STALE = 0.15
 #: Changes of the step below which it stays, and steps between two changes: each costs a factorization.
 SHORTER, LONGER, STEADY = 0.87, 1.15, 8
-#: Times the error allowed that a single step may make, and part of the run over which the mean of the errors is taken.
-PEAK, MEMORY = 4.0, 0.05
+#: Times the error allowed that a single step may make, and part of the run over which the mean of the errors is taken,
+#: and steps at most: what is over, as a start that dies out fast, would hold back the steps of all that part.
+PEAK, MEMORY, RECENT = 4.0, 0.05, 100
 #: Steps of equal length after which the error is estimated over several of them, where no load varies.
 ALIKE = 4
 #: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
@@ -557,7 +558,7 @@ def _aim(h, error, control):  # type: ignore[no-untyped-def]
     progress = control.progress
     since = progress[TIME] - progress[LOOKED]
     rate = error / (h * h * since)
-    part = min(1.0, since / (MEMORY * control.t_end))
+    part = min(1.0, since / min(MEMORY * control.t_end, RECENT * h))
     progress[RATE] += (rate - progress[RATE]) * (part if progress[LOOKED] > 0.0 else 1.0)
     progress[SPENT] += rate * h * h * since
     progress[LOOKED] = progress[TIME]
