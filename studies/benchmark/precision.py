@@ -18,13 +18,13 @@ from anctmm.solve import solve
 from reference import exudyn_cable
 from studies.benchmark.peers import EXUDYN, OURS, mesh_of
 from studies.engine.choices import Given, choices_of, written
-from studies.engine.clock import Effort, Samples, figures
+from studies.engine.clock import Effort, Samples
 from studies.engine.pareto_front import NEAR, cost_at, excess, front
 from studies.engine.references import uncertainty_of
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.setting import stable_step
 from studies.engine.tables import BUILD, Table
-from studies.engine.timing import in_turn, undisturbed
+from studies.engine.timing import in_turn, least, undisturbed
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 
 #: Errors at which costs are compared.
@@ -136,7 +136,7 @@ def equal_error(effort: Effort, samples: Samples) -> tuple[Table, Table]:
 def _notes() -> tuple[str, ...]:
     return (
         "Each code's front: no other of its settings has both a smaller error and a smaller cost. What came within "
-        f"{NEAR:g} times of it ran again, both codes in turn; costs are medians of these, interpolated between "
+        f"{NEAR:g} times of it ran again, both codes in turn; costs are the least of these, interpolated between "
         "neighbours on the front that they have, in "
         "logarithms of error and cost, never beyond its ends (above its largest error its cheapest run counts).",
         f"Tried: meshes, quadratures {', '.join(QUADRATURES)}, steps {', '.join(f'{s:.3g}' for s in STEPS)} s, "
@@ -260,7 +260,7 @@ def contenders(points: Sequence[Point]) -> list[Point]:
 
 
 def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) -> list[Point]:
-    """Points with the medians of runs in turn."""
+    """Points with the least of runs in turn."""
     names = {f"{p.setting.code} {p.setting.label}": p for p in points}
 
     def sampler(p: Point) -> Callable[[], Cost]:
@@ -273,8 +273,10 @@ def timed(race: Race, points: Sequence[Point], rounds: int, samples: Samples) ->
 
 
 def _with_time(p: Point, costs: Sequence[Cost]) -> Point:
-    shown, build = figures([c.cpu_s for c in costs]), float(np.median([c.build_s for c in costs]))
-    return replace(p, cpu_s=shown["ns"], spread=shown["spread"], repeats=len(costs), build_s=build)
+    found = least(costs)
+    return replace(
+        p, cpu_s=found.cpu_s, spread=found.cpu_spread, repeats=found.repeats, build_s=found.build_s
+    )
 
 
 def _at_error(race: Race, points: Sequence[Point], error: float, uncertainty: float) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,12 +22,12 @@ class Timing:
     Parameters
     ----------
     cpu_s, wall_s : float
-        Medians, s.
+        Medians, or the least, s.
     cpu_spread : float
-        (largest − smallest) / median of the CPU time; NaN for one sample.
+        (largest − smallest) / cpu_s of the CPU time; NaN for one sample.
     repeats : int
     build_s : float
-        Median CPU time that the calls took beside their steps, s; NaN where a solver does not tell.
+        CPU time that the calls took beside their steps, s; NaN where a solver does not tell.
     """
 
     cpu_s: float
@@ -64,15 +64,25 @@ def pinned() -> Iterator[None]:
         os.sched_setaffinity(0, allowed)
 
 
-def summarise(costs: Sequence[Cost]) -> Timing:
-    """Median and spread of the samples of one run."""
+def summarise(costs: Sequence[Cost], statistic: Callable[[Any], Any] = np.median) -> Timing:
+    """A statistic, the median unless told, and the spread of the samples of one run."""
     cpu = np.array([c.cpu_s for c in costs])
     if not cpu.size:
         return Timing(np.nan, np.nan, np.nan, 0)
-    median = float(np.median(cpu))
-    spread = float((cpu.max() - cpu.min()) / median) if cpu.size > 1 and median > 0.0 else float("nan")
-    wall, build = (float(np.median([getattr(c, name) for c in costs])) for name in ("wall_s", "build_s"))
-    return Timing(median, wall, spread, len(cpu), build)
+    cpu_s, wall, build = (
+        float(statistic([getattr(c, name) for c in costs])) for name in ("cpu_s", "wall_s", "build_s")
+    )
+    spread = float(np.ptp(cpu) / cpu_s) if cpu.size > 1 and cpu_s > 0.0 else float("nan")
+    return Timing(cpu_s, wall, spread, len(cpu), build)
+
+
+def least(costs: Sequence[Cost]) -> Timing:
+    """The least of the samples of runs that are compared in turn: nothing makes a run faster than it is.
+
+    Of two measurements of one trade on one machine, the ratios of two solvers differed by 7 % in the mean where they
+    were of the least of five runs, and by 17 % where they were of the medians.
+    """
+    return summarise(costs, np.min)
 
 
 def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str, list[Sample]]:

@@ -20,7 +20,7 @@ from studies.engine.running.turns import at_work
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
-from studies.engine.timing import in_turn, summarise
+from studies.engine.timing import in_turn, least
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
 from studies.trade.contestants import left_out, said_of, without
@@ -115,7 +115,7 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     again = time_again(swept, frame, ROUNDS[options.quick], runner)
     frame["in_turn"] = [k in again for k in frame.index]
     for k, found in again.items():
-        times = vars(summarise([sample.cost for sample in found]))
+        times = vars(least([sample.cost for sample in found]))
         for name in ("cpu_s", "cpu_spread", "build_s", "repeats"):
             frame.loc[k, name] = times[name]
     frame["excess"] = excess(frame)
