@@ -9,7 +9,7 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
-from anctmm.integrators import esdirk, generalized_alpha, step_control, zhai
+from anctmm.integrators import alpha_control, esdirk, generalized_alpha, stage_control, zhai
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
 from anctmm.model.bodies import beam_of
@@ -65,10 +65,11 @@ def solve(
         case Zhai():
             return zhai.integrate(chain)
         case GeneralizedAlpha():
-            implicit = generalized_alpha if chain.run.tolerance is None else step_control
+            implicit = generalized_alpha if chain.run.tolerance is None else alpha_control
             return implicit.integrate(chain)
         case Esdirk():
-            return esdirk.integrate(chain)
+            high = esdirk if chain.run.tolerance is None else stage_control
+            return high.integrate(chain)
     assert_never(method)
 
 

@@ -42,7 +42,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["esdirk", "modes_of_motions", "static_start", "step_choice"],
+    "integrators": ["esdirk", "modes_of_motions", "stage_control", "static_start", "step_choice"],
     "model": ["inputs", "mechanisms", "scene"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank"],

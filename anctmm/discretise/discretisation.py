@@ -71,8 +71,9 @@ class Discretisation:
         of the run.
     tolerance : float, optional
         Target error in time, instead of `dt`, relative to the largest displacement: an estimate of the local
-        error then drives the step of generalized-α. Steps end where loads and drives break (`History`); of histories
-        that do not say where, a change is seen that lasts 1e-4 of the run.
+        error then drives the step of generalized-α or of "esdirk", whose outputs do not bound its steps. Steps end
+        where loads and drives break (`History`); of histories that do not say where, a change is seen that lasts 1e-4
+        of the run.
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).
     spectral_radius : float
@@ -170,13 +171,10 @@ class Discretisation:
         object.__setattr__(self, "tolerance", tolerance)
         if not isinstance(self.dt, _NotGiven):
             raise StepError(f"dt is {self.dt!r} s beside tolerance {tolerance!r}; one of them is allowed")
-        if self.integrator != GeneralizedAlpha.name:
-            why = (
-                "stability bounds an explicit step, not accuracy" if self.explicit else "its steps are fixed"
-            )
+        if self.explicit:
             raise StepError(
-                f"tolerance is {tolerance!r} with integrator {self.integrator!r}; "
-                f"'generalized-alpha' is needed: {why}"
+                f"tolerance is {tolerance!r} with integrator {self.integrator!r}; 'esdirk' or 'generalized-alpha' is "
+                f"needed: stability bounds an explicit step, not accuracy"
             )
         return self.t_end / 200 if self.output_dt is None else self.output_dt
 

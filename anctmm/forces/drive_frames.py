@@ -171,3 +171,19 @@ def _put(frames, n, xi, q, v, w, part):  # type: ignore[no-untyped-def]
     w[k + 1, i] = frames.put[n] * y + across * x
     v[k, i] = speed * x - xi * rate * y - part * w[k, i]
     v[k + 1, i] = speed * y + xi * rate * x - part * w[k + 1, i]
+
+
+@embedded
+def put_directions(frames, drives, q, v, w):  # type: ignore[no-untyped-def]
+    """Put gradients in the directions that drives give them, (drives, 3), from ones that are nearly there; ξ stays."""
+    if frames is not None:
+        for n in range(len(frames.nodes)):
+            i, k, drive = frames.nodes[n], frames.rows[n], drives[frames.drive[n]]
+            c, s, rate = np.cos(drive[0]), np.sin(drive[0]), drive[1]
+            x = c * frames.reference[n, 0] - s * frames.reference[n, 1]
+            y = s * frames.reference[n, 0] + c * frames.reference[n, 1]
+            xi, speed = x * q[k, i] + y * q[k + 1, i], x * v[k, i] + y * v[k + 1, i]
+            along, across = x * w[k, i] + y * w[k + 1, i], 2.0 * speed * rate + xi * drive[2]
+            q[k, i], q[k + 1, i] = xi * x, xi * y
+            v[k, i], v[k + 1, i] = speed * x - xi * rate * y, speed * y + xi * rate * x
+            w[k, i], w[k + 1, i] = along * x - across * y, along * y + across * x

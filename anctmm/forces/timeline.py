@@ -121,11 +121,12 @@ def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-de
 
 
 @inlined
-def missed_impulse(together, pieces, history, t, h, start, end, found):  # type: ignore[no-untyped-def]
-    """∫|f − its straight line over the step| dt of both values of a history from t to t + h, N s or N m s, in `found`.
+def missed_impulse(together, pieces, history, t, h, places, rows, values, n, found):  # type: ignore[no-untyped-def]
+    """∫|f − what a step sees of it| dt of both values of a history from t to t + h, N s or N m s, in `found`.
 
-    With `together` they are those of a vector, a force: then its size is integrated, which no axes change, and 0 is the
-    second number.
+    A step sees the polynomial through the values at its `places`, parts of its length: those in the `rows` of `values`,
+    (rows, histories, 2), this history the n-th. With `together` they are those of a vector, a force: then its size is
+    integrated, which no axes change, and 0 is the second number.
     """
     found[0] = found[1] = 0.0
     if pieces.steady[history]:
@@ -135,9 +136,11 @@ def missed_impulse(together, pieces, history, t, h, start, end, found):  # type:
         b = t + h if piece == last else min(pieces.edges[1, piece], t + h)
         for g in range(5):
             time, part = a + POINTS[g] * (b - a), WEIGHTS[g] * (b - a)
-            x = (time - t) / h
-            first = value_at(pieces, piece, 0, time) - ((1.0 - x) * start[0] + x * end[0])
-            second = value_at(pieces, piece, 1, time) - ((1.0 - x) * start[1] + x * end[1])
+            first, second = value_at(pieces, piece, 0, time), value_at(pieces, piece, 1, time)
+            for i in range(len(places)):
+                weight = _share((time - t) / h, i, places)
+                first -= weight * values[rows[i], n, 0]
+                second -= weight * values[rows[i], n, 1]
             if together:
                 found[0] += part * np.sqrt(first * first + second * second)
             else:
@@ -149,20 +152,44 @@ def missed_impulse(together, pieces, history, t, h, start, end, found):  # type:
 
 
 @inlined
-def missed_turn(pieces, history, t, h, start, end):  # type: ignore[no-untyped-def]
-    """Mean distance of a drive's angle from the cubic of its angles and rates at t and t + h, rad."""
+def _share(x, i, places):  # type: ignore[no-untyped-def]
+    """Lagrange's polynomial of the i-th place at x."""
+    share = 1.0
+    for j in range(len(places)):
+        if j != i:
+            share *= (x - places[j]) / (places[i] - places[j])
+    return share
+
+
+@inlined
+def missed_turn(curved, pieces, history, t, h, start, end):  # type: ignore[no-untyped-def]
+    """Mean distance of a drive's angle from what a step sees of it, from t to t + h, rad.
+
+    That is the cubic of its angles and rates at t and t + h, or, if `curved`, the quintic of its accelerations, too.
+    """
     total, last = 0.0, pieces.first[history + 1] - 1
     piece, a = piece_at(pieces, history, t, True), t
     while True:
         b = t + h if piece == last else min(pieces.edges[1, piece], t + h)
         for g in range(5):
             time = a + POINTS[g] * (b - a)
-            x = (time - t) / h
-            y = 1.0 - x
-            cubic = y * y * (1.0 + 2.0 * x) * start[0] + x * x * (1.0 + 2.0 * y) * end[0]
-            cubic += h * x * y * (y * start[1] - x * end[1])
-            total += WEIGHTS[g] * (b - a) * abs(value_at(pieces, piece, 0, time) - cubic)
+            off = value_at(pieces, piece, 0, time) - _hermite(curved, (time - t) / h, h, start, end)
+            total += WEIGHTS[g] * (b - a) * abs(off)
         if piece == last or b >= t + h:
             break
         a, piece = b, piece + 1
     return total / h
+
+
+@inlined
+def _hermite(curved, x, h, start, end):  # type: ignore[no-untyped-def]
+    """Polynomial of angles and rates at 0 and 1, and of accelerations if `curved`, at x."""
+    y = 1.0 - x
+    if curved:
+        early = (1.0 + 3.0 * x + 6.0 * x * x) * start[0] + x * (1.0 + 3.0 * x) * h * start[1]
+        late = (1.0 + 3.0 * y + 6.0 * y * y) * end[0] - y * (1.0 + 3.0 * y) * h * end[1]
+        early += 0.5 * x * x * h * h * start[2]
+        late += 0.5 * y * y * h * h * end[2]
+        return y * y * y * early + x * x * x * late
+    cubic = y * y * (1.0 + 2.0 * x) * start[0] + x * x * (1.0 + 2.0 * y) * end[0]
+    return cubic + h * x * y * (y * start[1] - x * end[1])

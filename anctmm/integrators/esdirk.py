@@ -127,7 +127,7 @@ def integrate(chain: Chain) -> Solution:
     UnsupportedError
         If the scene has constraints that are not linear, or driven.
     """
-    once(chain, _check_constraints)
+    once(chain, check_constraints)
     run, actuation, method = chain.run, once(chain, actuation_of), stages()
     room = own(chain, new_room)
 
@@ -144,7 +144,7 @@ def integrate(chain: Chain) -> Solution:
     return take_steps(chain, own(chain, new_system), Steps(advance, arguments, width, failed_at))
 
 
-def _check_constraints(chain: Chain) -> bool:
+def check_constraints(chain: Chain) -> bool:
     """Refuse constraints between kept unknowns that are not linear, or driven by what no frames turn with."""
     if chain.plan.kept:
         found = chain.kept.constraints
@@ -197,10 +197,10 @@ def advance(
             copy(flat_q, was)
             copy(flat_w, had)
             move_drives(factors, clamps, room.frames, clamp_table[0])
-            _solve(system, room.frames, c, load_table[0])
+            solve_stage(2, system, room.frames, c, load_table[0], newton.tolerance)
             find_second(room.frames, q, w)
-            _keep_stage(room, count - 1, q, flat_w)
-            room.power[count - 1] = _power(state, tables, factors, clamps, loads, load_table[0], damping)
+            keep_stage(room, count - 1, q, flat_w)
+            room.power[count - 1] = stage_power(state, tables, factors, clamps, loads, load_table[0], damping)
             break
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
@@ -217,22 +217,22 @@ def advance(
         out.work[0] += h * table.A[count - 1, 0] * room.power[0]
         for i in range(1, count):
             room.at[0] = i
-            _begin_stage(i, h, c.h, table, room, state.flat)
+            begin_stage(i, h, c.h, table, room, state.flat)
             keep_speed(room.frames, v)
             move_drives(factors, clamps, room.frames, clamp_table[row])
-            if not _solve(system, room.frames, c, load_table[row]):
+            if not solve_stage(2, system, room.frames, c, load_table[row], newton.tolerance):
                 return step + 1
             for k in range(len(flat_v)):
                 flat_v[k] += c.h * flat_w[k]
-            _keep_stage(room, i, q, flat_w)
-            room.power[i] = _power(state, tables, factors, clamps, loads, load_table[row], damping)
+            keep_stage(room, i, q, flat_w)
+            room.power[i] = stage_power(state, tables, factors, clamps, loads, load_table[row], damping)
             out.work[0] += h * table.A[count - 1, i] * room.power[i]
             row += 1
     return -1
 
 
 @embedded
-def _begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
+def begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
     """What stands for q and v at the start of the implicit Euler step of stage i, of length `part`; w is predicted."""
     _, v, _, _, was, had = flat
     A, square, w = table.A, table.square, room.w
@@ -247,7 +247,7 @@ def _begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _keep_stage(room, i, q, w):  # type: ignore[no-untyped-def]
+def keep_stage(room, i, q, w):  # type: ignore[no-untyped-def]
     """Keep the accelerations of a stage."""
     copy(w, room.w[i])
     keep_second(room.frames, q.shape[1], room.w[i])
@@ -263,8 +263,8 @@ def move_drives(factors, clamps, frames, drives):  # type: ignore[no-untyped-def
 
 
 @inlined
-def _solve(system, frames, c, values):  # type: ignore[no-untyped-def]
-    """Find the end of an implicit Euler step: by modified Newton, and where that fails by Newton.
+def solve_stage(tries, system, frames, c, values, tolerance):  # type: ignore[no-untyped-def]
+    """Find the end of an implicit Euler step: by modified Newton, and in a second try by Newton.
 
     What Newton's corrections leave out of the accelerations of turned gradients is put in after each solution, a part
     ~ θ'h of the corrections, until nothing is left.
@@ -272,7 +272,7 @@ def _solve(system, frames, c, values):  # type: ignore[no-untyped-def]
     q, v, w = system.state.q, system.state.v, system.state.w
     flat_q, flat_v, flat_a, flat_w, was, had = system.state.flat
     solved = False
-    for full in range(2):
+    for full in range(tries):
         if not solved:
             predict(flat_q, flat_v, flat_a, flat_w, was, had, c)
             _drive(q, v, w, system.clamps, c.h)
@@ -280,10 +280,10 @@ def _solve(system, frames, c, values):  # type: ignore[no-untyped-def]
                 put_predicted(frames, q, v, w, c.h)
             hold_on_lines(system.links.turned, q, w, c)
             for _ in range(ROUNDS):
-                solved = iterate(full == 1, system, c, values, system.newton.tolerance)
+                solved = iterate(full == 1, system, c, values, tolerance)
                 if not solved or c.to_q == 0.0:
                     break
-                if put_found(frames, q, v, w, c.h) <= system.newton.tolerance:
+                if put_found(frames, q, v, w, c.h) <= tolerance:
                     break
                 solved = False
     return solved
@@ -300,7 +300,7 @@ def _drive(q, v, w, clamps, part):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _power(state, tables, factors, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
+def stage_power(state, tables, factors, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
     """Power of all that does work beside energies, W, at the state found."""
     power = power_of_drives(factors.loops, state.q)
     if len(clamps.nodes) + len(loads.touched) > 0:

@@ -63,18 +63,20 @@ class Damping(NamedTuple):
     flat: Array
 
 
-@writes("counts", "history")
+@writes("counts", "history", "expected")
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
-    of the last step, (ITERATIONS,).
+    of the last step, (ITERATIONS,). expected: contraction to expect of a first correction, (1,), so that one may do;
+    None where nobody says.
     """
 
     scale: float
     tolerance: float
     counts: Ints
     history: Array
+    expected: Array | None = None
 
 
 class System(NamedTuple):

@@ -91,7 +91,7 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
-    scale, _, counts, history = newton
+    scale, _, counts, history, expected = newton
     last, stalls = 0.0, 0
     history[:] = 0.0
     begin_newton(factors.loops)
@@ -103,6 +103,7 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
             factor_border(loads.border, q, coefficients.to_q, loads, load_values, factors)
             counts[1] += 1
             counts[2] = 0
+            _forget(expected)
         damp_at_end(damping, state, coefficients, tables, loads, load_values)
         add_connectors_at_end(loads.connectors, q, load_values, f)
         off = ask_correction(factors.loops, coefficients.to_q != 0.0, q, v, w)
@@ -115,7 +116,7 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
         if size == np.inf:
             break
         # the corrections fall by `rate` each: what is left is at most their geometric series
-        rate = size / last if iteration > 0 else 1.0
+        rate = size / last if iteration > 0 else _expected(expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             counts[2] = 1 if iteration >= MANY else 0
@@ -130,6 +131,19 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
         last = size
     counts[2] = 1
     return False
+
+
+@embedded
+def _expected(expected):  # type: ignore[no-untyped-def]
+    """Contraction to expect of a first correction: 1 where nothing is known of the matrix."""
+    return 1.0 if expected is None else expected[0]
+
+
+@embedded
+def _forget(expected):  # type: ignore[no-untyped-def]
+    """Nothing is known of a matrix that is new."""
+    if expected is not None:
+        expected[0] = 1.0
 
 
 @embedded

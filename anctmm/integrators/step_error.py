@@ -1,4 +1,4 @@
-"""Estimate of the error of a step whose length an error drives, relative to what moves: see `step_control`."""
+"""Error of a step whose length an error drives, relative to what moves: see `step_control`."""
 
 import numpy as np
 
@@ -16,49 +16,60 @@ TINY = 1e-300
 
 
 @inlined
-def step_error(t, h, to_w, system, control):  # type: ignore[no-untyped-def]
-    """Filtered estimate of the error in displacement since the last one, relative, the largest of the nodes.
+def filtered_error(t, h, to_w, places, rows, curved, system, control):  # type: ignore[no-untyped-def]
+    """Put (c_w M + K)⁻¹ M x, and what acts unseen, in the place of x; returns what drives do unseen, m.
 
-    The step is of h from t. `to_w` is c_w of the matrix that is kept: with that of the step, the estimate would change
-    with the matrix's age: by a third where the matrix is that of steps 15 % shorter or longer.
+    x, c_w times an estimate of the error of a step of h from t, stands in `control.x`. `to_w` is c_w of the matrix that
+    is kept: with that of the step, the estimate would change with the matrix's age. The step sees what acts at its
+    `places`, whose values are the `rows` of those in `control`; of drives it sees accelerations if `curved`.
     """
-    state, tables, loads, pieces = system.state, system.tables, system.loads, control.actions.pieces
-    q, load, x, missed = state.q, control.load, control.x, control.missed
-    angles, values = control.angles, control.values
-    factor = control.coefficient * h * h * to_w
-    for k in range(q.shape[0]):
-        for i in range(q.shape[1]):
-            x[k, i] = factor * (state.w[k, i] - control.w[k, i])
-    mass_product(x, tables.first, tables.masses, tables.buffer, load)
-    drives = angles.shape[1]
-    for n in range(len(loads.kinds)):
-        missed_impulse(True, pieces, drives + n, t, h, values[0, n], values[1, n], missed)
-        fx, fy = load_at(loads, n, q, missed[0], missed[1])
-        push_alike(loads.targets, n, to_w * h * fx, to_w * h * fy, load)
-    _add_missed_lengths(loads.connectors, pieces, drives, t, h, to_w, q, values, missed, load)
+    pieces, load, x, angles = control.actions.pieces, control.load, control.x, control.angles
+    mass_product(x, system.tables.first, system.tables.masses, system.tables.buffer, load)
+    _add_missed_loads(t, h, to_w, places, rows, system, control)
+    _add_missed_lengths(system.loads.connectors, t, h, to_w, places, rows, system.state.q, control)
     sweep(system.factors, load, x)
-    correct(loads.border, x)
-    turned = 0.0
-    for n in range(drives):
-        missing = control.reach[n] * missed_turn(pieces, n, t, h, angles[0, n], angles[1, n])
+    correct(system.loads.border, x)
+    turned, first, last = 0.0, rows[0], rows[len(rows) - 1]
+    for n in range(angles.shape[1]):
+        missing = control.reach[n] * missed_turn(curved, pieces, n, t, h, angles[first, n], angles[last, n])
         turned = max(turned, missing)
+    return turned
+
+
+@inlined
+def largest_error(x, turned, control):  # type: ignore[no-untyped-def]
+    """Largest error x of the nodes, (rows, nodes), relative to what they move, and that of drives, m."""
     largest, least = 0.0, max(control.small * control.scale[0], TINY)
-    for i in range(q.shape[1]):
+    for i in range(x.shape[1]):
         known = max(control.moved[0, i], control.moved[1, i])
         largest = max(largest, _size(x, i, control.bulge) / max(known, least))
     return largest + turned / control.scale[0] if control.scale[0] > 0.0 else 0.0
 
 
+@inlined
+def _add_missed_loads(t, h, to_w, places, rows, system, control):  # type: ignore[no-untyped-def]
+    """What loads do that the step does not see, as impulses at its start."""
+    loads, missed, drives = system.loads, control.missed, control.angles.shape[1]
+    for n in range(len(loads.kinds)):
+        missed_impulse(
+            True, control.actions.pieces, drives + n, t, h, places, rows, control.values, n, missed
+        )
+        fx, fy = load_at(loads, n, system.state.q, missed[0], missed[1])
+        push_alike(loads.targets, n, to_w * h * fx, to_w * h * fy, control.load)
+
+
 @embedded
-def _add_missed_lengths(connectors, pieces, drives, t, h, to_w, q, values, missed, load):  # type: ignore[no-untyped-def]
-    """What free lengths and angles do beside their straight lines, as impulses of the forces that they make."""
+def _add_missed_lengths(connectors, t, h, to_w, places, rows, q, control):  # type: ignore[no-untyped-def]
+    """What free lengths and angles do that the step does not see, as impulses of the forces that they make."""
     if connectors is not None:
+        pieces, values, missed, load = control.actions.pieces, control.values, control.missed, control.load
+        drives, last = control.angles.shape[1], rows[len(rows) - 1]
         for n in range(len(connectors.kinds)):
             row = connectors.driven[n]
             if row >= 0:
-                missed_impulse(False, pieces, drives + row, t, h, values[0, row], values[1, row], missed)
+                missed_impulse(False, pieces, drives + row, t, h, places, rows, values, row, missed)
                 m, ax, ay, bx, by = measure(connectors, n, q)
-                k, d = slopes(connectors, n, m - values[1, row, 0], 0.0, t)
+                k, d = slopes(connectors, n, m - values[last, row, 0], 0.0, t)
                 s = to_w * h * (abs(k) * missed[0] + abs(d) * missed[1])
                 push_alike(connectors.first, n, s * ax, s * ay, load)
                 push_alike(connectors.second, n, s * bx, s * by, load)

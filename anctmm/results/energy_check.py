@@ -135,7 +135,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
         c.damping > 0.0 or c.law is not None for c in scene.connectors
     )
-    beyond, least = np.abs(balance_of(energy, damped=damped)) > noise(solution), _exchangeable(solution)
+    least = _exchangeable(solution)
+    beyond = np.abs(balance_of(energy, damped=damped)) > max(noise(solution), _allowed(solution))
     diverged = from_nowhere(energy, NOWHERE, least, damped=damped) & beyond
     if explicit and damped:
         diverged |= absorbed(energy, least) & (np.abs(energy.balance) > noise(solution))
@@ -149,6 +150,17 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     wrong[:-1] &= wrong[1:]  # what is gone at the next output was a start that the step does not resolve
     if wrong.any():
         yield _finding(solution, int(wrong.argmax()), "inaccurate")
+
+
+def _allowed(solution: Solution) -> float:
+    """Energy, J, by which a run with a tolerance may be wrong: that part of the largest there ever was.
+
+    A motion that has just begun has little energy, and all of it may be wrong by then.
+    """
+    present = all_energy(solution.energy)
+    known = present[np.isfinite(present)]
+    tolerance = solution.run.tolerance if solution.run is not None else None
+    return float(tolerance * known.max()) if tolerance is not None and known.size else 0.0
 
 
 def dissipated(energy: Energy, least: float = 0.0) -> Mask:

@@ -141,13 +141,22 @@ def _high_order() -> tuple[Watch, ...]:
 
 
 def _error_controlled() -> tuple[Watch, ...]:
-    def run(element: Any, tolerance: float = 1e-3, t_end: float = 0.1) -> Run:
+    def run(element: Any, tolerance: float = 1e-3, t_end: float = 0.1, **options: Any) -> Run:
         return Discretisation(
-            2, element, tolerance=tolerance, t_end=t_end, output_dt=t_end / 5, newton_tolerance=TIGHT
+            2,
+            element,
+            tolerance=tolerance,
+            t_end=t_end,
+            output_dt=t_end / 5,
+            newton_tolerance=TIGHT,
+            **options,
         )
 
     return (
-        _watch(small.stick(), {"cable-adaptive": run("cable")}),
+        _watch(
+            small.stick(),
+            {"cable-adaptive": run("cable"), "cable-esdirk-adaptive": run("cable", integrator="esdirk")},
+        ),
         _watch(small.pulse(), {"cable-adaptive": run("cable")}),
         _watch(small.driven_end(), {"cable-adaptive": run("cable", 1e-2, 0.05)}),
     )

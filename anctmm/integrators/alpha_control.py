@@ -1,0 +1,311 @@
+"""Generalized-α with a step driven by an estimate of its local error: see `step_control`.
+
+A step misses the displacement by h³ w' (1/6 − β + (αf − αm)/2) to leading order: the Taylor series of the exact motion
+less that of the method, whose a lags w by (αf − αm) h (after Zienkiewicz & Xie 1991 and Hulbert & Jang 1995). The
+difference of w over the step serves for h w'. High frequencies that the method damps anyway would dominate it, so it
+is filtered by (c_w M + K)⁻¹ c_w M, which leaves slow motion as it is (Hairer & Wanner, IV.8).
+
+Where there are constraints between rigid bodies or guides, a step of another length starts anew, too: their multipliers
+would be wrong there. The lag of a at a start is found by a first try of the step. Outputs are ends of steps.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
+from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
+from anctmm.forces.timeline import set_actions
+from anctmm.integrators.implicit_run import balance
+from anctmm.integrators.implicit_step import begin_step, copy, dissipated, finish
+from anctmm.integrators.implicit_system import System
+from anctmm.integrators.newton import solve_step
+from anctmm.integrators.output import Output, keep, too_large
+from anctmm.integrators.step_control import (
+    CAP,
+    DONE,
+    EVENT,
+    FACTORED,
+    FIRST_STEP,
+    KEPT,
+    LAST,
+    LOOKED,
+    RATE,
+    SMALLEST,
+    STARTS,
+    STEADY_STEPS,
+    STUCK,
+    TIME,
+    UNFINISHED,
+    WANTED,
+    Control,
+    Scheme,
+    aim,
+    copy_actions,
+    effort_of,
+    end_of,
+    left_by_newton,
+    length_of,
+    pass_stops,
+    run_controlled,
+    stiffen,
+)
+from anctmm.integrators.step_error import filtered_error, largest_error, measure_motion
+from anctmm.jit.compiling import inlined, kernel
+from anctmm.recursion.constrained import constrained, set_drives, work_of_drives
+from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+#: Share of the tolerance that the sum of local errors may take: they cancel in part, and motions take some back.
+SHARE = 1.2
+#: The same with constraints: at steps of other length their multipliers bring errors that the estimate does not see.
+WITH_CONSTRAINTS = 0.2
+#: Part of the error allowed in a step that Newton's iteration may leave.
+NEWTON_PART = 0.03
+#: Relative change of the step beyond which the iteration matrix is renewed.
+STALE = 0.15
+#: Times the error allowed that a single step may make.
+PEAK = 4.0
+#: Steps between two changes of the length.
+STEADY = 8
+#: Steps of equal length after which the error is estimated over several of them, where no load varies.
+ALIKE = 4
+#: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
+HARD = 12
+#: Places at which a step sees what acts, parts of its length, and the rows of `Control.values` that stand for them.
+PLACES, ROWS = (0.0, 1.0), (0, 1)
+
+
+class Lag(NamedTuple):
+    """What generalized-α adds to step control.
+
+    coefficient: of the error. method: αm, αf, β, γ. w: that at the last estimate, (rows, nodes).
+    """
+
+    coefficient: float
+    method: tuple[float, float, float, float]
+    w: Array
+
+
+def integrate(chain: Chain) -> Solution:
+    """Run a scene with error-controlled steps of generalized-α.
+
+    Returns
+    -------
+    Solution
+        With a status that names time and element if no step was small enough.
+
+    Raises
+    ------
+    PropertyError
+        If a load or a drive cannot be followed, see `anctmm.forces.histories`.
+    """
+    method = GeneralizedAlpha(chain.run.spectral_radius)
+    lag = Lag(
+        abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
+        (method.alpha_m, method.alpha_f, method.beta, method.gamma),
+        np.zeros((chain.bodies.rows, chain.bodies.nodes)),
+    )
+
+    def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
+        return int(advance(budget, outputs, system, control, lag, out))
+
+    return run_controlled(chain, Scheme(take, 2, len(PLACES), (SHARE, WITH_CONSTRAINTS), expects=False))
+
+
+@kernel
+def advance(budget: int, outputs: int, system: System, control: Control, lag: Lag, out: Output) -> int:
+    """Run over the intervals of output with at most `budget` steps, from where `control.progress` stands."""
+    state, progress = system.state, control.progress
+    code = DONE
+    for number in range(max(int(progress[KEPT]) - 1, 0), outputs + 1):
+        end = control.times[min(number + 1, len(control.times) - 1)]
+        while True:
+            if progress[STARTS] != 0.0:
+                _start_anew(system, control, lag)
+            if number == int(progress[KEPT]):
+                if too_large(state.q, STRETCH_LIMIT):
+                    system.newton.history[:] = 0.0  # no step was refused
+                    code = STUCK
+                    break
+                keep(number, 1, state.q, state.v, state.w, system.tables, system.loads.connectors, out)
+                progress[KEPT] += 1.0
+            if number == outputs or progress[TIME] >= end:
+                break
+            if budget == 0:
+                code = UNFINISHED
+                break
+            budget -= 1
+            stop = min(end, control.actions.stops[int(progress[EVENT])])
+            h = length_of(control, stop)
+            if h < SMALLEST * control.t_end and progress[WANTED] < SMALLEST * control.t_end:
+                code = STUCK
+                break
+            _step(h, stop, system, control, lag, out)
+        if code != DONE:
+            break
+    return code
+
+
+@inlined
+def _start_anew(system, control, lag):  # type: ignore[no-untyped-def]
+    """Start the motion, or start it anew after a jump of what acts."""
+    q, progress, values = system.state.q, control.progress, control.values
+    set_actions(control.actions.pieces, progress[TIME], True, control.angles[1], values[1])
+    _accelerations(system, control)
+    clamp_reactions(q, system.state.w, system.state.f, system.tables, system.clamps)
+    work_done(False, q, system.clamps, system.loads, values[1])
+    work_of_drives(system.factors.loops, False, q)
+    progress[STARTS], progress[LAST] = 0.0, 0.0
+    _remember(lag, system.state)
+
+
+@inlined
+def _accelerations(system, control):  # type: ignore[no-untyped-def]
+    """Find the true accelerations of the present state, from which the next step starts as a first one."""
+    newton = system.newton
+    balance(system, control.angles[1], control.values[1])
+    newton.counts[1] += 1
+    newton.counts[2] = 1
+    control.progress[FIRST_STEP] = 1.0
+
+
+@inlined
+def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
+    """Try a step, and accept it or go back."""
+    state, newton, progress = system.state, system.newton, control.progress
+    if progress[LAST] > 0.0 and h != progress[LAST]:
+        if constrained(system.factors.loops):
+            _accelerations(system, control)
+        else:
+            _shift(state, lag, 1.0 - h / progress[LAST])
+    progress[LAST] = 0.0
+    c = _coefficients(h, lag.method)
+    _begin(h, stop, c, system, control)
+    stiffen(system.damping, control, c)
+    left = left_by_newton(NEWTON_PART, h, system, control)
+    allowed = control.allowed * (progress[TIME] + h - progress[LOOKED]) / control.t_end
+    factored = newton.counts[1]
+    solved = solve_step(system, c, control.values[1], left)
+    if newton.counts[1] != factored:
+        progress[FACTORED] = h
+    look, error = _looks(h, control, lag), np.inf
+    if solved and look:
+        kept = _coefficients(progress[FACTORED], lag.method)
+        error = _error(progress[TIME], c.h, kept.to_w, system, control, lag)
+    guess = control.allowed == np.inf
+    if solved and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)):
+        _accept(h, stop, c, system, control, out)
+        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
+        progress[STEADY_STEPS] += 1.0
+        if look:
+            measure_motion(state.q, control)
+            _remember(lag, state)
+            aim(h, error, 2, STEADY, 1.0, control)
+    else:
+        _refuse(solved, h, error, allowed, system, control, lag)
+
+
+@inlined
+def _error(t, h, to_w, system, control, lag):  # type: ignore[no-untyped-def]
+    """Filtered estimate of the error in displacement since the last one, relative, the largest of the nodes."""
+    w, x, factor = system.state.w, control.x, lag.coefficient * h * h * to_w
+    for k in range(w.shape[0]):
+        for i in range(w.shape[1]):
+            x[k, i] = factor * (w[k, i] - lag.w[k, i])
+    turned = filtered_error(t, h, to_w, PLACES, ROWS, False, system, control)
+    return largest_error(x, turned, control)
+
+
+@inlined
+def _looks(h, control, lag):  # type: ignore[no-untyped-def]
+    """Whether the error is estimated: over several steps where they stay as they are and no load varies.
+
+    A vibration whose phase is lost over the run, c ω³ h² t_end of about 1, is wrong by its amplitude and not by more.
+    Over a time of 1/ω of that frequency, errors of faster ones cancel.
+    """
+    steady = int(control.progress[STEADY_STEPS])
+    span = max(1, int((0.5 * lag.coefficient * control.t_end / h) ** (1.0 / 3.0)))
+    return steady < ALIKE or steady % span == 0 or control.values.shape[1] > 0
+
+
+@inlined
+def _remember(lag, state):  # type: ignore[no-untyped-def]
+    """Keep w, from which the next estimate starts."""
+    for k in range(state.w.shape[0]):
+        for i in range(state.w.shape[1]):
+            lag.w[k, i] = state.w[k, i]
+
+
+@inlined
+def _begin(h, stop, c, system, control):  # type: ignore[no-untyped-def]
+    """Predict the end of a step, and set what acts there."""
+    newton, progress = system.newton, control.progress
+    angles, values, loops = control.angles, control.values, system.factors.loops
+    begin_step(False, system.state.flat, c)
+    copy_actions(angles, values, 1, 0)
+    set_actions(control.actions.pieces, end_of(h, stop, progress), False, angles[1], values[1])
+    turn_clamps(system.clamps, angles[1])
+    set_drives(loops, angles[1], len(system.clamps.nodes))
+    if abs(h - progress[FACTORED]) > STALE * h:
+        newton.counts[2] = 1
+
+
+@inlined
+def _accept(h, stop, c, system, control, out):  # type: ignore[no-untyped-def]
+    """Go to the end of the step."""
+    state, progress = system.state, control.progress
+    q, loops = state.q, system.factors.loops
+    _, flat_v, flat_a, flat_w, _, flat_w_before = state.flat
+    finish(flat_v, flat_a, flat_w, flat_w_before, c)
+    progress[TIME] = end_of(h, stop, progress)
+    progress[LAST], progress[FIRST_STEP] = h, 0.0
+    control.counts[0] += 1
+    clamp_reactions(q, state.w, state.f, system.tables, system.clamps)
+    out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
+    out.work[0] += work_of_drives(loops, True, q)
+    out.work[0] += dissipated(system.damping, q, state.q_before)
+    pass_stops(control)
+
+
+@inlined
+def _refuse(solved, h, error, allowed, system, control, lag):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step, with a shorter one; a first one was a try that told how a lags w."""
+    state, progress = system.state, control.progress
+    flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
+    if solved and progress[FIRST_STEP] != 0.0:
+        _shift(state, lag, -1.0)
+        progress[WANTED], progress[FIRST_STEP] = h, 0.0
+    else:
+        factor = max(0.2, np.sqrt(allowed / error)) if solved else 0.5
+        if solved:
+            _shift(state, lag, 1.0 - factor)
+        progress[WANTED] = h * factor
+        progress[STEADY_STEPS] = 0.0
+        if solved:
+            progress[RATE] = max(progress[RATE], error / (h * h * (progress[TIME] + h - progress[LOOKED])))
+        system.newton.counts[2] = 1
+        control.counts[1] += 1
+    copy(flat_q_before, flat_q)
+    copy(flat_w_before, flat_w)
+    copy_actions(control.angles, control.values, 0, 1)
+
+
+@inlined
+def _coefficients(h, method):  # type: ignore[no-untyped-def]
+    """Coefficients of a step of h, as `GeneralizedAlpha.of_step` gives them."""
+    am, af, b, g = method
+    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)), 1.0)
+
+
+@inlined
+def _shift(state, lag, part):  # type: ignore[no-untyped-def]
+    """Move a, which lags w by αf − αm of a step, to the lag of the step to come, `part` of the last one shorter."""
+    shift = part * (lag.method[1] - lag.method[0])
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            state.a[k, i] += shift * (state.w[k, i] - state.w_before[k, i])

@@ -1,0 +1,184 @@
+"""Steps of fourth order with a tolerance: what it promises, what it costs, outputs within a step, what is refused."""
+
+from math import pi
+
+import numpy as np
+import pytest
+from samples import SOFT, SQUARE, bar
+
+import anctmm as at
+from anctmm.errors import UnsupportedError
+from anctmm.model.drives import Pulse, Quintic
+from studies import scenes
+
+GRAVITY = (0.0, -9.81)
+
+
+def falling():
+    """A beam let go: what lasts shorter than a step is of small amplitude there."""
+    return bar([at.Clamp("bar.start")], gravity=GRAVITY)
+
+
+def hinge():
+    """A beam that a drive turns while its stretch is free."""
+    return bar([at.Clamp("bar.start", Quintic(1.0, 0.15), stretch="free")], gravity=GRAVITY)
+
+
+def linkage():
+    """A driven crank, a coupler with a load that varies, a third beam to the ground."""
+    ends = {"crank": ((0, 0), (0.3, 0)), "coupler": ((0.3, 0), (0.9, 0.3)), "last": ((0.9, 0.3), (0.8, 0))}
+    bodies = [at.Beam(name, *places, SQUARE, SOFT) for name, places in ends.items()]
+    joints = [
+        at.Clamp("crank.start", angle=Quintic(pi / 3, 0.4)),
+        at.Pin("crank.end", "coupler.start"),
+        at.Pin("coupler.end", "last.start"),
+        at.Pin("last.end"),
+    ]
+    loads = [
+        at.Torque("coupler.end", Pulse(0.02, 0.1)),
+        at.Force("coupler.end", lambda t: (0.1 * t, 0.2 * t * t)),
+    ]
+    return at.Scene("linkage", bodies, joints, loads, GRAVITY)
+
+
+def struck():
+    """A push that is shorter than a step and stated nowhere, and one that jumps."""
+
+    def push(t):
+        return (0.0, 8.0 * np.exp(-(((t - 0.0713) / 0.002) ** 2)))
+
+    jump = at.History(lambda t: (0.0, 0.2 if t >= 0.11 else 0.0), breaks=(0.11,))
+    return bar([at.Pin("bar.start")], loads=[at.Force("bar.end", push), at.Force("bar.end", jump)])
+
+
+def acted_on():
+    """Damped material, a spring with a damper to the ground, one of a driven length, a rotational one."""
+    bodies = [at.Beam("bar", (0, 0), (0.6, 0), SQUARE, at.Material(E=1e6, density=1000.0, damping=2e-3))]
+    connectors = [
+        at.Spring("bar.end", (0.6, -0.4), stiffness=20.0, damping=0.5),
+        at.Spring(("bar", 0.5), (0.3, 0.4), stiffness=30.0, length=lambda t: (0.4 + 0.1 * t * t, 0.2 * t)),
+        at.RotationalSpring("bar.end", stiffness=0.1, damping=1e-3),
+    ]
+    loads = [at.Force("bar.end", (0.0, -0.3), follower=True)]
+    return at.Scene("acted on", bodies, [at.Pin("bar.start")], loads, GRAVITY, connectors=connectors)
+
+
+#: Scenes, and the step of their reference, s.
+SCENES = {
+    "falling": (falling, 1e-3),
+    "hinge": (hinge, 5e-4),
+    "linkage": (linkage, 1e-3),
+    "struck": (struck, 2.5e-4),
+    "acted on": (acted_on, 1e-3),
+}
+RUN = {"t_end": 0.2, "output_dt": 0.01, "integrator": "esdirk"}
+
+
+def mesh_of(scene):
+    return 1 if len(scene.beams) > 1 else 2
+
+
+def work(run):
+    """Corrections, and factorizations, which cost about as much as two."""
+    return run.cost.newton_iterations + 2 * run.cost.factorizations
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_errors_stay_within_three_times_what_is_asked(name):
+    make, dt = SCENES[name]
+    scene = make()
+    options, probes = RUN | {"mesh": mesh_of(scene)}, [f"{b.name}.end" for b in scene.beams]
+    reference = at.solve(scene, dt=dt, newton_tolerance=1e-9, **options)
+    for tolerance in (1e-2, 1e-3, 1e-4):
+        run = at.solve(scene, tolerance=tolerance, **options)
+        assert run.status.ok, run.status
+        assert at.compare(run, reference, probes).error <= 3.0 * tolerance
+        made = np.abs(run.energy.balance).max()
+        assert made <= 6.0 * tolerance * np.abs(reference.energy.kinetic).max() + 1e-12
+
+
+def test_outputs_do_not_bound_the_steps_and_lie_on_the_motion():
+    scene = linkage()
+    options = RUN | {"mesh": 1}
+    many = at.solve(scene, tolerance=1e-3, **options | {"output_dt": 6.25e-4})
+    assert many.cost.steps < len(many.t) / 3
+    fine = at.solve(scene, dt=6.25e-4, **options | {"output_dt": 6.25e-4})
+    for body in scene.beams:
+        ours, exact = many.fields[body.name], fine.fields[body.name]
+        assert np.abs(ours.coordinates - exact.coordinates)[:, :, 0].max() < 2e-4  # m
+        speed = np.abs(exact.velocities).max()
+        assert np.abs(ours.velocities - exact.velocities).max() < 0.2 * speed
+    turned = [many.angle("crank", 0.0), fine.angle("crank", 0.0)]
+    assert np.abs(turned[0] - turned[1]).max() < 1e-12  # of the drive, whatever the steps
+
+
+def test_a_history_saved_and_loaded_says_what_drove_its_steps(tmp_path):
+    run = at.solve(falling(), mesh=1, tolerance=1e-3, **RUN)
+    run.save(tmp_path / "run")
+    again = at.load(tmp_path / "run")
+    assert (again.run.integrator, again.run.tolerance) == ("esdirk", 1e-3)
+    assert again.cost.steps == run.cost.steps
+    assert np.array_equal(again.position("bar.end"), run.position("bar.end"))
+
+
+def test_what_it_cannot_do_is_refused_by_name():
+    plate = at.RigidBody("plate", 1.0, 0.1, (1.0, 0.0), {"a": (0.6, 0.8)})
+    scene = at.Scene("s", [*falling().bodies, plate], [at.Clamp("bar.start"), at.Pin("bar.end", "plate.a")])
+    with pytest.raises(UnsupportedError, match="with esdirk"):
+        at.solve(scene, mesh=1, tolerance=1e-3, **RUN)
+
+
+def test_a_motion_that_blows_up_is_named_and_its_history_kept():
+    scene = bar(
+        [at.Clamp("bar.start")], loads=[at.Force("bar.end", lambda t: (0.0, -1e9 if t > 0.1 else 0.0))]
+    )
+    run = at.solve(scene, mesh=2, tolerance=1e-3, **RUN)
+    assert run.status == "diverged"
+    assert 0.09 <= run.status.time <= 0.2
+    assert run.t[-1] <= run.status.time + 0.01
+
+
+#: Base scenes and their meshes.
+BASE = {
+    "four-bar": (scenes.four_bar, {"crank": 2, "coupler": 8, "follower": 2}),
+    "four-bar-moment": (scenes.four_bar_moment, {"crank": 2, "coupler": 8, "follower": 2}),
+    "fall": (scenes.cantilever_fall, 8),
+}
+
+
+@pytest.fixture(scope="module", params=BASE)
+def base(request):
+    """A base scene, its options and a reference."""
+    make, mesh = BASE[request.param]
+    found = make()
+    options = {"mesh": mesh, "t_end": found.t_end, "output_dt": 0.01, "integrator": "esdirk"}
+    return found, options, at.solve(found.scene, dt=1.25e-3 / 4, newton_tolerance=1e-10, **options)
+
+
+@pytest.mark.compiled
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4, 1e-5])
+def test_base_scenes_keep_the_promise(base, tolerance):
+    """four-bar-moment moves freely: what Newton's iteration leaves of a velocity once stays until the end."""
+    scene, options, reference = base
+    run = at.solve(scene.scene, tolerance=tolerance, **options)
+    assert run.status.ok, run.status
+    assert at.compare(run, reference, scene.probes).error <= 3.0 * tolerance
+
+
+@pytest.mark.compiled
+def test_work_beside_that_of_the_best_fixed_step(base):
+    """Of the same method, at the same error; and beside steps of second order, which a small error makes dear."""
+    scene, options, reference = base
+    fixed = [
+        at.solve(scene.scene, dt=dt, newton_tolerance=bound, **options)
+        for dt in (1e-2, 5e-3, 2.5e-3)
+        for bound in (1e-2, 1e-3, 1e-5)
+    ]
+    run = at.solve(scene.scene, tolerance=1e-4, **options)
+    good = [work(f) for f in fixed if at.compare(f, reference, scene.probes).error <= 1e-4]
+    assert work(run) <= 3.0 * min(good), (work(run), good)
+    fourth, second = (
+        at.solve(scene.scene, tolerance=1e-5, **options | {"integrator": name})
+        for name in ("esdirk", "generalized-alpha")
+    )
+    assert work(fourth) < work(second)
