@@ -371,7 +371,7 @@ def check(
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
 
-    from studies.engine.processes import processors
+    from studies.engine.running.processes import processors
     from studies.engine.storage.files import check_writable
     from studies.regression import check as checking
     from studies.regression.report import show, write_check

@@ -17,22 +17,24 @@ settings.load_profile("steady")
 #: Modules that are slow as a whole: they compile kernels of several solvers, for many kinds of scenes, run studies or
 #: commands, or hundreds of random scenes.
 SLOW = {
+    "checks": ["bench", "check", "check_of_cases", "conform", "small_scenes"],
+    "commands": ["command_lines", "failures", "interruption", "plugins", "progress", "recommend_anywhere",
+                 "single_run", "width"],
     "discretise": ["interior_joints"],
-    "integrators": ["arc_length", "connected", "damped_tolerance", "damping", "divergence", "equilibrium_stability",
-                    "events", "graph_histories", "graph_motion", "graph_properties", "interrupted", "memory", "modes",
-                    "modes_of_mechanisms", "motion", "nonconservative_statics", "promise", "properties", "rates",
-                    "stabilised_statics"],
+    "engine": ["cluster", "refinement", "sweeps"],
+    "integrators": ["connected", "damping", "divergence", "graph_histories", "graph_motion", "graph_properties",
+                    "interrupted", "memory", "motion", "properties", "rates"],
     "model": ["typing"],
-    "of_reference": ["exudyn", "exudyn_mechanisms", "motor_law", "slider_crank", "foreign_kinds", "global_dae",
-                     "junctions", "peer_opensees",
-                     "peer_pyelastica", "times"],
-    "of_studies": ["bench", "check", "check_of_cases", "cluster", "command_lines", "conform", "convergence",
-                   "every_study", "extremes", "extremes_of_cases", "failures", "fidelity", "fidelity_of_cases",
-                   "high_order", "interruption", "page", "plugins", "progress", "recommend_anywhere", "refinement",
-                   "report_of_cases", "single_run", "small_scenes", "studies", "sweeps", "trade", "trade_of_cases",
-                   "width"],
+    "modes": ["modes", "modes_of_mechanisms"],
+    "of_reference": ["exudyn", "exudyn_mechanisms", "foreign_kinds", "global_dae", "junctions", "motor_law",
+                     "peer_opensees", "peer_pyelastica", "slider_crank", "times"],
+    "questions": ["convergence", "every_study", "extremes", "extremes_of_cases", "fidelity", "fidelity_of_cases",
+                  "high_order", "studies", "trade", "trade_of_cases"],
     "recursion": ["free_stretch", "graphs", "lines", "random_graphs", "rigid"],
+    "report": ["page", "report_of_cases"],
     "results": ["energy_check"],
+    "statics": ["arc_length", "equilibrium_stability", "nonconservative_statics", "stabilised_statics"],
+    "step_control": ["damped_tolerance", "events", "promise"],
 }  # fmt: skip
 
 
@@ -42,11 +44,14 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["esdirk", "modes_of_motions", "stage_control", "static_start", "step_choice"],
+    "integrators": ["esdirk"],
     "model": ["inputs", "mechanisms", "scene"],
+    "modes": ["modes_of_motions"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank"],
     "results": ["constraint_check", "internal_forces", "pictures"],
+    "statics": ["static_start"],
+    "step_control": ["stage_control", "step_choice"],
 }  # fmt: skip
 
 

@@ -15,8 +15,8 @@ from anctmm.elements.kinds import flexible
 from anctmm.errors import AnctmmError
 from anctmm.results.metrics import compare
 from anctmm.solvers import registry
-from studies.engine.clock import records
-from studies.engine.dynamics import check_mesh
+from studies.engine.accuracy.dynamics import check_mesh
+from studies.engine.measuring.clock import records
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome
 from studies.engine.running.rows import element_of

@@ -24,8 +24,8 @@ from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from anctmm.solve import solve
-from studies.engine.clock import Effort, Sampler, Samples, more_than_noise, sampled_in_turn
-from studies.engine.setting import MATERIAL, SECTION, explicit_run, implicit_run
+from studies.engine.measuring.clock import Effort, Sampler, Samples, more_than_noise, sampled_in_turn
+from studies.engine.measuring.setting import MATERIAL, SECTION, explicit_run, implicit_run
 from studies.engine.tables import Table
 
 #: Elements of the beam, its length (m), steps of both integrators (s).

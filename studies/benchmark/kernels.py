@@ -23,8 +23,16 @@ from anctmm.recursion import accelerations, riccati
 from anctmm.recursion.riccati import BlockFactors, Links, SplitFactors
 from anctmm.results.solution import Solution
 from anctmm.solve import solve
-from studies.engine.clock import Effort, Sampler, Samples, figures, marched, repeated, sampled_in_turn
-from studies.engine.setting import (
+from studies.engine.measuring.clock import (
+    Effort,
+    Sampler,
+    Samples,
+    figures,
+    marched,
+    repeated,
+    sampled_in_turn,
+)
+from studies.engine.measuring.setting import (
     SHEAR,
     VARIANTS,
     Variant,

@@ -22,8 +22,8 @@ from anctmm.results.solution import Solution
 from anctmm.solve import solve, solve_static
 from studies.benchmark.direct import Direct, mass_matrices, stiffness_matrices
 from studies.benchmark.kernels import accelerations_of
-from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
-from studies.engine.setting import (
+from studies.engine.measuring.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
+from studies.engine.measuring.setting import (
     CABLES,
     MATERIAL,
     SECTION,
@@ -36,8 +36,8 @@ from studies.engine.setting import (
     row_of_beams,
     stable_step,
 )
+from studies.engine.measuring.timing import undisturbed
 from studies.engine.tables import Table
-from studies.engine.timing import undisturbed
 
 Array = NDArray[np.float64]
 

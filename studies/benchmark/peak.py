@@ -26,8 +26,8 @@ from studies.benchmark.kernels import (
     UPDATE,
     parts,
 )
-from studies.engine.clock import Effort, Samples, figures, records, repeated, sampled_in_turn
-from studies.engine.setting import VARIANTS, Variant, bent_arc, implicit_run, row_of_beams
+from studies.engine.measuring.clock import Effort, Samples, figures, records, repeated, sampled_in_turn
+from studies.engine.measuring.setting import VARIANTS, Variant, bent_arc, implicit_run, row_of_beams
 from studies.engine.tables import Table
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from reference import exudyn_cable, global_dae
 from reference.global_dae import explicit as dae_explicit
 from reference.global_dae.model import Model
 from studies.benchmark.kernels import parts, repeat_element_forces, repeat_forces, repeat_scalars
-from studies.engine.clock import (
+from studies.engine.measuring.clock import (
     Effort,
     Sampler,
     Samples,
@@ -31,8 +31,8 @@ from studies.engine.clock import (
     repeated,
     sampled_in_turn,
 )
+from studies.engine.measuring.setting import explicit_run, stable_step
 from studies.engine.running.trial import Mesh, mesh_label
-from studies.engine.setting import explicit_run, stable_step
 from studies.engine.tables import Table
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 

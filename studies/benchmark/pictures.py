@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from studies.benchmark.length import BASE
 from studies.benchmark.peers import EXUDYN, OURS
 from studies.benchmark.precision import TARGETS
-from studies.engine.clock import records
+from studies.engine.measuring.clock import records
 from studies.engine.tables import Table
 from studies.report.plots import (
     INK,

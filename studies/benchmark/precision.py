@@ -17,14 +17,14 @@ from anctmm.results.solution import Cost, Solution
 from anctmm.solve import solve
 from reference import exudyn_cable
 from studies.benchmark.peers import EXUDYN, OURS, mesh_of
+from studies.engine.accuracy.references import uncertainty_of
 from studies.engine.choices import Given, choices_of, written
-from studies.engine.clock import Effort, Samples
+from studies.engine.measuring.clock import Effort, Samples
+from studies.engine.measuring.setting import stable_step
+from studies.engine.measuring.timing import in_turn, least, undisturbed
 from studies.engine.pareto_front import NEAR, cost_at, excess, front
-from studies.engine.references import uncertainty_of
 from studies.engine.running.trial import Mesh, mesh_label
-from studies.engine.setting import stable_step
 from studies.engine.tables import BUILD, Table
-from studies.engine.timing import in_turn, least, undisturbed
 from studies.scenes import BaseScene, cantilever_fall, four_bar
 
 #: Errors at which costs are compared.

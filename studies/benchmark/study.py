@@ -14,8 +14,8 @@ from studies.benchmark.length import BASE, digits, direct_checks, length_costs
 from studies.benchmark.peak import rates
 from studies.benchmark.peers import DENSE, OURS, SPARSE, exudyn_at_like_settings, methods
 from studies.benchmark.precision import equal_error
-from studies.engine.clock import Effort, Samples, records
 from studies.engine.console import say, show_table
+from studies.engine.measuring.clock import Effort, Samples, records
 from studies.engine.study import Result
 from studies.engine.tables import Table, text
 

@@ -13,9 +13,9 @@ from anctmm.elements import shear_kernel
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.invariants import InvariantShearElement
 from anctmm.elements.shear import ShearElement
+from studies.engine.measuring.timing import undisturbed
 from studies.engine.runner import Runner
 from studies.engine.tables import Table
-from studies.engine.timing import undisturbed
 from studies.scenes import four_bar
 
 Array = NDArray[np.float64]

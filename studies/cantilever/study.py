@@ -9,7 +9,7 @@ from studies.cantilever.shear_limits import WARNING, shear_limits
 from studies.cantilever.statics import StaticScheme, StaticSweep, rates, static_sweep
 from studies.convergence.step_convergence import step_rates, step_sweep
 from studies.engine import tables
-from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, cases_of, quick_plan, samples, sweep
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, Sweep, cases_of, quick_plan, samples, sweep
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.study import Options, Result

@@ -10,7 +10,7 @@ import typer
 from studies.command_line.ending import BadOption
 
 if TYPE_CHECKING:
-    from studies.engine.refinement import Setup
+    from studies.engine.accuracy.refinement import Setup
     from studies.engine.running.trial import Mesh
     from studies.engine.study import Options
 
@@ -70,7 +70,7 @@ def setup_of(solver: str, element: str | None, integrator: str | None) -> "Setup
     UnknownOptionError
         Naming what is not known.
     """
-    from studies.engine.refinement import Setup
+    from studies.engine.accuracy.refinement import Setup
 
     ours = Setup(solver)
     return replace(

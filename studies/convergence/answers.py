@@ -4,9 +4,9 @@ from collections.abc import Iterable, Sequence
 from math import isfinite
 
 from studies.convergence.joint_forces import at_joints
+from studies.engine.accuracy.digits import Value, values_of
+from studies.engine.accuracy.refinement import Refined
 from studies.engine.answers import Answer
-from studies.engine.digits import Value, values_of
-from studies.engine.refinement import Refined
 from studies.engine.running.trial import mesh_label
 
 

@@ -3,8 +3,8 @@
 from itertools import pairwise
 
 from anctmm.model.case import Case
-from studies.engine.dynamics import check_mesh
-from studies.engine.refinement import Refinement, Setup
+from studies.engine.accuracy.dynamics import check_mesh
+from studies.engine.accuracy.refinement import Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.study import Options, StudyError

@@ -10,7 +10,7 @@ from anctmm.model.case import Case
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.results.solution import Solution
-from studies.engine.digits import Value, probe_text
+from studies.engine.accuracy.digits import Value, probe_text
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from studies.engine.dynamics import Fine, Plan, Scheme, Sweep, of_kinds, sweep
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, Sweep, of_kinds, sweep
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options

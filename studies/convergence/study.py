@@ -13,10 +13,10 @@ from studies.convergence.answers import answers
 from studies.convergence.given import given_levels
 from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
-from studies.engine.digits import Reading, at_probes, values_of
+from studies.engine.accuracy.digits import Reading, at_probes, values_of
+from studies.engine.accuracy.refinement import Refined, Refinement, Setup
+from studies.engine.accuracy.richardson import Part
 from studies.engine.pictures import Film, Picture
-from studies.engine.refinement import Refined, Refinement, Setup
-from studies.engine.richardson import Part
 from studies.engine.runner import Runner
 from studies.engine.running.trial import mesh_label
 from studies.engine.storage.files import file_name

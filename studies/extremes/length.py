@@ -28,8 +28,8 @@ from anctmm.recursion.transfer import (
 )
 from reference.global_dae.model import Model, kkt, typical
 from studies.benchmark.kernels import accelerations_of
+from studies.engine.measuring.setting import CABLES, SHEAR, Variant, implicit_run, rolled_up, row_of_beams
 from studies.engine.runner import Runner
-from studies.engine.setting import CABLES, SHEAR, Variant, implicit_run, rolled_up, row_of_beams
 from studies.engine.tables import Table
 from studies.extremes.double_double import Double, minus_products, plus
 from studies.extremes.parts import EPS, Job, Part, rows_of

@@ -12,8 +12,8 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.validation import FrozenMapping
 from studies.cases import assumptions_of
+from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.answers import Answer
-from studies.engine.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.rows import row

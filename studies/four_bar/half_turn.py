@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from studies.engine.dynamics import Fine, Plan, Scheme, of_kinds, sweep
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, of_kinds, sweep
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 
 from anctmm.results.solution import Solution
+from studies.engine.measuring.timing import Timing, in_turn, summarise
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import Mesh, Trial
 from studies.engine.study import Options
 from studies.engine.tables import BUILD, Table
-from studies.engine.timing import Timing, in_turn, summarise
 from studies.scenes import BaseScene
 
 MESH: Mesh = (2, 8, 2)

@@ -8,7 +8,7 @@ import pandas as pd
 from anctmm.results.solution import Solution
 from studies.convergence.step_convergence import step_rates, step_sweep
 from studies.engine import tables
-from studies.engine.dynamics import REISSNER, Fine, Plan, Scheme, Sweep, quick_plan, samples, sweep
+from studies.engine.accuracy.dynamics import REISSNER, Fine, Plan, Scheme, Sweep, quick_plan, samples, sweep
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.study import Options, Result

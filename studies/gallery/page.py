@@ -16,7 +16,7 @@ PAGE = FOLDER / "README.md"
 HEAD = """# Gallery
 
 A dozen scenes, each a file of at most 25 lines, with what came out of it and a number that is known from elsewhere.
-The tests run them all (`tests/of_studies/test_gallery.py`). Each file is a case:
+The tests run them all (`tests/of_studies/questions/test_gallery.py`). Each file is a case:
 `anctmm run studies/gallery/scenes/bridge.py` runs it, and the [studies](../README.md#commands) take it in the same way.
 
 `python -m studies.gallery` writes this page and its pictures, with the settings in `motions.py` and `equilibria.py`.

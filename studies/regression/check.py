@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from anctmm.errors import PluginError
 from anctmm.results.solution import Status
 from anctmm.solvers import registry
-from studies.engine.processes import Lost, side_by_side
+from studies.engine.running.processes import Lost, side_by_side
 from studies.engine.storage.files import check_writable
 from studies.engine.storage.provenance import stamp
 from studies.regression.history import Baseline, Column, History, is_ours, read_baseline, write_baseline

@@ -5,8 +5,8 @@ from math import nan
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
-from studies.engine.dynamics import check_mesh
-from studies.engine.refinement import coarsest_mesh, longest_step
+from studies.engine.accuracy.dynamics import check_mesh
+from studies.engine.accuracy.refinement import coarsest_mesh, longest_step
 from studies.engine.running.trial import Mesh, Trial
 from studies.regression.scenes import TIGHT, CheckError, Run, Static, Watch
 

@@ -12,7 +12,7 @@ from studies.regression.scenes import ARC_LENGTH, FromRest, Run, Static, Watch, 
 TIGHT = 1e-12
 ELEMENTS = "cable", "shear"
 #: Steps just below and just above the largest stable one of each scene, s: elements, ψ = φ, and that step (those of
-#: the global DAE, see `tests/of_studies/test_small_scenes.py`).
+#: the global DAE, see `tests/of_studies/checks/test_small_scenes.py`).
 LIMITS: dict[str, tuple[Scene, Any, Any, float, float]] = {
     "cable": (small.bare(), 1, "cable", 0.5, 6.3036110e-3),
     "shear": (small.bare(), 1, "shear", 0.5, 8.3745481e-4),

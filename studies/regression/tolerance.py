@@ -28,9 +28,9 @@ from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
 from anctmm.solvers.registry import static_of
+from studies.engine.measuring.timing import undisturbed
 from studies.engine.other_numbers import Change
 from studies.engine.running.trial import guarded
-from studies.engine.timing import undisturbed
 from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, FromRest, Run, Static, Task

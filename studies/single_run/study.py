@@ -9,9 +9,9 @@ from anctmm.errors import CaseError
 from anctmm.model.case import Case
 from anctmm.results.solution import Solution
 from anctmm.validation import positive
-from studies.engine.digits import Value, values_of, values_table
-from studies.engine.dynamics import check_mesh
-from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.accuracy.digits import Value, values_of, values_table
+from studies.engine.accuracy.dynamics import check_mesh
+from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.storage.files import check_writable

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from studies.engine.clock import records
+from studies.engine.measuring.clock import records
 from studies.engine.tables import Table, times
 from studies.trade.choice import stepping
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pandas as pd
 
+from studies.engine.accuracy.dynamics import AS_GIVEN
 from studies.engine.choices import NONE
-from studies.engine.dynamics import AS_GIVEN
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
@@ -45,7 +45,7 @@ def own_of(line: Mapping[Any, Any]) -> str:
 
 
 def stretch_of(line: Mapping[Any, Any]) -> str:
-    """How clamps hold the stretch, see `studies.engine.dynamics.with_stretch`; tables of before do not say it."""
+    """How clamps hold the stretch, see `studies.engine.accuracy.dynamics.with_stretch`; older tables do not say it."""
     return str(line.get("stretch", AS_GIVEN))
 
 

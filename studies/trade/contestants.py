@@ -6,7 +6,7 @@ from dataclasses import replace
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from anctmm.solvers import registry
-from studies.engine.dynamics import Plan
+from studies.engine.accuracy.dynamics import Plan
 
 
 def left_out(plan: Plan, case: Case, asked: Iterable[str] | None) -> dict[str, list[str]]:

@@ -7,8 +7,8 @@ from typing import TypeVar
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
-from studies.engine.dynamics import check_kinds
-from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.accuracy.dynamics import check_kinds
+from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError

@@ -10,11 +10,11 @@ from anctmm.model.case import Case
 from anctmm.model.needs import MECHANISMS, needs
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES, features_of
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme
 from studies.engine.choices import choices_of
-from studies.engine.dynamics import Fine, Plan, Scheme
+from studies.engine.measuring.setting import stable_step
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import Mesh
-from studies.engine.setting import stable_step
 from studies.scenes import cantilever_fall, four_bar
 
 #: Target errors of the built-in scenes; of a quick run.

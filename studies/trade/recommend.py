@@ -15,12 +15,12 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import history_error
+from studies.engine.accuracy.dynamics import continuum_of, with_stretch
 from studies.engine.choices import read as read_own
-from studies.engine.dynamics import continuum_of, with_stretch
+from studies.engine.measuring.timing import least, undisturbed
 from studies.engine.running.trial import Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
-from studies.engine.timing import least, undisturbed
 from studies.scenes import base_of, moving_scenes
 from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of, stretch_of
 from studies.trade.snippet import snippet, snippet_of_file

@@ -6,7 +6,7 @@ from math import nan
 
 from anctmm.model.case import Case
 from anctmm.results.metrics import compare
-from studies.engine.dynamics import Fine, fine_run
+from studies.engine.accuracy.dynamics import Fine, fine_run
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import mesh_label

@@ -8,7 +8,7 @@ from anctmm.elements.kinds import KINDS
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
-from studies.engine.dynamics import Sweep, measured_by
+from studies.engine.accuracy.dynamics import Sweep, measured_by
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome
 from studies.engine.running.rows import element_of

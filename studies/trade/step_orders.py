@@ -8,7 +8,7 @@ from typing import Any
 
 from anctmm.model.case import Case
 from anctmm.results.metrics import compare
-from studies.engine.dynamics import Fine, fine_run
+from studies.engine.accuracy.dynamics import Fine, fine_run
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
 

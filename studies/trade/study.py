@@ -9,8 +9,9 @@ import pandas as pd
 
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
+from studies.engine.accuracy.dynamics import AS_GIVEN, Fine, Sweep, check_mesh, measured_by, sweep
 from studies.engine.choices import written
-from studies.engine.dynamics import AS_GIVEN, Fine, Sweep, check_mesh, measured_by, sweep
+from studies.engine.measuring.timing import in_turn, least
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference, Sample
@@ -20,7 +21,6 @@ from studies.engine.running.turns import at_work
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
-from studies.engine.timing import in_turn, least
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
 from studies.trade.contestants import left_out, said_of, without

@@ -12,9 +12,9 @@ from anctmm.model.case import Case
 from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
+from studies.engine.accuracy.dynamics import REISSNER
 from studies.engine.answers import Answer
-from studies.engine.clock import records
-from studies.engine.dynamics import REISSNER
+from studies.engine.measuring.clock import records
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import mesh_label

@@ -10,7 +10,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.jit.compiling import uncompiled
 from studies.benchmark.additions import ELEMENTS, IMPLICIT_DT, scenes
-from studies.engine.setting import implicit_run
+from studies.engine.measuring.setting import implicit_run
 
 
 def windows(first):

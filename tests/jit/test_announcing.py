@@ -45,7 +45,7 @@ def jobs():
 '''
 HERE = "print([job() for job in jobs()])"
 COPIES = """
-from studies.engine.processes import side_by_side
+from studies.engine.running.processes import side_by_side
 print([found for _, found in sorted(side_by_side(jobs(), 2))])
 """
 WORKERS = """

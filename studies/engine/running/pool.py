@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import IO, Any
 
 from anctmm.jit.announcing import compiling
-from studies.engine.processes import Lost
+from studies.engine.running.processes import Lost
 
 #: What a process runs: the same code from the same places.
 _PROGRAM = (

@@ -8,9 +8,9 @@ import pandas as pd
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import AnctmmError
 from anctmm.solvers import registry
+from studies.engine.measuring.timing import summarise
 from studies.engine.running.outcomes import Outcome, Reference
 from studies.engine.running.trial import STATIC, Trial, mesh_label
-from studies.engine.timing import summarise
 
 #: Of a run's row.
 COLUMNS = (

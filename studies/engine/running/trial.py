@@ -12,7 +12,7 @@ from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers.foreign_code import contained, told
 from anctmm.solvers.registry import Solver, static_of
-from studies.engine.timing import undisturbed
+from studies.engine.measuring.timing import undisturbed
 
 STATIC = "static"
 Mesh = tuple[int, ...]

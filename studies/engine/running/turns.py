@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from anctmm.jit import cache_dir as storage
+from studies.engine.measuring.timing import pinned
 from studies.engine.storage import provenance
-from studies.engine.timing import pinned
 
 try:
     import fcntl

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from anctmm.model.case import Case
 from anctmm.results.solution import Solution
-from studies.engine.refinement import Refined, Refinement, Setup
+from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import STATIC, Trial
 from studies.extremes.parts import EPS

@@ -13,8 +13,8 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.integrators.stability import largest_step
 from anctmm.integrators.static_start import coordinates_of
+from studies.engine.accuracy.refinement import Refinement, Setup
 from studies.engine.pictures import Picture
-from studies.engine.refinement import Refinement, Setup
 from studies.engine.running.trial import mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.tables import Table

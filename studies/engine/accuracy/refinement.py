@@ -20,12 +20,12 @@ from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
-from studies.engine.dynamics import AS_GIVEN, with_stretch
-from studies.engine.richardson import Part, Spacing, part_of
+from studies.engine.accuracy.dynamics import AS_GIVEN, with_stretch
+from studies.engine.accuracy.richardson import Part, Spacing, part_of
+from studies.engine.measuring.setting import stable_step
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
 from studies.engine.running.trial import STATIC, Mesh, Trial, mesh_label
-from studies.engine.setting import stable_step
 
 #: Of the longest beam on the coarsest mesh: of elements of fourth order, and of others.
 COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
@@ -48,7 +48,7 @@ class Setup:
     ----------
     solver, element, integrator, quadrature : str
     stretch : str
-        Of the scene's clamps, see `studies.engine.dynamics.with_stretch`.
+        Of the scene's clamps, see `studies.engine.accuracy.dynamics.with_stretch`.
     options : tuple of (str, value)
         Further options of the discretisation.
 

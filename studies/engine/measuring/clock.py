@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.results.solution import Solution
-from studies.engine.timing import in_turn
+from studies.engine.measuring.timing import in_turn
 
 #: One measurement: CPU time of one unit of work (an element and step, say), ns.
 Sampler = Callable[[], float]

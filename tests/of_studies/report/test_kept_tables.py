@@ -8,7 +8,7 @@ import pytest
 
 from studies.trade.recommend import choose, kept
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SCENES = "four-bar", "cantilever-fall"
 TARGETS = 1e-2, 1e-3, 1e-4, 1e-5
 

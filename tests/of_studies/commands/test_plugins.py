@@ -18,13 +18,13 @@ from studies.cantilever.statics import StaticScheme, static_sweep
 from studies.cli import read_options
 from studies.conformance.check import BROKEN, conform
 from studies.engine import tables
-from studies.engine.dynamics import Fine, Plan, Scheme, sweep
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, sweep
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Trial
 from studies.engine.study import Options
 from studies.scenes import cantilever_fall, cantilever_tip_force
 
-README = (Path(__file__).parents[2] / "anctmm/solvers/README.md").read_text(encoding="utf-8")
+README = (Path(__file__).parents[3] / "anctmm/solvers/README.md").read_text(encoding="utf-8")
 FALL = cantilever_fall()
 RUN = Discretisation(mesh=4, dt=1e-2, t_end=0.1)
 

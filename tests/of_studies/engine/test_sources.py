@@ -134,9 +134,9 @@ def test_nothing_is_kept_without_a_source_or_a_key(tmp_path):
         ("studies.extremes.length", ["studies.extremes.parts", "anctmm.recursion.riccati"]),
         ("studies.extremes.step", ["studies.extremes.march", "anctmm.integrators.stability"]),
         ("studies.extremes.time", ["anctmm.integrators.generalized_alpha", "reference.global_dae.constraints"]),
-        ("studies.trade.study", ["studies.engine.clock"]),
-        ("studies.four_bar.paper_table", ["studies.engine.timing"]),
-        ("studies.engine.runner", ["studies.engine.timing", "anctmm.results.solution"]),
+        ("studies.trade.study", ["studies.engine.measuring.clock"]),
+        ("studies.four_bar.paper_table", ["studies.engine.measuring.timing"]),
+        ("studies.engine.runner", ["studies.engine.measuring.timing", "anctmm.results.solution"]),
     ],
 )  # fmt: skip
 def test_the_studies_results_are_those_of_their_own_code(module, own):

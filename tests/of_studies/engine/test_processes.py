@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from studies.engine.processes import JobError, Lost, processors, side_by_side
+from studies.engine.running.processes import JobError, Lost, processors, side_by_side
 from studies.regression.check import BASELINES, check, in_order, select
 from studies.regression.scenes import base_watches, tasks_of
 

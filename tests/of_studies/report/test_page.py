@@ -26,7 +26,7 @@ from studies.report.table_view import label
 from studies.scenes import cantilever_fall, four_bar
 from studies.trade.advice import advice
 
-KEPT = Path(__file__).parents[2] / "reports"
+KEPT = Path(__file__).parents[3] / "reports"
 #: Studies whose tables and pictures are of all kinds.
 SHOWN = ("four-bar", "cantilever", "agreement", "trade")
 

@@ -32,7 +32,7 @@ from studies.trade.snippet import SnippetError, code, snippet
 from studies.trade.split import weigh
 
 TARGETS = [(scene, target) for scene in ("four-bar", "cantilever-fall") for target in (1e-2, 1e-3, 1e-4)]
-KEPT = Path(__file__).parents[2] / "reports" / "trade"
+KEPT = Path(__file__).parents[3] / "reports" / "trade"
 
 
 @pytest.fixture(scope="module")

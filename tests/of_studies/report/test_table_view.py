@@ -8,7 +8,7 @@ import pytest
 from studies.engine.tables import Table
 from studies.report.table_view import view
 
-KEPT = sorted((Path(__file__).parents[2] / "reports").rglob("*.csv"))
+KEPT = sorted((Path(__file__).parents[3] / "reports").rglob("*.csv"))
 
 
 def columns(frame: pd.DataFrame) -> list[str]:

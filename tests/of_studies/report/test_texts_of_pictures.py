@@ -8,7 +8,7 @@ from browser import OVERLAPS, Tab, needs_chromium
 from studies.report.error_pictures import ELEMENT_TITLES, over_mesh
 from studies.trade.pictures import pictures
 
-REPORTS = Path(__file__).parents[2] / "reports"
+REPORTS = Path(__file__).parents[3] / "reports"
 
 
 def drawn():

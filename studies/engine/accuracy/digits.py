@@ -14,8 +14,8 @@ from anctmm.model.case import Case
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution
-from studies.engine.refinement import Refined
-from studies.engine.richardson import left_in
+from studies.engine.accuracy.refinement import Refined
+from studies.engine.accuracy.richardson import left_in
 from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.

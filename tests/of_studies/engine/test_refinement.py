@@ -9,10 +9,10 @@ from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THR
 import anctmm as at
 from anctmm.errors import StabilityError, UnknownOptionError
 from studies.cases import cases_in, find_case
-from studies.engine.digits import Value, rounded, values_of
-from studies.engine.refinement import Refinement, Setup, coarsest_mesh
+from studies.engine.accuracy.digits import Value, rounded, values_of
+from studies.engine.accuracy.refinement import Refinement, Setup, coarsest_mesh
+from studies.engine.measuring.setting import stable_step
 from studies.engine.runner import Runner
-from studies.engine.setting import stable_step
 
 CASES = [(file, case.name) for file in FILES for case in cases_in(file)]
 

@@ -16,7 +16,7 @@ from studies.engine.storage.files import atomic_write
 from studies.trade import recommend
 from studies.trade.choice import setting_of
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SHIPPED = ("points.csv", "histories.csv", "references.csv", "SHA256SUMS", "machine.json")
 
 

@@ -11,7 +11,7 @@ from anctmm.model.case import Case
 from anctmm.model.scene import Clamp, Scene
 from anctmm.results.solution import Solution
 from anctmm.validation import one_of
-from studies.engine.references import refined_reference
+from studies.engine.accuracy.references import refined_reference
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
 from studies.engine.running.rows import element_of, row, rows_frame, sample_rows

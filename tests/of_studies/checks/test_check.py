@@ -30,8 +30,8 @@ from studies.regression.scenes import Static, Task, base_watches, declared_in, t
 from studies.regression.small_watches import all_watches
 from studies.regression.tolerance import MARGIN, simulate, tolerances_of
 
-HELPERS = Path(__file__).parents[1] / "helpers"
-ROOT = Path(__file__).parents[2]
+HELPERS = Path(__file__).parents[2] / "helpers"
+ROOT = Path(__file__).parents[3]
 WATCHED = HELPERS / "watched_scenes.py"
 BASE = tasks_of(base_watches())
 #: Quick and telling: of each kind of element, explicitly and implicitly, and at rest.

@@ -18,8 +18,9 @@ from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from studies.cantilever.statics import rates
 from studies.cli import BadOption, read_options
 from studies.engine import tables
-from studies.engine.dynamics import Fine, Plan, Scheme, cases_of, sweep
-from studies.engine.references import refined_reference
+from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, cases_of, sweep
+from studies.engine.accuracy.references import refined_reference
+from studies.engine.measuring.timing import in_turn, summarise, undisturbed
 from studies.engine.runner import Runner
 from studies.engine.running.case_text import reproducible
 from studies.engine.running.outcomes import Reference
@@ -27,7 +28,6 @@ from studies.engine.running.rows import row
 from studies.engine.running.trial import Trial, product
 from studies.engine.study import Options, Result, StudyError, find
 from studies.engine.tables import Table
-from studies.engine.timing import in_turn, summarise, undisturbed
 from studies.report import error_pictures
 from studies.report.folder import write
 from studies.report.plots import Picture, picture, write_picture

@@ -9,8 +9,8 @@ import pytest
 
 from anctmm.errors import SolverError
 from anctmm.integrators.stability import zhai_limit
+from studies.engine.measuring.setting import CABLES, SHEAR
 from studies.engine.runner import Runner
-from studies.engine.setting import CABLES, SHEAR
 from studies.engine.study import Options, Result, find
 from studies.extremes.double_double import minus_products, plus, two_product, two_sum
 from studies.extremes.length import CONDENSED, PAPER, PLAIN, SPARSE, SPLIT, Problem, growth

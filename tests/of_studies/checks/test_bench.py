@@ -18,8 +18,8 @@ from studies.benchmark.length import Long, acceleration_check, clamped_digits, m
 from studies.benchmark.peak import counted, kernel_operations, operations
 from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
 from studies.benchmark.precision import Point, Setting, contenders, cost_at, front, promising
-from studies.engine.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
-from studies.engine.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
+from studies.engine.measuring.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
+from studies.engine.measuring.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
 from studies.engine.tables import MOST_ROWS
 
 TABLES = {

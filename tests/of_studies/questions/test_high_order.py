@@ -11,7 +11,7 @@ import pytest
 import anctmm as at
 from anctmm.results.metrics import history_error
 from reference import global_dae
-from studies.engine.dynamics import AS_GIVEN, fine_run, reference_of, with_stretch
+from studies.engine.accuracy.dynamics import AS_GIVEN, fine_run, reference_of, with_stretch
 from studies.engine.runner import Runner
 from studies.engine.study import Options
 from studies.scenes import base_of

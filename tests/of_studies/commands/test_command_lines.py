@@ -21,7 +21,7 @@ from studies.cli import app
 from studies.command_line import ending
 from studies.command_line.streams import NARROWEST, substitute
 
-TRADE = Path(__file__).parents[2] / "reports" / "trade"
+TRADE = Path(__file__).parents[3] / "reports" / "trade"
 #: A solver that needs no compiler: bodies fall as if nothing held them.
 STILL = """
 import numpy as np

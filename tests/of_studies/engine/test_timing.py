@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from studies.engine.timing import least, summarise
+from studies.engine.measuring.timing import least, summarise
 
 COSTS = [
     at.Cost(cpu, wall, 10, build_s=build)
