@@ -18,10 +18,10 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.timeline import set_actions
-from anctmm.integrators.implicit_run import balance
-from anctmm.integrators.implicit_step import begin_step, copy, dissipated, finish
-from anctmm.integrators.implicit_system import System
-from anctmm.integrators.newton import solve_step
+from anctmm.integrators.implicit.newton import solve_step
+from anctmm.integrators.implicit.run import balance
+from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
+from anctmm.integrators.implicit.system import System
 from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.step_control import (
     CAP,

@@ -55,10 +55,10 @@ from anctmm.forces.drive_frames import (
     turn_frames,
 )
 from anctmm.forces.driving import drive_table, drive_width
-from anctmm.integrators.implicit_run import Steps, take_steps
-from anctmm.integrators.implicit_step import copy, predict
-from anctmm.integrators.implicit_system import System, new_system
-from anctmm.integrators.newton import iterate
+from anctmm.integrators.implicit.newton import iterate
+from anctmm.integrators.implicit.run import Steps, take_steps
+from anctmm.integrators.implicit.step import copy, predict
+from anctmm.integrators.implicit.system import System, new_system
 from anctmm.integrators.output import Output, actuation_of, keep, too_large
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes

@@ -24,10 +24,10 @@ from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import Coefficients
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.driving import drive_width, tables_of
-from anctmm.integrators.implicit_run import Steps, take_steps
-from anctmm.integrators.implicit_step import begin_step, dissipated, finish
-from anctmm.integrators.implicit_system import System, new_system
-from anctmm.integrators.newton import solve_step
+from anctmm.integrators.implicit.newton import solve_step
+from anctmm.integrators.implicit.run import Steps, take_steps
+from anctmm.integrators.implicit.step import begin_step, dissipated, finish
+from anctmm.integrators.implicit.system import System, new_system
 from anctmm.integrators.output import (
     Output,
     actuation_of,

@@ -37,10 +37,10 @@ from anctmm.integrators.esdirk import (
     solve_stage,
     stage_power,
 )
-from anctmm.integrators.implicit_run import balance
-from anctmm.integrators.implicit_step import copy
-from anctmm.integrators.implicit_system import System
-from anctmm.integrators.newton import ROUNDING
+from anctmm.integrators.implicit.newton import ROUNDING
+from anctmm.integrators.implicit.run import balance
+from anctmm.integrators.implicit.step import copy
+from anctmm.integrators.implicit.system import System
 from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.stage_error import motion_within, put_actions, stage_error
 from anctmm.integrators.step_control import (

@@ -33,10 +33,10 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
-from anctmm.integrators.implicit_system import System, least_left, new_system
+from anctmm.integrators.implicit.newton import ROUNDING, SLOW
+from anctmm.integrators.implicit.newton_failure import correction_size
+from anctmm.integrators.implicit.system import System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import ROUNDING, SLOW
-from anctmm.integrators.newton_failure import correction_size
 from anctmm.integrators.output import (
     STEP,
     Output,

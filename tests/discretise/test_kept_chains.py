@@ -13,7 +13,8 @@ import anctmm as at
 from anctmm.discretise import kept_chains
 from anctmm.discretise.kept_chains import CHAINS, NODES, own
 from anctmm.errors import MeshError, StabilityError
-from anctmm.integrators import implicit_system, zhai
+from anctmm.integrators import zhai
+from anctmm.integrators.implicit import system as implicit_system
 from anctmm.jit.copies import copier
 from anctmm.solve import _checked_chain
 

@@ -12,8 +12,8 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import PropertyError, StabilityError
-from anctmm.integrators.implicit_system import new_state
-from anctmm.integrators.newton_failure import residual_history
+from anctmm.integrators.implicit.newton_failure import residual_history
+from anctmm.integrators.implicit.system import new_state
 from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
 from anctmm.integrators.zhai import advance as explicit_kernel
 from anctmm.model.drives import Quintic

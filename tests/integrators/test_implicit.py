@@ -14,9 +14,9 @@ from anctmm.discretise import kept_chains
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
-from anctmm.integrators import implicit_system
-from anctmm.integrators.implicit_system import KAPPA, ROUNDED, new_newton, new_state, single_will_do
-from anctmm.integrators.newton_failure import correction_size, residual_history
+from anctmm.integrators.implicit import system as implicit_system
+from anctmm.integrators.implicit.newton_failure import correction_size, residual_history
+from anctmm.integrators.implicit.system import KAPPA, ROUNDED, new_newton, new_state, single_will_do
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Quintic

@@ -6,9 +6,11 @@ from numpy.testing import assert_allclose
 from samples import SQUARE, chain_of
 
 from anctmm.forces.actuation import Actuation
-from anctmm.integrators import generalized_alpha, implicit_run, implicit_system
-from anctmm.integrators.implicit_run import balance
-from anctmm.integrators.implicit_system import new_system
+from anctmm.integrators import generalized_alpha
+from anctmm.integrators.implicit import run as implicit_run
+from anctmm.integrators.implicit import system as implicit_system
+from anctmm.integrators.implicit.run import balance
+from anctmm.integrators.implicit.system import new_system
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 
 

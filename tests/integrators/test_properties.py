@@ -21,7 +21,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.mesh import build
-from anctmm.integrators.implicit_system import KAPPA
+from anctmm.integrators.implicit.system import KAPPA
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
 from anctmm.model.scene import Beam, Clamp, Force, Material, Scene, Torque, Weld

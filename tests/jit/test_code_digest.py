@@ -7,7 +7,8 @@ import sys
 import numba
 import pytest
 
-from anctmm.integrators import implicit_system, zhai
+from anctmm.integrators import zhai
+from anctmm.integrators.implicit import system as implicit_system
 from anctmm.jit import code_digest as code_digest_module
 from anctmm.jit.code_digest import code_digest, signature_text
 

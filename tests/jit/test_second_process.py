@@ -13,7 +13,8 @@ from samples import beam
 
 import anctmm as at
 from anctmm.discretise import kept_chains
-from anctmm.integrators import implicit_run, zhai
+from anctmm.integrators import zhai
+from anctmm.integrators.implicit import run as implicit_run
 from anctmm.jit import second_process
 from anctmm.jit.kernel_files import directory
 

@@ -19,11 +19,11 @@ from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit_step import copy, damp_now
-from anctmm.integrators.implicit_system import Newton, System
+from anctmm.integrators.implicit.newton import parts
+from anctmm.integrators.implicit.newton_failure import stalled
+from anctmm.integrators.implicit.step import copy, damp_now
+from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.newton import parts
-from anctmm.integrators.newton_failure import stalled
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
 from anctmm.jit.compiling import kernel, uncompiled
 from anctmm.jit.second_process import Parts, Task, side_by_side

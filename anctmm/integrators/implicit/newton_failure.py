@@ -16,7 +16,7 @@ from anctmm.forces.actuation import (
 )
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit_system import ITERATIONS, Newton, State, new_damping
+from anctmm.integrators.implicit.system import ITERATIONS, Newton, State, new_damping
 from anctmm.integrators.output import (
     gradient_size,
     worst_element,

@@ -16,8 +16,8 @@ from anctmm.discretise.methods import Coefficients
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit_step import damp_at_end, predict
-from anctmm.integrators.implicit_system import ITERATIONS, System
+from anctmm.integrators.implicit.step import damp_at_end, predict
+from anctmm.integrators.implicit.system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.jit.second_process import Parts
