@@ -178,7 +178,7 @@ ENDS = {
     "an unknown third end": (
         lambda: (Pin(A, B, "c.middle"),),
         UnknownNameError,
-        ["'c.middle'", "name.start"],
+        ["'c.middle'", "'c.start', 'c.end' and ('c', fraction)"],
     ),
     "an unknown third body": (lambda: (Weld(A, B, "g.start"),), UnknownNameError, ["'g'", "'a', 'b'"]),
     "a third end that is no text": (lambda: (Pin(A, B, 3),), UnknownNameError, ["3", "name.start"]),
