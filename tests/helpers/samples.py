@@ -1,14 +1,15 @@
 """Small scenes and helpers that several tests share; the base scenes are in `studies.scenes`."""
 
 from contextlib import contextmanager
-from math import cos, sin
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene, Weld
+from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
 
 SOFT = Material(E=1e7, density=1000.0)
@@ -38,6 +39,23 @@ def bar(joints=(), loads=(), velocity=None, gravity=(0.0, 0.0), material=SOFT):
     """One oblique bar of length 1 m."""
     beam = Beam("bar", (0.0, 0.0), (0.6, 0.8), SQUARE, material, velocity)
     return Scene("bar", [beam], joints, loads, gravity)
+
+
+def linkage(duration):
+    """A driven crank, a coupler under a torque that lasts so long (s), a third beam to the ground: a loop."""
+    ends = {"crank": ((0, 0), (0.3, 0)), "coupler": ((0.3, 0), (0.9, 0.3)), "last": ((0.9, 0.3), (0.8, 0))}
+    bodies = [Beam(name, *places, SQUARE, SOFT) for name, places in ends.items()]
+    joints = [
+        Clamp("crank.start", angle=Quintic(pi / 3, 0.4)),
+        Pin("crank.end", "coupler.start"),
+        Pin("coupler.end", "last.start"),
+        Pin("last.end"),
+    ]
+    loads = [
+        Torque("coupler.end", Pulse(0.02, duration)),
+        Force("coupler.end", lambda t: (0.1 * t, 0.2 * t * t)),
+    ]
+    return Scene("linkage", bodies, joints, loads, (0.0, -9.81))
 
 
 def row_scene(start, links, end, lengths=None, turned=(), loads=(), gravity=(0.0, 0.0)):

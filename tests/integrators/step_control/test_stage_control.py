@@ -1,14 +1,14 @@
 """Steps of fourth order with a tolerance: what it promises, what it costs, outputs within a step, what is refused."""
 
-from math import pi
+from functools import partial
 
 import numpy as np
 import pytest
-from samples import SOFT, SQUARE, bar
+from samples import SQUARE, bar, linkage
 
 import anctmm as at
 from anctmm.errors import UnsupportedError
-from anctmm.model.drives import Pulse, Quintic
+from anctmm.model.drives import Quintic
 from studies import scenes
 
 GRAVITY = (0.0, -9.81)
@@ -22,23 +22,6 @@ def falling():
 def hinge():
     """A beam that a drive turns while its stretch is free."""
     return bar([at.Clamp("bar.start", Quintic(1.0, 0.15), stretch="free")], gravity=GRAVITY)
-
-
-def linkage():
-    """A driven crank, a coupler with a load that varies, a third beam to the ground."""
-    ends = {"crank": ((0, 0), (0.3, 0)), "coupler": ((0.3, 0), (0.9, 0.3)), "last": ((0.9, 0.3), (0.8, 0))}
-    bodies = [at.Beam(name, *places, SQUARE, SOFT) for name, places in ends.items()]
-    joints = [
-        at.Clamp("crank.start", angle=Quintic(pi / 3, 0.4)),
-        at.Pin("crank.end", "coupler.start"),
-        at.Pin("coupler.end", "last.start"),
-        at.Pin("last.end"),
-    ]
-    loads = [
-        at.Torque("coupler.end", Pulse(0.02, 0.1)),
-        at.Force("coupler.end", lambda t: (0.1 * t, 0.2 * t * t)),
-    ]
-    return at.Scene("linkage", bodies, joints, loads, GRAVITY)
 
 
 def struck():
@@ -67,7 +50,7 @@ def acted_on():
 SCENES = {
     "falling": (falling, 1e-3),
     "hinge": (hinge, 5e-4),
-    "linkage": (linkage, 1e-3),
+    "linkage": (partial(linkage, 0.1), 1e-3),
     "struck": (struck, 2.5e-4),
     "acted on": (acted_on, 1e-3),
 }
@@ -99,7 +82,7 @@ def test_errors_stay_within_three_times_what_is_asked(name):
 
 def test_outputs_within_steps_lie_on_the_motion():
     """Half of the steps, about, hold more than one output; where the quintic is no motion, steps end at the outputs."""
-    scene = linkage()
+    scene = linkage(0.1)
     options = RUN | {"mesh": 1}
     many = at.solve(scene, tolerance=1e-4, **options | {"output_dt": 6.25e-4})
     assert many.cost.steps < 0.7 * len(many.t)
