@@ -1,4 +1,4 @@
-"""The faults that `helpers/planted.py` plants can be planted: what they change stands where they look for it."""
+"""The faults that `planted.py` plants can be planted: what they change stands where they look for it."""
 
 import ast
 import tomllib
@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-TABLE = tomllib.loads((Path(__file__).parent / "helpers" / "planted_faults.toml").read_text())
+TABLE = tomllib.loads((Path(__file__).parent / "helpers" / "planting" / "planted_faults.toml").read_text())
 
 
 @pytest.mark.parametrize("file", TABLE)

@@ -10,7 +10,7 @@ import pytest
 import anctmm as at
 
 ROOT = Path(__file__).parents[2]
-SCRIPT = ROOT / "tests" / "helpers" / "typed_script.py"
+SCRIPT = ROOT / "tests" / "helpers" / "processes" / "typed_script.py"
 
 
 def mypy(file: Path) -> tuple[int, str]:

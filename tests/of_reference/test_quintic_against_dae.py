@@ -13,7 +13,7 @@ ALLOWED = {"zhai": 1e-13, "generalized-alpha": 1e-9}
 
 
 def test_motions_are_those_of_the_global_dae():
-    found = json.loads(said_by("quintic_against_dae.py"))
+    found = json.loads(said_by("processes/quintic_against_dae.py"))
     assert len(found) == 2 * len(quintic_against_dae.SCENES)
     for name, (ends, apart) in found.items():
         assert ends == "ok ok", name

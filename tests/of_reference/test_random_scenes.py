@@ -1,8 +1,8 @@
 """Random scenes: no answer is "ok" and wrong. Rows and graphs against the global DAE, rows against Exudyn.
 
-A thousand are tried by `python tests/helpers/random_against.py`. They are interpreted here: each scene is small, and
-the kernels of two solvers for every kind of scene would take minutes to compile; that compiled kernels find what the
-interpreted ones do is what the stored histories of `anctmm check` show.
+A thousand are tried by `python tests/helpers/scenes/random_against.py`. They are interpreted here: each scene is
+small, and the kernels of two solvers for every kind of scene would take minutes to compile; that compiled kernels
+find what the interpreted ones do is what the stored histories of `anctmm check` show.
 """
 
 import pytest
@@ -24,7 +24,7 @@ from anctmm.model.topology import junctions_of
     ],
 )
 def test_no_answer_is_ok_and_wrong(peer, count, drawn):
-    said = said_by("random_against.py", "--peer", peer, "--count", count, *drawn)
+    said = said_by("scenes/random_against.py", "--peer", peer, "--count", count, *drawn)
     counts = {what: int(n) for n, _, what in (p.partition(" ") for p in said.splitlines()[-1].split(", "))}
     assert sum(counts.values()) == count
     locked = "mechanisms" in drawn  # many mechanisms that are drawn lock, and say so

@@ -32,7 +32,7 @@ def test_the_table_of_faults_has_every_kind_and_each_can_be_planted(tmp_path):
 
 
 def test_a_planted_fault_of_each_kind_is_seen():
-    """And none without a fault. The first of each kind; all are tried by `python tests/helpers/planted.py`."""
+    """And none without a fault. The first of each kind; all are tried by `python tests/helpers/planting/planted.py`."""
     done = subprocess.run(
         [sys.executable, planted.__file__, "--first"], capture_output=True, text=True, check=False
     )
@@ -43,7 +43,7 @@ def test_a_planted_fault_of_each_kind_is_seen():
 @pytest.fixture(scope="module")
 def beside_dae():
     """Uncompiled, as the planted faults are tried: the kernels of another solver would take longer to compile."""
-    return json.loads(said_by("small_against_dae.py").splitlines()[-1])
+    return json.loads(said_by("processes/small_against_dae.py").splitlines()[-1])
 
 
 def test_stored_histories_of_small_scenes_are_those_of_the_global_dae(beside_dae):

@@ -1,6 +1,6 @@
 """Random scenes by ANC-TMM and by another solver: is any answer "ok" and wrong?
 
-    python tests/helpers/random_against.py [--peer global-dae|exudyn-cable] [--kind rows|graphs|mechanisms]
+    python tests/helpers/scenes/random_against.py [--peer global-dae|exudyn-cable] [--kind rows|graphs|mechanisms]
         [--first 0] [--count 1000] [--out TABLE.csv]
 
 Scenes are rows of beams; graphs: trees and loops, in several components; mechanisms: with rigid bodies, masses, guides,

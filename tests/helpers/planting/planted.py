@@ -1,6 +1,7 @@
 """Faults planted one at a time into the sources: what does `anctmm check` say of each?
 
-    python tests/helpers/planted.py [--compiled] [--kind KIND] [--first] [--sample N --seed S] [--out TABLE.csv]
+    python tests/helpers/planting/planted.py [--compiled] [--kind KIND] [--first] [--sample N --seed S]
+                                             [--out TABLE.csv]
 
 Each fault of `planted_faults.toml` changes one place of one file, and the small scenes are checked with that change
 until one comparison fails. They are interpreted, not compiled: each fault gets a fork of one process that has all
@@ -29,7 +30,7 @@ import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 TABLE = Path(__file__).with_name("planted_faults.toml")
 PACKAGES = ("anctmm", "reference", "studies")
 #: Longest time of one check, s: of the processor interpreted, of the clock compiled.

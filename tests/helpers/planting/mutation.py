@@ -1,7 +1,7 @@
 """How many planted faults the tests see: a mutation test, run by hand.
 
     pip install cosmic-ray
-    python tests/helpers/mutation.py [--sample N] [--seed S] MODULE ...
+    python tests/helpers/planting/mutation.py [--sample N] [--seed S] MODULE ...
 
 Cosmic Ray's operators change one sign, operator, comparison, number or branch of a module at a time; the tests that
 concern the module then run on the changed source until one of them fails. Each fault gets a fork of one process that
@@ -39,7 +39,7 @@ import anctmm  # noqa: E402, F401
 for _name in [n for n in sys.modules if n.partition(".")[0] == "anctmm"]:
     del sys.modules[_name]  # the libraries it needs stay loaded, it is imported anew with the fault
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 SURVIVORS = Path(__file__).with_name("mutation_survivors.toml")
 #: What the tests need not load, and a warning about what is loaded already.
 PYTEST = shlex.split(
