@@ -7,16 +7,15 @@ import pandas as pd
 
 from studies.engine.measuring.clock import records
 from studies.engine.tables import Table, times
-from studies.trade.choice import stepping
+from studies.trade.choice import CONTROLLED, stepping
 
-#: What is left out of a kind of steps beside the tolerance that drives them.
-CONTROLLED = ", error-controlled"
 #: What another way to step is called beside the one chosen.
 OTHER_STEPS = {
     "explicit": "explicit steps",
     "implicit": "steps of one length",
     "implicit, error-controlled": "error-controlled steps",
     "implicit, fourth order": "steps of fourth order",
+    "implicit, fourth order, error-controlled": "error-controlled steps of fourth order",
 }
 PARTS = {
     "mesh": "the mesh's part {mesh:.1g} outweighs the step's {step:.1g}",

@@ -10,12 +10,15 @@ from studies.engine.choices import NONE
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
+#: What is said of a kind of steps whose length an error drives.
+CONTROLLED = ", error-controlled"
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
 
 
 def stepping(points: pd.DataFrame) -> pd.Series:
     """How each row steps, in words."""
-    return points["integrator"].replace(STEPPING).mask(points["tolerance"] > 0, "implicit, error-controlled")
+    kind = points["integrator"].replace(STEPPING)
+    return kind.mask(points["tolerance"] > 0, kind + CONTROLLED)
 
 
 def kinds_of(points: pd.DataFrame) -> pd.Series:

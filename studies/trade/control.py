@@ -7,20 +7,22 @@ import pandas as pd
 
 from studies.engine.pareto_front import cost_at
 from studies.engine.tables import Table
+from studies.trade.plan import EXPLICIT
 from studies.trade.tables import Priced
 
 #: What two runs must have in common for their steps to be compared.
-ALIKE = ["scene", "element", "quadrature", "elements"]
+ALIKE = ["scene", "element", "quadrature", "stretch", "elements"]
 COLUMNS = (
-    *ALIKE, "tolerance", "step_error", "error_over_asked", "cpu_s", "ratio_at_error", "ratio_at_target", "steps",
-    "newton_iterations", "status",
+    *ALIKE, "integrator", "tolerance", "step_error", "error_over_asked", "cpu_s", "ratio_at_error", "ratio_at_target",
+    "ratio_to_any", "steps", "newton_iterations", "status",
 )  # fmt: skip
 NOTES = (
     "step_error: of the step alone, against a fine step on the same mesh; error_over_asked: over the tolerance. Where "
     "a step of the whole interval of output is better than asked, it is far below 1.",
-    "ratio_at_error: cost over that of the best fixed step of ANC-TMM on the same mesh with the same step_error, "
-    "interpolated on the front of all steps and Newton tolerances tried; ratio_at_target: the same at the tolerance "
-    "itself. Times of the sweep are single samples unless the setting is near the front.",
+    "ratio_at_error: cost over that of the best fixed step of the same integrator on the same mesh with the same "
+    "step_error, interpolated on the front of all steps and Newton tolerances tried; ratio_at_target: the same at the "
+    "tolerance itself; ratio_to_any: at the same step_error, over the best fixed implicit step of any integrator of "
+    "ANC-TMM. Times of the sweep are single samples unless the setting is near the front.",
 )
 
 
@@ -38,15 +40,22 @@ def error_control(points: pd.DataFrame) -> Table:
 
 
 def _rows(alike: pd.DataFrame) -> Iterator[dict[str, Any]]:
-    """Error-controlled settings of one mesh, each beside the front of fixed implicit steps."""
-    ours = alike[(alike["solver"] == "anctmm") & (alike["integrator"] == "generalized-alpha")]
-    controlled = ours["tolerance"] > 0
-    fixed = ours[~controlled & (ours["step_error"] > 0.0) & (ours["cpu_s"] > 0.0)]
-    front = [Priced(float(e), float(s)) for e, s in zip(fixed["step_error"], fixed["cpu_s"], strict=True)]
-    for line in ours[controlled].sort_values("tolerance", ascending=False).to_dict("records"):
-        error, asked = line["step_error"], line["tolerance"]
-        yield {str(name): value for name, value in line.items()} | {
-            "error_over_asked": error / asked,
-            "ratio_at_error": line["cpu_s"] / cost_at(front, error),
-            "ratio_at_target": line["cpu_s"] / cost_at(front, asked),
-        }
+    """Error-controlled settings of one mesh, each beside fixed steps of its integrator, and of all."""
+    ours = alike[(alike["solver"] == "anctmm") & (alike["integrator"] != EXPLICIT)]
+    fixed = ours[~(ours["tolerance"] > 0) & (ours["step_error"] > 0.0) & (ours["cpu_s"] > 0.0)]
+    of_any = _priced(fixed)
+    for integrator, mine in ours[ours["tolerance"] > 0].groupby("integrator", sort=False):
+        of_same = _priced(fixed[fixed["integrator"] == integrator])
+        for line in mine.sort_values("tolerance", ascending=False).to_dict("records"):
+            error, asked, cost = line["step_error"], line["tolerance"], line["cpu_s"]
+            yield {str(name): value for name, value in line.items()} | {
+                "error_over_asked": error / asked,
+                "ratio_at_error": cost / cost_at(of_same, error),
+                "ratio_at_target": cost / cost_at(of_same, asked),
+                "ratio_to_any": cost / cost_at(of_any, error),
+            }
+
+
+def _priced(rows: pd.DataFrame) -> list[Priced]:
+    """Errors and costs of settings."""
+    return [Priced(float(e), float(s)) for e, s in zip(rows["step_error"], rows["cpu_s"], strict=True)]

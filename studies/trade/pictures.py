@@ -32,7 +32,11 @@ FADED = 0.22
 COLOURS = "viridis"
 CONTROLLED = "error-controlled"
 #: Colour and marker of kinds of steps that our solver alone has.
-OWN_LOOKS = {CONTROLLED: ("#8c6d5a", "X"), SHORT["esdirk"]: ("#12245c", "P")}
+OWN_LOOKS = {
+    CONTROLLED: ("#8c6d5a", "X"),
+    SHORT["esdirk"]: ("#12245c", "P"),
+    f"{SHORT['esdirk']}, {CONTROLLED}": ("#4a76c9", "X"),
+}
 SIGNS = {"mesh": "m", "step": "s", "both": "="}
 
 
@@ -78,7 +82,9 @@ def _styled(sound: pd.DataFrame) -> pd.DataFrame:
     """Points with a look and a text: colour and marker tell solver and kind of steps, hollow the explicit runs."""
     controlled = sound["tolerance"] > 0
     rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_COLOURS)), "")
-    kind = sound["integrator"].map(lambda i: SHORT.get(i, i)).mask(controlled, CONTROLLED)
+    short = sound["integrator"].map(lambda i: SHORT.get(i, i))
+    fourth = sound["integrator"] == "esdirk"
+    kind = short.mask(controlled, (short + ", ").where(fourth, "") + CONTROLLED)
     looks = [
         OWN_LOOKS.get(k, (solver_colour(s), solver_marker(s)))
         for s, k in zip(sound["solver"], kind, strict=True)

@@ -151,11 +151,14 @@ class Ladder:
     def _controlled(
         self, element: str, quadrature: str, meshes: tuple[Mesh, ...], tolerances: tuple[float, ...]
     ) -> list[Scheme]:
+        """Steps that an error drives, by each method that also makes steps of one length with the element here."""
+        second = element == "shear" or lacks_of_high_order(self.base)
         return [
             Scheme(
-                element, quadrature, IMPLICIT, ("anctmm",), meshes, lambda mesh: (),
+                element, quadrature, integrator, ("anctmm",), meshes, lambda mesh: (),
                 (("tolerance", tolerance), ("newton_tolerance", LOOSE)),
             )
+            for integrator in ((IMPLICIT,) if second else (IMPLICIT, HIGH))
             for tolerance in tolerances
         ]  # fmt: skip
 

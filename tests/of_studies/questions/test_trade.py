@@ -81,9 +81,11 @@ def test_every_way_to_step_and_every_peer_takes_part(points):
     assert set(points["solver"]) == {"anctmm", "global-dae", "exudyn-cable"}
     assert set(points["integrator"]) == {"zhai", "generalized-alpha", "esdirk"}
     controlled = points[points["tolerance"] > 0]
-    assert len(controlled) == 2 * len(QUICK_TOLERANCES)
+    assert controlled["integrator"].value_counts().to_dict() == {
+        name: 2 * len(QUICK_TOLERANCES) for name in ("generalized-alpha", "esdirk")
+    }
     assert controlled["dt"].isna().all()
-    assert (controlled["steps"] > 50).all()
+    assert (controlled["steps"] > 10).all()
 
 
 def test_mesh_and_step_errors_add_up_to_no_less_than_the_error(points):

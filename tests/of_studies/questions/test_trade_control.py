@@ -7,7 +7,8 @@ from studies.trade.control import error_control
 
 NONE = float("nan")
 ALIKE = {"scene": "arm", "element": "cable", "quadrature": "full", "elements": "4", "solver": "anctmm",
-         "integrator": "generalized-alpha", "status": "ok", "steps": 1, "newton_iterations": 1}  # fmt: skip
+         "integrator": "generalized-alpha", "stretch": "as given", "status": "ok", "steps": 1,
+         "newton_iterations": 1}  # fmt: skip
 
 
 def points():
@@ -27,3 +28,20 @@ def test_cost_is_compared_with_the_best_fixed_step_of_the_same_error_and_of_the_
     assert frame["ratio_at_error"].iloc[0] == pytest.approx(2.0)
     assert frame["ratio_at_target"].iloc[0] == pytest.approx(4.0)
     assert frame[["ratio_at_error", "ratio_at_target"]].iloc[1].isna().all()  # no fixed step tried is as good
+
+
+def test_each_integrator_is_compared_with_its_own_steps_and_with_the_best_of_all():
+    fourth = ALIKE | {"integrator": "esdirk"}
+    rows = [
+        fourth | {"tolerance": NONE, "step_error": e, "cpu_s": 3e-2 * (e / 1e-3) ** -0.25}
+        for e in (1e-2, 1e-4)
+    ]
+    rows += [fourth | {"tolerance": NONE, "step_error": 1e-4, "stretch": "free", "cpu_s": 1e-9}]
+    rows += [fourth | {"tolerance": 2e-3, "step_error": 1e-3, "cpu_s": 6e-2}]
+    frame = error_control(pd.concat([points(), pd.DataFrame(rows)])).frame.set_index("tolerance")
+    assert list(frame["integrator"]) == ["generalized-alpha", "generalized-alpha", "esdirk"]
+    assert frame["ratio_at_error"].loc[2e-3] == pytest.approx(2.0)
+    assert frame["ratio_at_target"].loc[2e-3] == pytest.approx(2.0 * 2.0**0.25)
+    second = 1e-3 * 1e-3**-0.5  # the only fixed step of either that was tried with this error
+    assert frame["ratio_to_any"].loc[2e-3] == pytest.approx(6e-2 / second)
+    assert frame["ratio_at_error"].loc[4e-3] == pytest.approx(2.0)  # as without the others
