@@ -35,6 +35,7 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.compiling import kernel
+from anctmm.jit.second_process import Task
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
@@ -69,7 +70,7 @@ def integrate(chain: Chain) -> Solution:
         return float(run.times(np.array([step]))[0])
 
     loads = system.loads
-    work = (work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
+    work = Task(work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
     steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,))
     return take_steps(chain, system, steps)
 

@@ -41,7 +41,7 @@ from anctmm.integrators.output import (
 from anctmm.integrators.stability import check_step, largest_step
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
-from anctmm.jit.second_process import Task, side_by_side
+from anctmm.jit.second_process import Parts, Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.constrained import (
     ask_accelerations,
@@ -53,6 +53,8 @@ from anctmm.recursion.riccati import (
     BlockFactors,
     SplitFactors,
     block_factors,
+    factorize,
+    mass_arguments,
     mass_factors,
     no_split_factors,
     split_factors,
@@ -141,7 +143,7 @@ def integrate(chain: Chain) -> Solution:
     run = chain.run
     actuation, record = once(chain, actuation_of), Record(chain)
     out = record.arrays()
-    with nullcontext() if is_found(chain, advance) else side_by_side(lambda: (_parts(chain, out), ())):
+    with nullcontext() if is_found(chain, advance) else side_by_side(lambda: _parts(chain, out)):
         if run.check_stability:
             once(chain, check_step)
         fixed = own(chain, _system)
@@ -170,44 +172,49 @@ def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tu
     return begin, end, system, out, *tables
 
 
-def _parts(chain: Chain, out: Output) -> list[Task]:
-    """Kernels that `advance` calls, for a second process: what it reaches first, and what is large."""
+def _parts(chain: Chain, out: Output) -> Parts:
+    """Kernels of a run, for `side_by_side`: what `advance` calls, and what factors the mass, which waits for `advance`.
+
+    The second process begins with what is last here, of which this one needs first what stands last.
+    """
     actuation, q = once(chain, actuation_of), chain.bodies.reference()
     clamps, loads = actuation.clamps(), actuation.loads()
     drives, values = drive_table(chain, actuation, np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
     tables = chain.bodies.tables()
-    elastic = [
-        (KERNELS[kind].forces, (q, 0, 1, tables.constants[0], tables.buffer))
-        for kind in set(tables.kinds.tolist())
+    acting = [
+        Task(turn_clamps, (clamps, drives)),
+        Task(place_clamps, (q, q, clamps)),
+        Task(set_loads, (q, q, q, loads, values)),
     ]
-    return [
-        *(elastic if chain.split else ()),
-        (turn_clamps, (clamps, drives)),
-        (place_clamps, (q, q, clamps)),
-        *(_split_parts(chain, q, drives) if chain.split else _block_parts(chain, q, tables, clamps, drives)),
-        (set_loads, (q, q, q, loads, values)),
-        (keep, (0, 1, q, q, q, tables, loads.connectors, out)),
-        (work_done, (True, q, clamps, loads, values)),
+    outputs = [
+        Task(work_done, (True, q, clamps, loads, values)),
+        Task(keep, (0, 1, q, q, q, tables, loads.connectors, out)),
     ]
-
-
-def _split_parts(chain: Chain, q: Array, drives: Array) -> list[Task]:
-    kept = split_factors(chain).kept if chain.plan.kept else None
-    return [] if kept is None or kept.rows is None else [(constrain_few, (kept, kept.rows, 0, drives, q, q))]
-
-
-def _block_parts(chain: Chain, q: Array, tables: Tables, clamps: DrivenClamps, drives: Array) -> list[Task]:
-    """What needs the mass in full blocks, which this process factors meanwhile."""
+    if chain.split:
+        elastic = [
+            Task(KERNELS[kind].forces, (q, 0, 1, tables.constants[0], tables.buffer))
+            for kind in set(tables.kinds.tolist())
+        ]
+        kept = split_factors(chain).kept if chain.plan.kept else None
+        if kept is not None and kept.rows is not None:
+            acting += [Task(constrain_few, (kept, kept.rows, 0, drives, q, q))]
+        return Parts([*acting, *outputs, *elastic])
     factors = block_factors(chain)
-    motion = (constrain_motion, (factors, factors.loops, 0, drives, q, q, q))
-    return [
-        *([motion] if rows_in(factors.loops) is not None else []),
-        (by_blocks, (q, q, tables, clamps, factors, q, q)),
-    ]
+    if rows_in(factors.loops) is not None:
+        acting += [Task(constrain_motion, (factors, factors.loops, 0, drives, q, q, q))]
+    accelerations = Task(by_blocks, (q, q, tables, clamps, factors, q, q))
+    mass = Task(factorize, mass_arguments(chain, q, factors), by_python=True)
+    steps = Task(advance, _call(chain, _with_factors(chain, factors), out, 0, 1), by_python=True)
+    return Parts([*acting, accelerations, mass, *outputs], [steps])
 
 
 def _system(chain: Chain) -> System:
-    """What the steps of a run start from.
+    """What the steps of a run start from."""
+    return _with_factors(chain, None if chain.split else mass_factors(chain))
+
+
+def _with_factors(chain: Chain, block: BlockFactors | None) -> System:
+    """The same with the mass factored in full blocks, where that is needed.
 
     Linear constraints between few kept unknowns are kept by their motions: velocities fit them from the start.
     """
@@ -217,7 +224,6 @@ def _system(chain: Chain) -> System:
     even, odd, dead = np.zeros_like(q), np.zeros_like(q), chain.dead_load
     scratch = np.zeros((1, 1)) if chain.split else np.zeros_like(q)
     flat = (q.ravel(), v.ravel(), even.ravel(), odd.ravel())
-    block = None if chain.split else mass_factors(chain)
     split = split_factors(chain) if chain.split else no_split_factors(chain)
     return System(
         Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi),

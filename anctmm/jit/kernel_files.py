@@ -33,7 +33,7 @@ from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
 from anctmm.jit.one_compiler import LOCK, alone
-from anctmm.jit.second_process import wait_for
+from anctmm.jit.second_process import about_to_compile
 
 #: Of all layouts of these files, and of this one.
 KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 2\n"
@@ -90,8 +90,8 @@ class KernelFiles(_Cache):  # type: ignore[misc]
     def alone(self, types: tuple[Any, ...]) -> Iterator[None]:
         """In the context no other process compiles this kernel for these types."""
         path = self.file_of(types)
-        if path is not None:
-            wait_for(path)  # before it is locked: the second process locks it too
+        if path is None or not path.exists():
+            about_to_compile()  # before the file is locked: another kernel may come first
         with alone(path):
             yield
 
@@ -100,7 +100,6 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         path = self._path(signature, target_context.codegen())
         if path is None:
             return None
-        wait_for(path)
         try:
             target_context.refresh()
             content = path.read_bytes()

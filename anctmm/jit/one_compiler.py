@@ -50,6 +50,22 @@ def alone(file: Path | None) -> Iterator[None]:
                     lock.unlink()
 
 
+def is_taken(file: Path | None) -> bool:
+    """Whether a file is there, or another process is making it."""
+    if file is None or fcntl is None:
+        return False
+    if file.exists():
+        return True
+    try:
+        with file.with_name(file.name + LOCK).open("rb") as handle:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:  # nobody has locked it
+        return False
+    return False
+
+
 def _locked(system: ModuleType, handle: int, file: Path) -> bool:
     """Wait until a lock is had, True, or none is needed or to be had."""
     began = time.monotonic()

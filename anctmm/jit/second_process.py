@@ -1,35 +1,64 @@
 """Compiling in two processes side by side: a second one compiles some kernels for their callers, this one the rest.
 
-What the second process compiles comes to this one through the files of kernels. So nothing is lost where it cannot be
-started, or fails: what is not there is compiled here.
+Both take from one list: this process the next that it reaches, the second one the last that nobody has begun, so that
+both are at work until they meet. What the second process compiles comes to this one through the files of kernels, which
+are locked while they are made. So nothing is lost where it cannot be started, or fails: what is not there is compiled
+here.
 """
 
 import os
 import pickle
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from threading import get_ident
-from typing import Any
+from typing import Any, NamedTuple
 
 from numba import typeof
-from numba.core import config, event
+from numba.core import config
 
 from anctmm.jit.kernels import compile_for_callers
+from anctmm.jit.one_compiler import is_taken
 
 settings: Any = config
-#: A kernel and arguments as its caller will have them.
-Task = tuple[Any, tuple[Any, ...]]
-#: What the second process compiles, and what this one begins with.
-Parts = tuple[Sequence[Task], Sequence[Task]]
 
-#: Seconds after which a second process is waited for no longer, and between two looks for what it makes.
-PATIENCE, PAUSE = 120.0, 0.01
+
+class Task(NamedTuple):
+    """A kernel to be compiled.
+
+    Parameters
+    ----------
+    kernel : Kernel
+    arguments : tuple
+        Of the types that it is called with.
+    by_python : bool
+        Whether Python calls it; else other kernels do.
+    """
+
+    kernel: Any
+    arguments: tuple[Any, ...]
+    by_python: bool = False
+
+
+class Parts(NamedTuple):
+    """What two processes compile.
+
+    Parameters
+    ----------
+    shared : sequence of Task
+        What either of them compiles, in the order in which this process reaches it.
+    here : sequence of Task
+        What this process compiles before what it reaches first.
+    """
+
+    shared: Sequence[Task]
+    here: Sequence[Task] = ()
+
+
 #: What the second process runs: the same code from the same places.
 _PROGRAM = (
     "import pickle, sys; path, name = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
@@ -37,55 +66,32 @@ _PROGRAM = (
 )
 
 
-class _Second:
-    """A second process and the files that it will make."""
-
-    def __init__(self, process: "subprocess.Popen[bytes]", files: frozenset[Path]) -> None:
-        self.process, self.files, self.began = process, files, time.monotonic()
-
-    def wait_for(self, file: Path) -> None:
-        """Return once a file is there, or will never be."""
-        while not file.exists() and self.process.poll() is None:
-            if time.monotonic() - self.began > PATIENCE:
-                self.process.kill()
-            time.sleep(PAUSE)
-
-    def end(self) -> None:
-        """Leave no process behind."""
-        self.process.kill()
-        self.process.wait()
-
-
-_running: list[_Second] = []
-
-
-class _Beginning(event.Listener):  # type: ignore[misc]
-    """Starts the second process where this thread begins to compile something."""
+class _Beginning:
+    """Starts the second process where this thread is about to compile something."""
 
     def __init__(self, parts: Callable[[], Parts]) -> None:
         self.parts, self.thread, self.begun = parts, get_ident(), False
-        self.second: _Second | None = None
+        self.second: subprocess.Popen[bytes] | None = None
 
-    def on_start(self, event: Any) -> None:
-        """A kernel is about to be compiled."""
+    def begin(self) -> None:
+        """A kernel is about to be compiled: this process begins with its own part."""
         if self.begun or get_ident() != self.thread:
             return
         self.begun = True
-        aside, here = self.parts()
-        self.second = _second(aside)
+        parts = self.parts()
+        self.second = _second(parts.shared)
         if self.second is not None:
-            _running.append(self.second)
-            for one, args in here:
-                compile_for_callers(one, _types(args))
-
-    def on_end(self, event: Any) -> None:
-        """It has been compiled; the second process goes on."""
+            for task in parts.here:
+                _compile(task.kernel, _types(task.arguments), task.by_python)
 
     def end(self) -> None:
         """Leave no process behind."""
         if self.second is not None:
-            _running.remove(self.second)
-            self.second.end()
+            self.second.kill()
+            self.second.wait()
+
+
+_open: list[_Beginning] = []
 
 
 @contextmanager
@@ -95,49 +101,58 @@ def side_by_side(parts: Callable[[], Parts]) -> Iterator[None]:
     Parameters
     ----------
     parts : callable
-        Called where something is compiled in the context: (aside, here), parts of what is compiled there, with
-        arguments of the types that they are called with: those that the second process compiles, which are kept on
-        disk, and those that this one begins with.
+        Called where something is compiled in the context: parts of what is compiled there, with arguments of the types
+        that they are called with.
     """
     beginning = _Beginning(parts)
+    _open.append(beginning)
     try:
-        with event.install_listener("numba:compile", beginning):
-            yield
+        yield
     finally:
+        _open.remove(beginning)
         beginning.end()
 
 
-def _second(aside: Sequence[Task]) -> _Second | None:
+def about_to_compile() -> None:
+    """Begin the second process, if this thread may have one."""
+    for beginning in list(_open):
+        beginning.begin()
+
+
+def _second(shared: Sequence[Task]) -> "subprocess.Popen[bytes] | None":
     """A second process with kernels to compile; None where there are none, or where it would not help."""
     if settings.DISABLE_JIT or not _worthwhile():
         return None
     try:
-        tasks = [(k, types) for k, args in aside if not _known(k, types := _types(args))]
-        files = frozenset(k._cache.file_of(types) for k, types in tasks)
-        return _Second(_start(tasks), files) if tasks and None not in files else None
+        typed = [(task, _types(task.arguments)) for task in shared]
+        unknown = [(task, types) for task, types in typed if not _known(task.kernel, types)]
+        kept = all(task.kernel._cache.file_of(types) is not None for task, types in unknown)
+        return _start(unknown) if unknown and kept else None
     except Exception:  # of whatever kind: then all is compiled here
         return None
 
 
-def wait_for(file: Path) -> None:
-    """Wait for a file that a second process is making, if one is."""
-    for second in list(_running):
-        if file in second.files:
-            second.wait_for(file)
-
-
 def serve() -> None:
-    """In the second process: compile what the first one asks for."""
-    for module, name, types in pickle.load(sys.stdin.buffer):
+    """In the second process: compile what the first one asks for, but for what it is at itself."""
+    for module, name, types, by_python in reversed(pickle.load(sys.stdin.buffer)):
         kernel: Any = import_module(module)
         for part in name.split("."):
             kernel = getattr(kernel, part)
+        if not is_taken(kernel._cache.file_of(types)):
+            _compile(kernel, types, by_python)
+
+
+def _compile(kernel: Any, types: tuple[Any, ...], by_python: bool) -> None:
+    if by_python:
+        kernel.compile(types)
+    else:
         compile_for_callers(kernel, types)
 
 
-def _start(tasks: list[tuple[Any, tuple[Any, ...]]]) -> "subprocess.Popen[bytes]":
+def _start(tasks: list[tuple[Task, tuple[Any, ...]]]) -> "subprocess.Popen[bytes]":
     """Start a second process and tell it what to do."""
-    asked = [(k.py_func.__module__, k.py_func.__qualname__, types) for k, types in tasks]
+    functions = [(task.kernel.py_func, types, task.by_python) for task, types in tasks]
+    asked = [(f.__module__, f.__qualname__, types, by_python) for f, types, by_python in functions]
     told = pickle.dumps((sys.path, __name__)) + pickle.dumps(asked)
     process = subprocess.Popen(
         [sys.executable, "-c", _PROGRAM],

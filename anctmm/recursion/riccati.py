@@ -15,7 +15,7 @@ Two forms are kept: `SplitFactors`, where x and y share scalar blocks and r_y is
 at an angle; what few unknowns are kept adds is apart, `kept_motions`), and `BlockFactors`, full 4 × 4 or 6 × 6 blocks.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -178,12 +178,15 @@ def _known(chain: Chain) -> NDArray[np.bool_]:
 
 def mass_factors(chain: Chain, q: Array | None = None) -> BlockFactors:
     """Factor the mass of any chain in full blocks, with constraints at coordinates q, or those of the reference."""
-    bodies = chain.bodies
-    q = bodies.reference() if q is None else q
     factors = block_factors(chain)
-    none = no_loads(bodies)
-    factorize(q, bodies.tables(), links(chain), 1.0, 0.0, none, np.empty((0, 2)), factors)
+    factorize(*mass_arguments(chain, chain.bodies.reference() if q is None else q, factors))
     return factors
+
+
+def mass_arguments(chain: Chain, q: Array, factors: BlockFactors) -> tuple[Any, ...]:
+    """Arguments of `factorize` for the mass."""
+    bodies = chain.bodies
+    return q, bodies.tables(), links(chain), 1.0, 0.0, no_loads(bodies), np.empty((0, 2)), factors
 
 
 def solve(factors: BlockFactors, load: Array) -> Array:

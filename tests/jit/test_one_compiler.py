@@ -10,7 +10,7 @@ import pytest
 from numba.core import config
 
 from anctmm.jit import one_compiler
-from anctmm.jit.one_compiler import LOCK, alone
+from anctmm.jit.one_compiler import LOCK, alone, is_taken
 
 SOURCE = '''
 import sys, time
@@ -144,3 +144,17 @@ def test_a_process_that_does_not_go_on_is_not_waited_for_for_ever(tmp_path, monk
     done.set()
     thread.join()
     assert not left(tmp_path)
+
+
+def test_a_kernel_is_taken_while_it_is_made_and_when_it_is_there(tmp_path):
+    file = tmp_path / "kernel"
+    assert not is_taken(file)
+    with alone(file):
+        assert is_taken(file)
+        assert not is_taken(tmp_path / "another")
+    assert not is_taken(file)
+    (tmp_path / f"kernel{LOCK}").touch()  # left by a process that died
+    assert not is_taken(file)
+    file.touch()
+    assert is_taken(file)
+    assert not is_taken(None)

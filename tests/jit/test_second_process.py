@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -21,13 +20,15 @@ from anctmm.jit.kernel_files import directory
 SCRIPT = """
 import os, sys
 import numpy as np
+from anctmm.jit.second_process import Parts, Task
 from anctmm.jit import second_process
 from small_kernels import inner, outer
 x = np.arange(5.0)
+parts = Parts([Task(inner, (x, 1.0))])
 {change}
-with second_process.side_by_side(lambda: ([(inner, (x, 1.0))], [])):
-    print(outer(x), sum(inner.stats.cache_hits.values()))
-assert not second_process._running
+with second_process.side_by_side(lambda: parts):
+    print(outer(x), sum(inner.stats.cache_hits.values()), sum(outer.stats.cache_hits.values()))
+assert not second_process._open
 try:
     print(os.waitpid(-1, os.WNOHANG))
 except ChildProcessError:
@@ -36,12 +37,27 @@ except ChildProcessError:
 #: What is changed before the run.
 ALONE = "second_process._worthwhile = lambda: False"
 BESIDE = "second_process._worthwhile = lambda: True"
+#: The first process goes on when the second one has done all.
+AFTER = f"""{BESIDE}
+start = second_process._start
+def done(tasks):
+    second = start(tasks)
+    second.wait()
+    return second
+second_process._start = done
+"""
+BY_PYTHON = "parts = Parts([Task(inner, (x, 1.0)), Task(outer, (x,), by_python=True)])"
+BEFORE = """parts = Parts([Task(inner, (x, 1.0))], [Task(outer, (x,), by_python=True)])
+with second_process.side_by_side(lambda: parts):
+    inner(x, 1.0)
+    print(len(outer.overloads))
+"""
 FAILING = {
     "cannot start": "sys.executable = '/nowhere/python'",
     "has no executable": "sys.executable = None",
     "fails": "second_process._PROGRAM = 'raise SystemExit(3)'",
     "dies": "second_process._PROGRAM = 'import os; os.kill(os.getpid(), 9)'",
-    "does nothing": "second_process.PATIENCE = 1.0; second_process._PROGRAM = 'import time; time.sleep(600)'",
+    "does nothing": "second_process._PROGRAM = 'import time; time.sleep(600)'",
 }
 
 
@@ -63,8 +79,8 @@ def answer(change, cache):
 
 
 def test_what_a_second_process_compiles_is_not_compiled_here(tmp_path):
-    assert answer(ALONE, tmp_path / "one") == "60.0 0\nno child\n"
-    assert answer(BESIDE, tmp_path / "two") == "60.0 1\nno child\n"
+    assert answer(ALONE, tmp_path / "one") == "60.0 0 0\nno child\n"
+    assert answer(AFTER, tmp_path / "two") == "60.0 1 0\nno child\n"
     for of in (tmp_path / "one", tmp_path / "two"):
         assert {f.name.partition("-")[0] for f in of.rglob("*.kernel")} == {
             "small_kernels.inner",
@@ -72,9 +88,22 @@ def test_what_a_second_process_compiles_is_not_compiled_here(tmp_path):
         }
 
 
+def test_a_second_process_compiles_what_python_calls(tmp_path):
+    assert answer(f"{AFTER}\n{BY_PYTHON}", tmp_path) == "60.0 0 1\nno child\n"
+
+
+def test_the_first_process_compiles_its_own_part_before_what_it_reaches(tmp_path):
+    assert answer(f"{BESIDE}\n{BEFORE}", tmp_path / "two").startswith("1\n60.0 ")
+    assert answer(f"{ALONE}\n{BEFORE}", tmp_path / "one").startswith("0\n60.0 ")
+
+
+def test_both_processes_at_once_give_the_same(tmp_path):
+    assert answer(BESIDE, tmp_path).splitlines()[0].split()[0] == "60.0"
+
+
 @pytest.mark.parametrize("how", FAILING)
 def test_whatever_becomes_of_the_second_process_the_answer_is_the_same(how, tmp_path):
-    assert answer(f"{BESIDE}; {FAILING[how]}", tmp_path) == "60.0 0\nno child\n"
+    assert answer(f"{BESIDE}; {FAILING[how]}", tmp_path) == "60.0 0 0\nno child\n"
 
 
 SCENES = {
@@ -112,7 +141,7 @@ def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integ
 
     @contextmanager
     def watched(parts):
-        asked.extend(parts()[0])
+        asked.extend(parts().shared)
         yield
 
     monkeypatch.setattr(module, "side_by_side", watched)
@@ -129,9 +158,9 @@ def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integ
     assert asked
     if directory() is not None:
         unknown = [
-            k.py_func.__name__
-            for k, args in asked
-            if not second_process._known(k, second_process._types(args))
+            task.kernel.py_func.__name__
+            for task in asked
+            if not second_process._known(task.kernel, second_process._types(task.arguments))
         ]
         assert not unknown
 
@@ -143,31 +172,8 @@ def test_a_warm_process_starts_no_second_one(monkeypatch):
         second_process, "_start", lambda tasks: pytest.fail(f"{len(tasks)} kernels asked for")
     )
     monkeypatch.setattr(second_process, "_worthwhile", lambda: True)
-    monkeypatch.setattr(second_process, "_Second", lambda *_: pytest.fail("started"))
     kept_chains._chains.clear()
     assert at.solve(scene, mesh=2, integrator="zhai", dt=1e-5, t_end=2e-5).status.ok
-
-
-def test_waiting_ends_with_the_file_with_the_process_and_with_patience(tmp_path, monkeypatch):
-    monkeypatch.setattr(second_process, "PATIENCE", 0.5)
-
-    def waited(program, file):
-        process = subprocess.Popen([sys.executable, "-c", program], start_new_session=True)
-        second = second_process._Second(process, frozenset([file]))
-        monkeypatch.setattr(second_process, "_running", [second])
-        began = time.monotonic()
-        second_process.wait_for(Path(tmp_path / "another"))
-        assert time.monotonic() - began < 0.2
-        second_process.wait_for(file)
-        second.end()
-        assert process.returncode is not None
-
-    file = tmp_path / "kernel"
-    waited("pass", file)
-    waited("import time; time.sleep(100)", file)
-    file.write_bytes(b"")
-    monkeypatch.setattr(second_process, "PATIENCE", 100.0)
-    waited("import time; time.sleep(100)", file)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from anctmm.integrators.implicit.step import damp_at_end, predict
 from anctmm.integrators.implicit.system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
-from anctmm.jit.second_process import Parts
+from anctmm.jit.second_process import Parts, Task
 from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
@@ -49,12 +49,12 @@ def parts(system: System, c: Coefficients) -> Parts:
     state, tables, links, factors, _, loads, newton, _ = system
     q, w, scale = state.q, state.w, newton.scale
     values = np.zeros((len(loads.kinds), 2))
-    aside = [(factorize, (q, tables, links, c.to_w, c.to_q, loads, values, factors))]
+    shared = [Task(factorize, (q, tables, links, c.to_w, c.to_q, loads, values, factors))]
     here = [
-        (_forward, (q, w, state.f, tables, factors, factors.loops, state.loads)),
-        (_backward, (q, w, c, scale, factors, factors.loops, state.loads)),
+        Task(_forward, (q, w, state.f, tables, factors, factors.loops, state.loads)),
+        Task(_backward, (q, w, c, scale, factors, factors.loops, state.loads)),
     ]
-    return aside, here
+    return Parts(shared, here)
 
 
 @inlined

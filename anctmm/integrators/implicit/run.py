@@ -107,15 +107,15 @@ def _coefficients(chain: Chain) -> Coefficients:
 
 
 def _parts(system: System, c: Coefficients, out: Output, steps: Steps) -> Parts:
-    """The largest kernels of a method, for `side_by_side`: those that it reaches first stand first."""
+    """Kernels of a method, for `side_by_side`: the second process begins with the largest, which stands last."""
     state, tables, _, _, clamps, loads, _, _ = system
-    aside, here = parts(system, c)
+    shared, here = parts(system, c)
     outside = [
-        (clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
+        Task(clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
         *steps.parts,
-        (keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
+        Task(keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
     ]
-    return [*outside, *aside], here
+    return Parts([*outside, *shared], here)
 
 
 def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
