@@ -58,6 +58,7 @@ from anctmm.recursion.riccati import (
     mass_factors,
     no_split_factors,
     split_factors,
+    sweep,
 )
 from anctmm.recursion.rows import Rows, row_work
 from anctmm.results.divergence_checks import STRETCH_LIMIT
@@ -173,14 +174,10 @@ def _call(chain: Chain, system: System, out: Output, begin: int, end: int) -> tu
 
 
 def _parts(chain: Chain, out: Output) -> Parts:
-    """Kernels of a run, for `side_by_side`: what `advance` calls, and what factors the mass, which waits for `advance`.
-
-    The second process begins with what is last here, of which this one needs first what stands last.
-    """
+    """Kernels of a run, for `side_by_side`: the second process begins with what stands last."""
     actuation, q = once(chain, actuation_of), chain.bodies.reference()
-    clamps, loads = actuation.clamps(), actuation.loads()
+    clamps, loads, tables = actuation.clamps(), actuation.loads(), chain.bodies.tables()
     drives, values = drive_table(chain, actuation, np.zeros(1))[0], actuation.load_table(np.zeros(1))[0]
-    tables = chain.bodies.tables()
     acting = [
         Task(turn_clamps, (clamps, drives)),
         Task(place_clamps, (q, q, clamps)),
@@ -190,22 +187,44 @@ def _parts(chain: Chain, out: Output) -> Parts:
         Task(work_done, (True, q, clamps, loads, values)),
         Task(keep, (0, 1, q, q, q, tables, loads.connectors, out)),
     ]
-    if chain.split:
-        elastic = [
-            Task(KERNELS[kind].forces, (q, 0, 1, tables.constants[0], tables.buffer))
-            for kind in set(tables.kinds.tolist())
-        ]
-        kept = split_factors(chain).kept if chain.plan.kept else None
-        if kept is not None and kept.rows is not None:
-            acting += [Task(constrain_few, (kept, kept.rows, 0, drives, q, q))]
-        return Parts([*acting, *outputs, *elastic])
     factors = block_factors(chain)
+    mass = _mass_parts(chain, factors)
+
+    def steps() -> list[Task]:
+        if not mass:
+            return []
+        system = _with_factors(chain, None if chain.split else factors)
+        return [Task(advance, _call(chain, system, out, 0, 1), by_python=True)]
+
+    if chain.split:
+        return Parts([*acting, *_few_parts(chain, drives), *outputs, *mass, *_elastic_parts(chain)], steps)
     if rows_in(factors.loops) is not None:
         acting += [Task(constrain_motion, (factors, factors.loops, 0, drives, q, q, q))]
     accelerations = Task(by_blocks, (q, q, tables, clamps, factors, q, q))
-    mass = Task(factorize, mass_arguments(chain, q, factors), by_python=True)
-    steps = Task(advance, _call(chain, _with_factors(chain, factors), out, 0, 1), by_python=True)
-    return Parts([*acting, accelerations, mass, *outputs], [steps])
+    return Parts([*acting, accelerations, *mass, *outputs], steps)
+
+
+def _mass_parts(chain: Chain, factors: BlockFactors) -> list[Task]:
+    """What factors the mass in full blocks, for the steps or to check them, where these are compiled before it."""
+    q, checked = chain.bodies.reference(), chain.run.check_stability and bool(chain.parts.connectors)
+    factored = [Task(factorize, mass_arguments(chain, q, factors), by_python=True)]
+    solved = [Task(sweep, (factors, q, q), by_python=True)]
+    return [*solved, *factored] if checked else [] if chain.split else factored
+
+
+def _few_parts(chain: Chain, drives: Array) -> list[Task]:
+    """What keeps constraints between few kept unknowns."""
+    kept, q = split_factors(chain).kept if chain.plan.kept else None, chain.bodies.reference()
+    return (
+        [] if kept is None or kept.rows is None else [Task(constrain_few, (kept, kept.rows, 0, drives, q, q))]
+    )
+
+
+def _elastic_parts(chain: Chain) -> list[Task]:
+    """Elastic forces of each kind of element."""
+    q, tables = chain.bodies.reference(), chain.bodies.tables()
+    kinds = set(tables.kinds.tolist())
+    return [Task(KERNELS[kind].forces, (q, 0, 1, tables.constants[0], tables.buffer)) for kind in kinds]
 
 
 def _system(chain: Chain) -> System:

@@ -51,12 +51,12 @@ class Parts(NamedTuple):
     ----------
     shared : sequence of Task
         What either of them compiles, in the order in which this process reaches it.
-    here : sequence of Task
-        What this process compiles before what it reaches first.
+    here : callable
+        What this process compiles before what it reaches first; called when the second one has begun.
     """
 
     shared: Sequence[Task]
-    here: Sequence[Task] = ()
+    here: Callable[[], Sequence[Task]] = tuple
 
 
 #: What the second process runs: the same code from the same places.
@@ -81,7 +81,7 @@ class _Beginning:
         parts = self.parts()
         self.second = _second(parts.shared)
         if self.second is not None:
-            for task in parts.here:
+            for task in parts.here():
                 _compile(task.kernel, _types(task.arguments), task.by_python)
 
     def end(self) -> None:

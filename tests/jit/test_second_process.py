@@ -47,7 +47,7 @@ def done(tasks):
 second_process._start = done
 """
 BY_PYTHON = "parts = Parts([Task(inner, (x, 1.0)), Task(outer, (x,), by_python=True)])"
-BEFORE = """parts = Parts([Task(inner, (x, 1.0))], [Task(outer, (x,), by_python=True)])
+BEFORE = """parts = Parts([Task(inner, (x, 1.0))], lambda: [Task(outer, (x,), by_python=True)])
 with second_process.side_by_side(lambda: parts):
     inner(x, 1.0)
     print(len(outer.overloads))
@@ -110,6 +110,7 @@ SCENES = {
     "hinged": ([at.Pin("a.start"), at.Pin("a.end", "b.start")], []),
     "driven": ([at.Clamp("a.start", at.Quintic(1.0, 1.0)), at.Pin("a.end", "b.start")], [at.Torque("b.end", 1.0)]),
     "triangle": ([at.Pin("a.end", "b.start"), at.Pin("b.end", "c.start"), at.Pin("c.end", "a.start")], []),
+    "spring": ([at.Pin("a.start"), at.Pin("a.end", "b.start")], []),
     "plate": ([at.Pin("a.start"), at.Pin("a.end", "b.start"), at.Pin("b.end", "plate.corner")], []),
 }  # fmt: skip
 
@@ -125,6 +126,7 @@ SCENES = {
         ("cable", "hinged"),
         pytest.param("shear", "driven", marks=pytest.mark.slow),
         pytest.param("cable", "triangle", marks=pytest.mark.slow),
+        pytest.param("cable", "spring", marks=pytest.mark.slow),
         ("cable", "plate"),
     ],
 )
@@ -137,6 +139,7 @@ def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integ
     bodies += [beam("c", (1.0, 1.0), (0.0, 0.0))] if name == "triangle" else []
     plate = at.RigidBody("plate", mass=1.0, inertia=0.1, center=(1.0, 1.5), points={"corner": (1.0, 1.0)})
     bodies += [plate] if name == "plate" else []
+    springs = [at.Spring("b.end", (2.0, 2.0), stiffness=1.0)] if name == "spring" else []
     asked = []
 
     @contextmanager
@@ -147,7 +150,7 @@ def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integ
     monkeypatch.setattr(module, "side_by_side", watched)
     kept_chains._chains.clear()
     found = at.solve(
-        at.Scene(name, bodies, joints, loads),
+        at.Scene(name, bodies, joints, loads, connectors=springs),
         mesh=2,
         integrator=integrator,
         dt=1e-5,

@@ -54,7 +54,7 @@ def parts(system: System, c: Coefficients) -> Parts:
         Task(_forward, (q, w, state.f, tables, factors, factors.loops, state.loads)),
         Task(_backward, (q, w, c, scale, factors, factors.loops, state.loads)),
     ]
-    return Parts(shared, here)
+    return Parts(shared, lambda: here)
 
 
 @inlined
