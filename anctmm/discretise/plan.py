@@ -169,9 +169,7 @@ class _Planner:
         core = {v: [e for e in self.ends[v] if e[0] in self.core] for v in reached}
         core = {v: ends for v, ends in core.items() if ends or self.vertices[v].forced}
         if not core:
-            # far from the first leaf: a chain runs from end to end; at a guided end, which costs explicit steps least
-            guided = [v for v in reached if self.vertices[v].line is not None and len(self.edges[v]) == 1]
-            self._tree((guided or reached)[-1])
+            self._tree(self._root(reached))
             return
         kept = [v for v, ends in core.items() if len(ends) > 2 or self._constrained(v)] or [min(core)]
         self.kept |= {v: len(self.kept) + i for i, v in enumerate(kept)}
@@ -182,6 +180,17 @@ class _Planner:
                 if end[0] not in self.order:
                     self._path(end, core)
 
+    def _root(self, reached: list[int]) -> int:
+        """Where a tree ends: far from its first leaf, so that a chain runs from end to end.
+
+        At an end that is guided, which costs explicit steps least; else at one where a mass hangs: that is then the
+        last node of all, and what the bodies before it pass on goes to the next node.
+        """
+        leaves = [v for v in reached if len(self.edges[v]) == 1]
+        guided = [v for v in leaves if self.vertices[v].line is not None]
+        laden = [v for v in leaves if len(self.ends[v]) > 1]
+        return (guided or laden or reached)[-1]
+
     def _constrained(self, v: int) -> bool:
         """Whether constraints act on a vertex of a loop: a line in the ground holds one of a tree without them."""
         return self.vertices[v].forced or self.vertices[v].line is not None
@@ -190,6 +199,7 @@ class _Planner:
         """Put the bodies that hang from a vertex in order, each behind those that hang from it."""
         outboard = []
         stack = [e for e in reversed(self.ends[root]) if e[0] not in self.core]
+        stack.sort(key=lambda end: end[0] in self.nodes)  # these are the last that are put in order
         while stack:
             name, side = stack.pop()
             outboard.append((name, side))

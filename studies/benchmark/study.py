@@ -68,7 +68,8 @@ def bench(quick: bool = False, say: Callable[[str], None] = lambda text: None) -
         "What does a step cost, beside other codes, at any length, and what is left to gain?",
         findings(tables),
         (
-            "One process, one thread, garbage collection off, contestants in turn after a round that compiles.",
+            "One process, one thread, garbage collection off, contestants in turn after a round that compiles; "
+            "what one thing adds is measured so in several processes, one after another.",
         ),
         (required, *tables.values(), raw),
         bench_pictures.pictures(tables, required),

@@ -207,13 +207,12 @@ def test_equal_error_is_interpolated_from_runs_of_both_codes(small):
         assert (reached["anctmm_best_s"] <= reached["anctmm_implicit_s"]).all()
 
 
-def test_what_is_added_does_not_change_the_motion(monkeypatch):
+def test_what_is_added_does_not_change_the_motion():
     """So that Newton's corrections, and with them the times, may be compared."""
-    monkeypatch.setattr(bench_additions, "ELEMENTS", 3)
     for turned in (False, True):
         for integrator in ("zhai", "generalized-alpha"):
             runs = {
-                name: bench_additions.runner(scene, integrator)(20)
+                name: bench_additions.runner(scene, integrator, 3)(20)
                 for name, scene in bench_additions.scenes(turned).items()
             }
             plain = runs.pop(bench_additions.PLAIN)
@@ -224,6 +223,51 @@ def test_what_is_added_does_not_change_the_motion(monkeypatch):
                 assert s.cost.newton_iterations == plain.cost.newton_iterations
                 assert s.cost.factorizations == plain.cost.factorizations
                 assert np.abs(s.position("beam.end") - plain.position("beam.end")).max() < 1e-6 * way
+
+
+def test_what_is_added_is_the_median_over_processes(monkeypatch):
+    """One process whose code lies badly decides nothing, and no time that is lost in noise does."""
+    seen, alone = [], (1000.0, 1200.0, 900.0)
+    ratios = {"a grounded spring": (1.01, 1.09, 1.02), "a tip mass": (1.01, float("nan"), 1.03)}
+
+    def found(integrator, elements, rounds, process):
+        seen.append((integrator, process))
+        of_step = {f"{bench_additions.PLAIN}, axis": alone[process]} | {
+            f"{name}, axis": alone[process] * of[process] for name, of in ratios.items()
+        }
+        status = "diverged: here" if process == 1 else "ok"
+        counts = {label: (7, 2, status if "spring" in label else "ok") for label in of_step}
+        return bench_additions.Measured({label: [ns] for label, ns in of_step.items()}, of_step, counts)
+
+    monkeypatch.setattr(bench_additions, "PROCESSES", 3)
+    monkeypatch.setattr(bench_additions, "in_new_process", found)
+    samples = Samples()
+    frame = bench_additions.added_costs(Effort(False), samples).frame
+    assert seen == [(i, k) for i in bench_additions.STEPS for k in range(3)]
+    rows = frame[frame["integrator"] == "zhai"].set_index("added")
+    plain, spring, mass = (rows.loc[name] for name in (bench_additions.PLAIN, *ratios))
+    assert (plain["ns"], plain["ratio"], plain["processes"]) == (1000.0, 1.0, 3)
+    np.testing.assert_allclose(
+        spring[["ns", "ratio", "least", "most"]].astype(float), (1010, 1.02, 1.01, 1.09)
+    )
+    np.testing.assert_allclose(mass[["ratio", "least", "most"]].astype(float), (1.02, 1.01, 1.03))
+    assert list(rows["status"]) == ["ok", "diverged: here", "ok"]
+    assert len({row["part"] for row in samples.rows}) == len(seen)
+
+
+def test_processes_that_measure_are_new_ones_and_have_the_arrays_elsewhere(monkeypatch):
+    from studies.engine.running import pool
+
+    begun = []
+    real = pool.WorkerPool._process
+    monkeypatch.setattr(pool.WorkerPool, "_process", lambda self: begun.append(real(self)) or begun[-1])
+    for process in range(2):
+        found = bench_additions.in_new_process("zhai", 2, 1, process)
+        assert len(found.of_step) == len(found.counts) == 8
+        assert len(found.times) == 16
+        assert all(len(values) == 1 and values[0] > 0.0 for values in found.times.values())
+        assert {status for _, _, status in found.counts.values()} == {"ok"}
+    assert len({worker.pid for worker in begun}) == 2
 
 
 def test_requirements_are_judged_by_their_sense(small):
