@@ -11,8 +11,8 @@ from math import sqrt
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import eigh
 
+from anctmm.elements.frequencies import highest_of
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass, lobatto
 from anctmm.model.scene import Beam
 
@@ -208,7 +208,5 @@ def _unit_frequencies(kind: type[CableElement], quadrature: str) -> tuple[float,
         unit = kind(1.0, EA, EI, 1.0, quadrature)
         q = np.zeros((2, kind.vectors_per_node, 2))
         q[:, 1, 0] = q[1, 0, 0] = 1.0
-        K = unit.tangent(q.reshape(-1, 2)).reshape(q.size, q.size)
-        values = eigh(K, np.kron(unit.mass, np.eye(2)), eigvals_only=True)
-        found.append(sqrt(float(values[-1])))
+        found.append(highest_of(unit.tangent(q.reshape(-1, 2)), unit.mass))
     return found[0], found[1]

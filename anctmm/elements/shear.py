@@ -6,11 +6,12 @@ X = [c', d', d], and the energy per length is a quadratic form of them: anctmm/r
 """
 
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from anctmm.elements.frequencies import highest_of
 from anctmm.elements.shapes import gauss, hermite, hermite_load, hermite_mass
 from anctmm.model.scene import Beam
 
@@ -142,6 +143,11 @@ class ShearElement:
         H += np.einsum("pab,cd->pacbd", N, np.eye(2))
         return np.einsum("p,pai,pacbd,pbj->icjd", w, B, H, B)
 
+    @property
+    def highest_frequency(self) -> float:
+        """Of the free element without strain, rad/s: that of its thickness in a slender one."""
+        return _frequency(self)
+
     @cached_property
     def mass(self) -> Array:
         """Scalar mass matrix m, (6, 6); the element's is m ⊗ I₂."""
@@ -170,3 +176,11 @@ class ShearElement:
         X = B @ q
         s = 0.5 * np.einsum("pac,kab,pbc->pk", X, STRAIN_FORMS, X) + STRAIN_OFFSETS
         return X, s, B, w
+
+
+@lru_cache
+def _frequency(element: ShearElement) -> float:
+    """Highest frequency of an element without strain, rad/s; found once for all of its numbers."""
+    along, across = (1.0, 0.0), (0.0, 1.0)
+    straight = np.array([(0.0, 0.0), along, across, (element.l, 0.0), along, across])
+    return highest_of(element.tangent(straight), element.mass)

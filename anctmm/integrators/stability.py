@@ -1,19 +1,16 @@
 """Stability limit of the explicit integrator, from the highest frequency of the linearised scene."""
 
-from functools import lru_cache
 from math import inf, sqrt
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
 
 from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.joined import Joined
-from anctmm.discretise.mesh import BodyMesh, Element
-from anctmm.elements.cable import CableElement
+from anctmm.discretise.mesh import BodyMesh
 from anctmm.errors import StabilityError
 from anctmm.integrators.connected import Connected
 from anctmm.recursion.riccati import mass_factors, solve
@@ -146,25 +143,9 @@ def element_bound(chain: Chain, bodies: Bodies | None = None) -> float:
 
     With other `bodies` of the same nodes, theirs.
     """
-    meshes = [mesh for mesh in (bodies or chain.bodies).meshes if isinstance(mesh, BodyMesh)]
-    one_of_each = {mesh.element: mesh for mesh in meshes}
-    return max((_frequency(e, mesh) for e, mesh in one_of_each.items()), default=0.0)
-
-
-def _frequency(element: Element, mesh: BodyMesh) -> float:
-    """Largest frequency of a free element of a mesh, rad/s."""
-    if isinstance(element, CableElement):
-        return element.highest_frequency
-    return _frequency_at(element, tuple(mesh.reference[:2].ravel().tolist()))
-
-
-@lru_cache
-def _frequency_at(element: Element, coordinates: tuple[float, ...]) -> float:
-    """Largest frequency of a free element at its coordinates, rad/s, found once for all runs that have it."""
-    q = np.reshape(coordinates, (-1, 2))
-    K = element.tangent(q).reshape(q.size, q.size)
-    values = eigh(K, np.kron(element.mass, np.eye(2)), eigvals_only=True)
-    return sqrt(max(float(values[-1]), 0.0))
+    meshes = (bodies or chain.bodies).meshes
+    found = (mesh.element.highest_frequency for mesh in meshes if isinstance(mesh, BodyMesh))
+    return max(found, default=0.0)
 
 
 def safe_step(chain: Chain) -> float:

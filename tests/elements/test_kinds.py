@@ -7,6 +7,7 @@ from math import sqrt
 import numpy as np
 import pytest
 from samples import SOFT, SQUARE
+from scipy.linalg import eigh
 
 import anctmm as at
 import reference.exudyn.cable
@@ -16,7 +17,7 @@ import reference.opensees
 import reference.pyelastica
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
-from anctmm.discretise.mesh import build
+from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
 from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of, number_of
@@ -37,6 +38,22 @@ from reference.exact.scenes import MODELS
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
 SECTION = at.Rectangle(0.05, 0.05)
 BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
+
+
+@every_kind
+@pytest.mark.parametrize("quadrature", QUADRATURES)
+@pytest.mark.parametrize("section", [at.Rectangle(0.05, 0.05), at.Circle(1.5)], ids=["slender", "thick"])
+def test_the_highest_frequency_is_that_of_the_undeformed_element(kind, quadrature, section):
+    """As a mesh places it, turned and elsewhere: a slender one stretches fastest, a thick one bends."""
+    body = at.Beam("b", (7.0, -2.0), (10.0, 2.0), section, SOFT)
+    element = kind.element_of(body, 1, quadrature)
+    q = BodyMesh(body, kind, 1, element, (0.0, 0.0)).reference.reshape(-1, 2)
+    K = element.tangent(q).reshape(q.size, q.size)
+    values = eigh(K, np.kron(element.mass, np.eye(2)), eigvals_only=True)
+    assert element.highest_frequency == pytest.approx(sqrt(max(values[-1], 0.0)), rel=1e-9)
+    assert kind.rigid == (element.highest_frequency == 0.0)
+    stiffer = element.stiffened(4.0).highest_frequency
+    assert stiffer == pytest.approx(2.0 * element.highest_frequency)
 
 
 @every_kind
