@@ -46,7 +46,7 @@ INTERPRETED = {
     "forces": ["acting"],
     "integrators": ["esdirk"],
     "model": ["inputs", "mechanisms", "scene"],
-    "modes": ["modes_of_motions"],
+    "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank"],
     "results": ["constraint_check", "internal_forces", "pictures"],

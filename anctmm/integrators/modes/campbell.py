@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import DiscretisationError, reason, shown
 from anctmm.integrators.modes.modes import modes
+from anctmm.integrators.modes.shapes import grows
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.export.mode_pictures import plot_campbell
 from anctmm.validation import number, whole
@@ -35,15 +36,23 @@ class Campbell:
     speeds : ndarray, shape (n,)
         rad/s, ascending.
     frequencies : ndarray, shape (n, count)
-        Hz, in the frame that turns; ascending at each speed.
+        Hz, in the frame that turns; in the order of `Modes` at each speed.
     damping : ndarray, shape (n, count)
-        Ratios to the critical damping.
+        Ratios to the critical damping; negative where a motion grows.
+    growth_rates : ndarray, shape (n, count)
+        1/s; positive where a motion grows.
     """
 
     name: str
     speeds: Array
     frequencies: Array
     damping: Array
+    growth_rates: Array
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Which modes grow, (n, count)."""
+        return grows(self.damping)
 
     def resonances(self, order: int = 1) -> list[tuple[float, float]]:
         """Where a frequency is a multiple of the speed, which excites it.
@@ -73,20 +82,20 @@ class Campbell:
         return sorted(found)
 
     def plot(self, orders: Sequence[int] = ORDERS) -> "Figure":
-        """The diagram, with rays of multiples of the speed.
+        """The diagram, with rays of multiples of the speed; motions that grow are crossed.
 
         Raises
         ------
         ResultError
             If matplotlib is not installed.
         """
-        return plot_campbell(self.speeds, self.frequencies, orders, self.name)
+        return plot_campbell(self.speeds, self.frequencies, self.unstable, orders, self.name)
 
     def __repr__(self) -> str:
         """Frequencies, a line a speed."""
         lines = [
-            f"  {speed:10.4g} rad/s  {'  '.join(f'{f:10.5g}' for f in row[:6])} Hz"
-            for speed, row in zip(self.speeds, self.frequencies, strict=True)
+            f"  {speed:10.4g} rad/s  {'  '.join(f'{f:10.5g}' for f in row[:6])} Hz{'  unstable' if grow.any() else ''}"
+            for speed, row, grow in zip(self.speeds, self.frequencies, self.unstable, strict=True)
         ]
         more = [f"  … {len(lines) - 20} more"] if len(lines) > 20 else []
         return "\n".join([f"Campbell diagram of scene {self.name!r}:", *lines[:20], *more])
@@ -134,6 +143,7 @@ def campbell(
         np.array(wanted),
         np.array([m.frequencies for m in found]),
         np.array([m.damping for m in found]),
+        np.array([m.growth_rates for m in found]),
     )
 
 

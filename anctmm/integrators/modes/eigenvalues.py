@@ -3,9 +3,9 @@
 Where joints and rigid bodies ask for J u = 0, the solve S of a force gives displacements that keep that. So S M has the
 eigenvalues 1/(λ + σ) of the motions that are free, and 0 for all others, which ARPACK does not look for.
 
-Without damping and spin the problem is symmetric, K x = λ M x. Else it is the quadratic one in the form of Tisseur &
-Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu), A z = λ B z, of which A⁻¹B needs a solve with the shifted
-stiffness alone.
+Without damping and spin the problem is K x = −λ² M x, of a symmetric K unless forces turn with their place. Else it is
+the quadratic one in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu), A z = λ B z,
+of which A⁻¹B needs a solve with the shifted stiffness alone.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,10 @@ Complex = NDArray[np.complex128]
 DENSE = 60
 #: Eigenvalues of the quadratic problem that are found beyond two for each mode: those of a body that is free to move
 #: are 0, twice each, and as near as STILL to it, of the largest one found.
-FREE, STILL = 8, 1e-5
+FREE, STILL = 8, 1e-7
+#: Imaginary part of a rate, of its size, that is rounding; eigenvalues found beyond those asked for, so that none of a
+#: pair is left out.
+REAL, SPARE = 1e-9, 2
 #: Elements of a beam above which a coarse mesh tells the size of frequencies, and its elements; part of a square.
 FINE, COARSE, PART = 400, 4, 0.1
 #: Square of the lowest frequency, in parts of that of the coarse mesh, above which rounding has spoilt it.
@@ -40,6 +43,8 @@ USUAL = 10
 
 def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     """Rates λ of the lowest modes, with Im λ ≥ 0, and their vectors of unknowns.
+
+    Motions that grow without oscillation come first, the fastest of them first; all others by ascending |λ|.
 
     Parameters
     ----------
@@ -67,8 +72,7 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
             f"count is {count}; scene {name!r} has {free} free motions: at most {most} are allowed"
         )
     problem.enough, still = _enough(problem)
-    find = (_dense_symmetric if few else _symmetric) if problem.symmetric else partial(_general, few=few)
-    values, vectors = find(problem, count)
+    values, vectors = _find(problem, few)(problem, count)
     squares = np.sort(np.abs(values) ** 2)[still : still + 1]
     if squares.size and np.isfinite(problem.enough) and not 1.0 < squares[0] / problem.enough < SPOILT:
         raise SolverError(
@@ -76,6 +80,15 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
             f"fourth power of the number of elements; a coarser mesh is needed"
         )
     return values, vectors
+
+
+def _find(problem: SmallMotions, few: bool) -> Callable[[SmallMotions, int], tuple[Complex, Complex]]:
+    """What finds rates and vectors of a problem."""
+    if problem.damped:
+        return partial(_general, few=few)
+    if problem.symmetric:
+        return _dense_symmetric if few else _symmetric
+    return partial(_undamped, few=few)
 
 
 def _enough(problem: SmallMotions) -> tuple[float, int]:
@@ -108,7 +121,7 @@ def _dense_symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Comple
     values, vectors = eigh(0.5 * (soft + soft.T))
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     squares = 1.0 / values - shift
-    return _rates(squares, shift), np.linalg.solve(root.T, vectors).astype(complex)
+    return _rates(squares, problem.rounding), np.linalg.solve(root.T, vectors).astype(complex)
 
 
 def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
@@ -124,14 +137,42 @@ def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
     except ArpackNoConvergence as error:
         raise _lost(problem, count, error) from error
     order = np.argsort(squares)
-    return _rates(squares[order], shift), vectors[:, order].astype(complex)
+    return _rates(squares[order], problem.rounding), vectors[:, order].astype(complex)
 
 
-def _rates(squares: Array, shift: float) -> Complex:
-    """λ of λ² = −ω²: where ω² is negative, by more than rounding, a motion grows."""
-    sizes = np.sqrt(np.abs(squares))
-    grows = squares < -0.1 * shift
-    return np.where(grows, sizes, np.where(squares < 0.0, 0.0, 1j * sizes))
+def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Complex]:
+    """The same of a stiffness that is not symmetric: two ω that have become one are a pair that grows and decays."""
+    n = problem.size
+    shift = problem.definite()
+
+    def soften(x: Array) -> Array:
+        return problem.solve(problem.mass(x))
+
+    if few:
+        values, vectors = eig(_columns(soften, np.eye(n)))
+        kept = np.argsort(-np.abs(values))[: problem.freedoms]
+        values, vectors = values[kept], vectors[:, kept]
+    else:
+        operator = LinearOperator((n, n), matvec=soften, dtype=float)
+        try:
+            values, vectors = eigs(operator, min(count + SPARE, n - 2), v0=_start(problem))
+        except ArpackNoConvergence as error:
+            raise _lost(problem, count, error) from error
+    rates = _rates(1.0 / values - shift, problem.rounding)
+    order = _order(rates)[:count]
+    return rates[order], vectors[:, order]
+
+
+def _rates(squares: Array | Complex, rounding: float) -> Complex:
+    """λ of λ² = −ω², with Im λ ≥ 0: where ω² is negative, by more than rounding, a motion grows.
+
+    Of two ω² that are conjugates one is of a λ that grows, the other of one that decays.
+    """
+    real = np.abs(squares.imag) <= np.maximum(REAL * np.abs(squares), rounding)
+    squares = np.where(real, squares.real, squares)
+    still = real & (squares.real < 0.0) & (squares.real >= -rounding)
+    found = np.sqrt(np.where(still, 0.0, -squares).astype(complex))
+    return np.where(found.imag < 0.0, -found, found)
 
 
 def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Complex]:
@@ -141,6 +182,7 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
     free to move is not.
     """
     n = problem.size
+    asked = count + problem.negative()  # motions that grow without oscillation may not be the slowest
     s = problem.factor_shifted()
 
     def product(z: Array) -> Array:
@@ -153,16 +195,17 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
             kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
         else:
             operator = LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
-            wanted = min(2 * count + FREE, 2 * n - 2)
+            wanted = min(2 * asked + FREE, 2 * n - 2)
             values, vectors = eigs(operator, wanted, v0=np.tile(_start(problem), 2))
             kept = np.arange(len(values))
     except ArpackNoConvergence as error:
         raise _lost(problem, count, error) from error
     values, vectors = 1.0 / values[kept] + s, vectors[:n, kept]
-    still = np.abs(values) < STILL * max(s, float(np.sort(np.abs(values))[: 2 * count + FREE][-1]))
+    largest = float(np.sort(np.abs(values))[: 2 * asked + FREE][-1])
+    still = np.abs(values) < max(np.sqrt(problem.rounding), STILL * max(s, largest))
     values[still] = 0.0
     kept = np.concatenate([np.flatnonzero(still)[::2], _swinging(values, ~still)])
-    kept = kept[np.argsort(np.abs(values[kept]), kind="stable")][:count]
+    kept = kept[_order(values[kept])][:count]
     if len(kept) < count:
         raise _lost(problem, count, None)
     return values[kept], vectors[:, kept]
@@ -170,8 +213,18 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
 
 def _swinging(values: Complex, there: NDArray[np.bool_]) -> NDArray[np.int64]:
     """One of each pair of conjugate rates; rates that are real all."""
-    real = np.abs(values.imag) <= 1e-9 * np.abs(values)
-    return np.flatnonzero(there & (real | (values.imag > 0.0)))
+    return np.flatnonzero(there & (_real(values) | (values.imag > 0.0)))
+
+
+def _order(rates: Complex) -> NDArray[np.int64]:
+    """That of modes: what grows without oscillation, the fastest first; then by |λ|, of two alike what grows."""
+    sizes = np.abs(rates)
+    leaves = _real(rates) & (rates.real > 0.0)
+    return np.lexsort((-rates.real, np.where(leaves, -sizes, sizes)))
+
+
+def _real(values: Complex) -> NDArray[np.bool_]:
+    return np.abs(values.imag) <= REAL * np.abs(values)
 
 
 def _columns(product: Callable[[Array], Array], one: Array) -> Array:

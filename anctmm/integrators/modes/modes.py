@@ -86,6 +86,7 @@ def modes(
         run,
         np.abs(values.imag) / (2.0 * np.pi),
         np.divide(0.0 - values.real, rates, out=np.zeros(len(values)), where=rates > 0.0),
+        values.real + 0.0,
         {name: real[name] + 1j * imaginary[name] for name in real},
         chain.by_body(q),
     )

@@ -25,26 +25,34 @@ Complex = NDArray[np.complex128]
 
 #: Frames of a period; largest displacement of a picture, of the scene's extent.
 FRAMES, DRAWN = 48, 0.15
+#: Negative damping of a motion that grows, above the rounding of one without damping.
+GROWING = 1e-6
 #: Modes in a picture at most.
 MOST_DRAWN = 12
 
 
 @dataclass(frozen=True)
 class Modes:
-    """Natural modes, by ascending frequency.
+    """Natural modes, motions ∝ exp(λt) with λ = growth rate + 2πi frequency.
+
+    Those that grow without oscillation come first (divergence, as of a column beyond its critical load), the fastest of
+    them first; all others by ascending |λ|: without damping, by ascending frequency.
 
     Parameters
     ----------
     scene : Scene
     run : Discretisation
     frequencies : ndarray, shape (count,)
-        Of the damped motion, Hz. Motions that need no force, as of a free body, have about 0; so have motions that
-        creep back without a swing.
+        Im λ/2π, of the damped motion, Hz. Motions that need no force, as of a free body, have about 0; so have those
+        that grow or decay without oscillation: `growth_rates` tells how fast.
     damping : ndarray, shape (count,)
-        Ratio to the critical damping: decay rate over undamped angular frequency; 1 of motions that do not swing, and
-        negative where they grow.
+        −Re λ/|λ|, where a motion oscillates the ratio to the critical damping: 1 of motions that decay without
+        oscillation, −1 of those that grow without, 0 where λ is 0.
+    growth_rates : ndarray, shape (count,)
+        Re λ, 1/s: positive of motions that grow, negative of those that decay. Where nothing oscillates there are two:
+        with damping both are modes, without damping only the one that grows is.
     shapes : mapping of body name to ndarray, shape (count, nodes, vectors, 2)
-        Complex: the motion is the real part of shape × exp(iωt). The largest displacement is 1 m and real. A rigid body
+        Complex: the motion is the real part of shape × exp(λt). The largest displacement is 1 m and real. A rigid body
         has one node: its centre of mass and, but for a point mass, a unit vector that turns with it.
     equilibrium : mapping of body name to ndarray, shape (nodes, vectors, 2)
         The configuration about which they move.
@@ -54,8 +62,14 @@ class Modes:
     run: Discretisation
     frequencies: Array
     damping: Array
+    growth_rates: Array
     shapes: Mapping[str, Complex]
     equilibrium: Mapping[str, Array]
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Which modes grow, (count,): where the damping is negative by more than rounding."""
+        return grows(self.damping)
 
     def displacement(self, place: Probe, fractions: Sequence[float] | Array | None = None) -> Complex:
         """Displacements of a place in each mode, (count, 2); of k fractions (count, k, 2).
@@ -134,7 +148,7 @@ class Modes:
         chosen = range(1, min(count, MOST_DRAWN) + 1) if modes is None else modes
         if isinstance(chosen, str) or not len(chosen):
             raise DiscretisationError(f"modes is {shown(modes)}; numbers from 1 to {count} are needed")
-        titles = [f"{k}: {self.frequencies[k - 1]:.4g} Hz" for k in chosen if self.motion(k)]
+        titles = [f"{k}: {self._speed(k)}" for k in chosen if self.motion(k)]
         return plot_shapes([self.motion(k) for k in chosen], titles, self.scene.name)
 
     def animate(self, path: str | PathLike[str], mode: int = 1, fps: float = 25.0) -> Path:
@@ -148,12 +162,28 @@ class Modes:
         every = np.concatenate([q[:, 0].reshape(-1, 2) for q in self.equilibrium.values()])
         return DRAWN * (float(np.ptp(every, axis=0).max()) or self.scene.length or 1.0)
 
+    def _speed(self, mode: int) -> str:
+        """Frequency of a mode, or its rate where it does not oscillate."""
+        f, rate = self.frequencies[mode - 1], self.growth_rates[mode - 1]
+        if f > 0.0 or rate == 0.0:
+            return f"{f:.4g} Hz"
+        return f"{'grows' if rate > 0.0 else 'decays'} at {abs(rate):.4g} 1/s"
+
     def __repr__(self) -> str:
-        """Frequencies and damping, a line a mode."""
+        """Frequencies, damping and growth rates, a line a mode."""
+        columns = zip(self.frequencies, self.damping, self.growth_rates, self.unstable, strict=True)
         rows = [
-            f"  {k + 1:3d}  {f:14.6g} Hz  {z:10.3g}"
-            for k, (f, z) in enumerate(zip(self.frequencies, self.damping, strict=True))
+            f"  {k + 1:3d}  {f:14.6g} Hz  {z:10.3g}  {rate:11.4g} 1/s{_instability(f) if unstable else ''}"
+            for k, (f, z, rate, unstable) in enumerate(columns)
         ]
-        return "\n".join(
-            [f"Modes of scene {self.scene.name!r}:", "  mode       frequency     damping", *rows]
-        )
+        head = "  mode       frequency     damping      growth rate"
+        return "\n".join([f"Modes of scene {self.scene.name!r}:", head, *rows])
+
+
+def grows(damping: Array) -> NDArray[np.bool_]:
+    """Whether motions of a damping −Re λ/|λ| grow by more than rounding."""
+    return np.asarray(damping < -GROWING)
+
+
+def _instability(frequency: float) -> str:
+    return "  unstable (flutter)" if frequency > 0.0 else "  unstable (divergence)"

@@ -18,14 +18,20 @@ from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
 
-#: Shift that makes the stiffness of a free body definite, in units of its rounding.
-FIRST_SHIFT = 1e4
+EPS = float(np.finfo(np.float64).eps)
+#: Largest square that counts as 0, and the shift that makes the stiffness of a free body definite, in units of its
+#: rounding.
+NOISE, FIRST_SHIFT = 10.0, 1e4
+#: The same in units of the stiffness of connectors between distant nodes: of their low-rank matrix digits are lost
+#: where the shift alone holds the rest of the scene.
+NOISE_APART, SHIFT_APART = 1e-11, 1e-6
 #: Velocity by which laws of springs are differentiated, of the scene's length a second.
 VELOCITY = 1e-6
 
 
-#: Parts of Ω² that are tried where one is singular, and the error of the inverse that counts as none.
-BESIDE, TRUSTED = (1.0 + 1e-8, 1.0 - 1e-7, 1.0 + 1e-6), 1e-8
+#: Parts of Ω² that are tried where one is singular; asymmetry of the inverse that counts as none, and its error where
+#: it is not symmetric (some 1e-8 of bars of a slenderness of 5,000).
+BESIDE, TRUSTED, USABLE = (1.0 + 1e-8, 1.0 - 1e-7, 1.0 + 1e-6), 1e-8, 1e-5
 
 
 class SmallMotions:
@@ -51,9 +57,15 @@ class SmallMotions:
         self.damping = system.chain.bodies.damping
         connected = Connected(system.chain)
         self.dampers = connected if connected.damped else None
+        self._noise, self._first_shift = _roundings(system, connected.bounds()[0])
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
-        self.symmetric = self.damping is None and self.dampers is None and spin == 0.0
+        self.damped = self.damping is not None or self.dampers is not None or spin != 0.0
+
+    @property
+    def symmetric(self) -> bool:
+        """Whether the stiffness is: forces that turn with their place, which have no potential, make it none."""
+        return self.system.conservative
 
     @property
     def size(self) -> int:
@@ -99,9 +111,18 @@ class SmallMotions:
             total += 2.0 * self.spin * system.inertia(turned)
         return self.join.gather(total)
 
+    @property
+    def rounding(self) -> float:
+        """Square of a rate or frequency below which it is no more than rounding, 1/s²."""
+        return min(self._noise, 0.1 * self.enough)
+
+    def negative(self) -> int:
+        """Number of motions against which the stiffness acts."""
+        return self.system.factorize(self.q, self.factor, -(self.spin**2))
+
     def definite(self) -> float:
         """A small shift with which K_T + shift · M is positive definite: a free body has K_T singular."""
-        shift = min(FIRST_SHIFT * least_shift(self.system), self.enough)
+        shift = min(self._first_shift, self.enough)
         while self.system.factorize(self.q, self.factor, shift) > 0:
             shift *= 4.0
         return shift
@@ -132,15 +153,40 @@ class SmallMotions:
     def _factor_spinning(self) -> None:
         """Factor K − Ω² M; where a part of it happens to be singular, with an Ω² beside that."""
         for part in (1.0, *BESIDE):
-            self.system.factorize(self.q, self.factor, -part * self.spin**2)
-            if self._lost_digits() < TRUSTED:
+            shift = -part * self.spin**2
+            self.system.factorize(self.q, self.factor, shift)
+            kept = self._asymmetry() < TRUSTED if self.symmetric else self._lost_digits(shift) < USABLE
+            if kept:
                 return
         raise SolverError(
-            f"the equations of small motions of scene {self.system.chain.scene.name!r} are singular at a spin of "
-            f"{self.spin!r} rad/s; another spin or mesh is needed"
+            f"the equations of small motions of scene {self.system.chain.scene.name!r} are singular {self._where()}"
         )
 
-    def _lost_digits(self) -> float:
+    def _where(self) -> str:
+        """Where the equations are singular, and what to try."""
+        if self.spin:
+            return f"at a spin of {self.spin!r} rad/s; another spin or mesh is needed"
+        return (
+            "there: some motion needs no force, as of a body that nothing holds, or at a critical load; with "
+            "materials that damp, joints or springs that hold it are needed, or another load"
+        )
+
+    def _lost_digits(self, shift: float) -> float:
+        """How far the inverse S of the matrix factored last is from S' + (σ' − σ) S M S' of another shift σ'.
+
+        The matrix is factored anew.
+        """
+        other = shift + self._first_shift
+        one = self.mass(np.random.default_rng(1).standard_normal(self.size))
+        here = self.solve(one)
+        self.system.factorize(self.q, self.factor, other)
+        there = self.solve(one)
+        self.system.factorize(self.q, self.factor, shift)
+        apart = here - there - (other - shift) * self.solve(self.mass(there))
+        size = float(np.linalg.norm(here))
+        return float(np.linalg.norm(apart)) / size if np.isfinite(size) and size > 0.0 else np.inf
+
+    def _asymmetry(self) -> float:
         """How far the inverse of the matrix factored last is from symmetric, as a part of it."""
         draw = np.random.default_rng(1)
         one, two = (self.mass(draw.standard_normal(self.size)) for _ in range(2))
@@ -148,3 +194,12 @@ class SmallMotions:
         size = float(np.linalg.norm(there) * np.linalg.norm(two))
         apart = abs(float(two @ there - one @ back))
         return apart / size if np.isfinite(size) and size > 0.0 else np.inf
+
+
+def _roundings(system: StaticSystem, stiff: float) -> tuple[float, float]:
+    """Largest square that counts as 0, and a first shift, 1/s²; `stiff` is that of connectors."""
+    least = least_shift(system)
+    noise, shift = NOISE * EPS, FIRST_SHIFT * EPS
+    if system.loads.border is not None:
+        noise, shift = NOISE_APART, SHIFT_APART
+    return NOISE * least + noise * stiff, FIRST_SHIFT * least + shift * stiff

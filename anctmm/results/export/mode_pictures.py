@@ -59,7 +59,9 @@ def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Fi
     return figure  # type: ignore[no-any-return]
 
 
-def plot_campbell(speeds: Array, frequencies: Array, orders: Sequence[int], name: str) -> "Figure":
+def plot_campbell(
+    speeds: Array, frequencies: Array, unstable: NDArray[np.bool_], orders: Sequence[int], name: str
+) -> "Figure":
     """Frequencies over the speed, with rays of multiples of the speed.
 
     Parameters
@@ -68,6 +70,8 @@ def plot_campbell(speeds: Array, frequencies: Array, orders: Sequence[int], name
         rad/s.
     frequencies : ndarray, shape (n, count)
         Hz.
+    unstable : ndarray, shape (n, count)
+        Which of them are of motions that grow: they are crossed.
     orders : sequence of int
         Multiples of the speed.
     name : str
@@ -82,6 +86,11 @@ def plot_campbell(speeds: Array, frequencies: Array, orders: Sequence[int], name
     axes = figure.subplots()
     for k, line in enumerate(frequencies.T):
         axes.plot(speeds, line, "o-", ms=3.5, lw=1.6, color=f"C{k % 10}", label=f"mode {k + 1}")
+    if unstable.any():
+        over = np.broadcast_to(speeds[:, None], frequencies.shape)
+        axes.plot(
+            over[unstable], frequencies[unstable], "x", color="0.1", ms=8, label="unstable", clip_on=False
+        )
     top = 1.08 * float(np.nanmax(frequencies))
     for order in orders:
         ray = order * speeds / (2.0 * np.pi)
