@@ -1,6 +1,7 @@
 """Settings shared by all tests: hypothesis tries the same examples each time, and no example has a time limit.
 
-`--hypothesis-profile thorough` tries many new ones. `-m "not slow"` leaves out what takes more than some seconds.
+`--hypothesis-profile thorough` tries many new ones. There are three lengths: `pytest -m "not slow"`, `pytest`, and all
+with `pytest -m ""`.
 """
 
 from contextlib import nullcontext
@@ -14,9 +15,9 @@ settings.register_profile("steady", derandomize=True, deadline=None, max_example
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
 
-#: Modules that are slow as a whole: they compile kernels of several solvers, for many kinds of scenes, run studies or
-#: commands, or hundreds of random scenes.
-SLOW = {
+#: Modules that a usual run leaves out as a whole: they compile kernels of several solvers, for many kinds of scenes,
+#: run studies or commands, or hundreds of random scenes.
+EXHAUSTIVE = {
     "checks": ["bench", "check", "check_of_cases", "conform", "small_scenes"],
     "commands": ["command_lines", "failures", "interruption", "plugins", "progress", "recommend_anywhere",
                  "single_run", "width"],
@@ -37,6 +38,20 @@ SLOW = {
     "step_control": ["damped_tolerance", "events", "promise"],
 }  # fmt: skip
 
+#: Modules that `-m "not slow"` leaves out, too: what is left takes two minutes, for a look after each change.
+SLOW = {
+    "discretise": ["kept_chains"],
+    "elements": ["quintic"],
+    "forces": ["laws"],
+    "integrators": ["esdirk", "implicit_run"],
+    "jit": ["one_compiler", "second_process"],
+    "modes": ["modes_of_motions"],
+    "of_reference": ["dae_mechanisms", "exact_mechanisms", "quintic_against_dae", "random_scenes"],
+    "recursion": ["kept_motions", "work_of_drives"],
+    "report": ["texts_of_pictures"],
+    "results": ["fields", "pictures"],
+    "step_control": ["stage_control", "step_choice"],
+}  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
 #: took most of their time. Their tests marked `compiled` are left out; `jit/test_interpreting.py` holds that both give
@@ -71,10 +86,13 @@ def pytest_runtest_protocol(item):
         return (yield)
 
 
+@pytest.hookimpl(tryfirst=True)  # before marks choose
 def pytest_collection_modifyitems(items):
-    """Mark the tests of slow modules."""
+    """Mark the tests of long modules; what is exhaustive is slow, too."""
     for item in items:
-        if listed(item, SLOW):
+        if listed(item, EXHAUSTIVE):
+            item.add_marker(pytest.mark.exhaustive)
+        if item.get_closest_marker("exhaustive") or listed(item, SLOW):
             item.add_marker(pytest.mark.slow)
 
 

@@ -167,7 +167,7 @@ def exact_tip():
     return found
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 @every_kind
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ def test_motions_converge_to_those_of_the_equations(kind, options, level, exact_
     assert np.log2(balances[0] / balances[1]) > 1.7
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 def test_steps_by_tolerance_see_connectors(exact_tip):
     """The target error, relative to the largest displacement, with dampers, laws and driven lengths."""

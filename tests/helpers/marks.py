@@ -3,6 +3,6 @@
 import pytest
 
 
-def slow_where(slow, cases):
-    """Cases of `parametrize`, those marked slow of which a function says so."""
-    return [pytest.param(case, marks=pytest.mark.slow) if slow(case) else case for case in cases]
+def exhaustive_where(long, cases):
+    """Cases of `parametrize`, those marked exhaustive of which a function says so."""
+    return [pytest.param(case, marks=pytest.mark.exhaustive) if long(case) else case for case in cases]

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from marks import slow_where
+from marks import exhaustive_where
 from samples import SOFT, SQUARE, bar, linkage
 from scipy.integrate import solve_ivp
 
@@ -208,7 +208,7 @@ def test_compiled_kernels_take_the_same_steps():
     assert np.abs(coordinates(found) - Dense(falling(), run).by_stages(5e-3, 10)).max() < 2e-11
 
 
-@pytest.mark.parametrize("name", slow_where(of_quintics, LEVELS))
+@pytest.mark.parametrize("name", exhaustive_where(of_quintics, LEVELS))
 def test_fourth_order_against_scipy(name):
     """Half a step leaves a sixteenth of the error; its level is asserted, too."""
     make, mesh, element = SCENES[name]
@@ -230,7 +230,7 @@ def test_fourth_order_against_scipy(name):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
 
 
-@pytest.mark.parametrize("name", slow_where(of_quintics, SCENES))
+@pytest.mark.parametrize("name", exhaustive_where(of_quintics, SCENES))
 def test_two_roads_tell_the_same(name):
     """Gauss's points with multipliers eliminated beside the recursion, each near its limit."""
     make, mesh, element = SCENES[name]

@@ -185,7 +185,7 @@ def test_the_energy_of_a_loop_balances_with_the_square_of_the_step(joint):
     assert errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("joint", [at.Pin, at.Weld])
 def test_a_million_steps_leave_a_loop_closed(joint):
     scene = spinning(polygon(joint, sides=3))

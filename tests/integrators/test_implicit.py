@@ -394,7 +394,8 @@ def test_damping_counts_among_the_stiffness():
 
 @every_kind
 @pytest.mark.parametrize(
-    "damping", [pytest.param(0.0, id="undamped"), pytest.param(1e-3, id="damped", marks=pytest.mark.slow)]
+    "damping",
+    [pytest.param(0.0, id="undamped"), pytest.param(1e-3, id="damped", marks=pytest.mark.exhaustive)],
 )
 def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
     """A driven chain with a pin and a load: as many corrections, the same start, and no more than they leave."""

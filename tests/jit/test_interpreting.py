@@ -36,7 +36,7 @@ def scene(mechanism):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("mechanism", [False, True])
 @pytest.mark.parametrize("run", RUNS)
 def test_motions_by_python_are_those_of_the_compiler(mechanism, run):

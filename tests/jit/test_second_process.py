@@ -124,9 +124,9 @@ SCENES = {
     ("kind", "name"),
     [
         ("cable", "hinged"),
-        pytest.param("shear", "driven", marks=pytest.mark.slow),
-        pytest.param("cable", "triangle", marks=pytest.mark.slow),
-        pytest.param("cable", "spring", marks=pytest.mark.slow),
+        pytest.param("shear", "driven", marks=pytest.mark.exhaustive),
+        pytest.param("cable", "triangle", marks=pytest.mark.exhaustive),
+        pytest.param("cable", "spring", marks=pytest.mark.exhaustive),
         ("cable", "plate"),
     ],
 )

@@ -139,7 +139,7 @@ def check_both(scene, mesh, kind, probes, zhai=1e-9, alpha=1e-8):
     assert both(scene, implicit(mesh, 1e-3, 0.2, element=kind, output_dt=0.01), probes) < alpha
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_mixed_chain_is_that_of_the_global_dae():
     """Shear elements, cables and shear elements again, of unequal number, pinned to each other."""
     kinds = {"b0": "shear", "b1": "cable", "b2": "shear"}

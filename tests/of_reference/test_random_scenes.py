@@ -13,7 +13,7 @@ from uncompiled import said_by
 from anctmm.model.topology import junctions_of
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     ("peer", "count", "drawn"),
     [

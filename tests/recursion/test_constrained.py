@@ -139,7 +139,7 @@ def pendulum_tip(t):
     return np.array([turn(a) @ p + turn(b) @ e for a, b in zip(y[0], y[1], strict=True)])
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 @pytest.mark.parametrize("how", RUNS)
 def test_double_pendulum_with_offset_centres_moves_by_its_own_equations(how):
@@ -161,7 +161,7 @@ def test_double_pendulum_with_offset_centres_moves_by_its_own_equations(how):
     assert np.abs((4.0 * paths[1] - paths[0]) / 3.0 - exact).max() < 2e-8
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 def test_steps_with_error_control_meet_their_tolerance():
     exact = pendulum_tip(np.linspace(0.0, 1.0, 11))
@@ -188,7 +188,7 @@ def crank_slider(kind, rod=1.0, crank=0.3):
     return at.Scene("crank-slider", bodies, joints), turn
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 @pytest.mark.parametrize("kind", [at.Slider, at.Prismatic])
 @pytest.mark.parametrize("how", RUNS)
@@ -205,7 +205,7 @@ def test_crank_slider_moves_on_its_exact_path(how, kind):
     assert s.energy.work.max() > 0.1
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 @pytest.mark.parametrize("how", RUNS)
 def test_driven_guides_and_welds_go_where_they_are_driven(how):
@@ -228,7 +228,7 @@ def test_driven_guides_and_welds_go_where_they_are_driven(how):
     assert np.abs(s.energy.balance).max() < 1e-3 * s.energy.kinetic.max()
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 def test_four_bars_in_a_row_do_not_drift():
     """40 four-bars, one body more than what holds them, for 10 s: nothing parts, and the energy stays."""

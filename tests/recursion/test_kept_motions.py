@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 from direct import assert_as_dense, by_split
-from marks import slow_where
+from marks import exhaustive_where
 from random_mechanisms import random_mechanism
 
 import anctmm as at
@@ -120,7 +120,7 @@ def same(ours, other, allowed):
     return size
 
 
-@pytest.mark.parametrize("name", slow_where(lambda name: "shear" in name, SCENES))
+@pytest.mark.parametrize("name", exhaustive_where(lambda name: "shear" in name, SCENES))
 def test_a_motion_is_that_of_full_blocks_and_of_the_global_dae(name, monkeypatch):
     scene, options = SCENES[name]
     chain = Chain(scene, Discretisation(**cut(scene, **{k: v for k, v in options.items() if k != "scale"})))
@@ -222,7 +222,7 @@ def test_fields_have_unit_masses_and_hold_what_is_linear():
     assert np.abs(gram - np.eye(len(gram))).max() < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 def test_joints_do_not_part_in_a_million_steps():
     scene, options = SCENES["three rigid bodies"]

@@ -32,7 +32,7 @@ def n_four_bar(loops):
     return at.Scene("n-four-bar", [*uprights, *levels], joints, gravity=(0.0, -9.81))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(
     "how",
     [{"dt": 2e-3, "spectral_radius": 0.8}, {"integrator": "zhai", "dt": 1e-3}],

@@ -113,7 +113,7 @@ def test_graphs_of_a_thousand_bodies_are_solved_to_rounding(loops):
     large_graph_is_solved(1000, loops)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("loops", [False, True])
 def test_graphs_of_ten_thousand_bodies_are_solved_to_rounding(loops):
     large_graph_is_solved(10_000, loops)
@@ -127,7 +127,7 @@ def large_graph_is_solved(bodies, loops):
     assert p.tangent_error()[0] < 1e-12  # whatever its sign: a bent state of so many bodies may be unstable
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("shape", ["tree", "ladder"])
 def test_a_hundred_thousand_elements_stay_at_rounding(shape):
     """Few bodies of many elements: what one element hands on to the next is rounded a hundred thousand times."""

@@ -83,7 +83,7 @@ def test_turns_of_the_start_are_counted():
     assert np.abs(found.position("beam", 1.0) - rest.position("beam", 1.0)[-1]).max() < 1e-8
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 def test_a_start_that_does_not_fit_is_refused_by_name():
     scene = loaded()

@@ -32,7 +32,7 @@ SCENES = {
 }
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 @pytest.mark.compiled
 @pytest.mark.parametrize("element", ["cable", "shear"])
 @pytest.mark.parametrize("name", SCENES)

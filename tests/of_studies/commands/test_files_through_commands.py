@@ -16,7 +16,7 @@ from reference import global_dae
 from studies.cases import cases_in
 from studies.cli import app
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.exhaustive
 
 ERROR = 1e-2
 #: Of the independent run: elements of each beam, and steps in each interval of output.

@@ -15,7 +15,7 @@ LINES, BYTES = 25, 1_500_000
 #: Of few elements and steps: Python runs their kernels as soon as they would be compiled.
 FEW = ("straight_line", "half_car", "snap_through", "bridge")
 EVERY = [
-    pytest.param(entry, id=entry.name, marks=() if entry.name in FEW else pytest.mark.slow)
+    pytest.param(entry, id=entry.name, marks=() if entry.name in FEW else pytest.mark.exhaustive)
     for entry in ENTRIES
 ]
 

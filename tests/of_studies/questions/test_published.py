@@ -34,7 +34,7 @@ def found():
     return list(study.problems(quick=True))
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_confirmed_digits_stay_confirmed(found):
     digits = {(p.problem, p.quantity): p.digits for p in found if p.found}
     assert {key: digits[key] for key in CONFIRMED if digits[key] < CONFIRMED[key]} == {}
@@ -43,7 +43,7 @@ def test_confirmed_digits_stay_confirmed(found):
             assert p.verdict.startswith("confirmed"), (p.problem, p.verdict)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_two_versions_of_one_code_print_two_numbers(found):
     """The one quoted is that of linear elements, to its last digit; the one of another version is not."""
     quoted, stored = (p for p in found if p.problem.startswith("L-frame"))
@@ -51,7 +51,7 @@ def test_two_versions_of_one_code_print_two_numbers(found):
     assert stored.verdict.startswith("contradicted: 1.3 m apart")
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_table_and_its_sentences(found):
     frame = pd.DataFrame([line for p in found for line in study.lines(p)], columns=list(study.COLUMNS))
     assert len(frame) >= 19

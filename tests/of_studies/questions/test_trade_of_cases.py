@@ -30,7 +30,7 @@ def measured(request):
     return request.param, *traded(request.param)
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_recommendation_run_again_meets_its_target(measured):
     file, case, result = measured
     found = recommend.of_result(result)
@@ -42,7 +42,7 @@ def test_a_recommendation_run_again_meets_its_target(measured):
     assert again.status == "ok"
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_references_are_better_known_than_the_smallest_target(measured):
     _, _, result = measured
     known = result.table("references").frame
@@ -51,7 +51,7 @@ def test_references_are_better_known_than_the_smallest_target(measured):
     assert list(result.table("recommended").frame["target_error"]) == [ERROR]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_texts_speak_of_this_scene(measured):
     _, case, result = measured
     texts = [*result.findings, *map(str, result.answers), *(n for t in result.tables for n in t.notes)]
@@ -60,7 +60,7 @@ def test_texts_speak_of_this_scene(measured):
     assert not [t for t in texts if re.search("crank|coupler|follower|four-bar|cantilever", t)]
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_the_trade_of_one_scene_does_not_overwrite_that_of_the_base_scenes(measured, tmp_path):
     _, case, result = measured
     folder = write(result, tmp_path)
@@ -68,7 +68,7 @@ def test_the_trade_of_one_scene_does_not_overwrite_that_of_the_base_scenes(measu
     assert recommend.read(folder).points["scene"].eq(case.name).all()
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_a_solver_that_cannot_do_the_scene_is_a_row_with_the_reason():
     _, result = traded(DOUBLE_PENDULUM, solvers=("anctmm", "pyelastica"))
     points = result.table("points").frame
@@ -78,7 +78,7 @@ def test_a_solver_that_cannot_do_the_scene_is_a_row_with_the_reason():
     assert np.isnan(refused["error"]).all()
 
 
-@pytest.mark.slow
+@pytest.mark.exhaustive
 def test_recommend_takes_a_file(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("ANCTMM_CACHE", str(tmp_path / "cache"))
