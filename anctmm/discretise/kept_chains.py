@@ -4,13 +4,14 @@ Kept are small ones, by the scene itself, which never changes, and an equal disc
 of the user's answers; and what a run writes into, each run gets for itself.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from threading import Lock
 from typing import Any, TypeVar
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.jit.copies import copier
+from anctmm.jit.copies import Copies
 from anctmm.model.kept import forget_structures
 from anctmm.model.scene import Scene
 
@@ -108,9 +109,15 @@ def light(chain: Chain, find: Callable[[Chain], T]) -> T:
     return once(chain, find) if chain.bodies.nodes <= NODES else find(chain)
 
 
-def own(chain: Chain, find: Callable[[Chain], T]) -> T:
-    """The same for one run alone, which may write into its arrays; what copies them is made for the second run."""
+@contextmanager
+def own(chain: Chain, find: Callable[[Chain], T]) -> Iterator[T]:
+    """The same for one run alone, which may write into its arrays: in the context, and no longer.
+
+    What copies them is made for the second run.
+    """
     if chain.bodies.nodes > NODES or not is_found(chain, (own, find)):
         once(chain, lambda _: True, what=(own, find))
-        return find(chain)
-    return once(chain, lambda chain: copier(find(chain)), what=find)()
+        yield find(chain)
+    else:
+        with once(chain, lambda chain: Copies(find(chain)), what=find).one() as copy:
+            yield copy

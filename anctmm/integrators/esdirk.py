@@ -129,7 +129,6 @@ def integrate(chain: Chain) -> Solution:
     """
     once(chain, check_constraints)
     run, actuation, method = chain.run, once(chain, actuation_of), stages()
-    room = own(chain, new_room)
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         t = stage_times(chain, begin, end)
@@ -141,7 +140,8 @@ def integrate(chain: Chain) -> Solution:
         return before + float(method.c[room.at[0]]) * run.exact_dt
 
     width = (len(method.c) - 1) * drive_width(chain, actuation)
-    return take_steps(chain, own(chain, new_system), Steps(advance, arguments, width, failed_at))
+    with own(chain, new_room) as room, own(chain, new_system) as system:
+        return take_steps(chain, system, Steps(advance, arguments, width, failed_at))
 
 
 def check_constraints(chain: Chain) -> bool:

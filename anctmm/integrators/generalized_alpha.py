@@ -59,7 +59,7 @@ def integrate(chain: Chain) -> Solution:
     Solution
         With a status that names step, time and element if Newton's iteration failed.
     """
-    run, actuation, system = chain.run, once(chain, actuation_of), own(chain, new_system)
+    run, actuation = chain.run, once(chain, actuation_of)
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         first, last = max(begin, 0), min(end, run.steps)
@@ -69,10 +69,11 @@ def integrate(chain: Chain) -> Solution:
     def failed_at(step: int) -> float:
         return float(run.times(np.array([step]))[0])
 
-    loads = system.loads
-    work = Task(work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
-    steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,))
-    return take_steps(chain, system, steps)
+    with own(chain, new_system) as system:
+        loads = system.loads
+        work = Task(work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
+        steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,))
+        return take_steps(chain, system, steps)
 
 
 @kernel

@@ -7,7 +7,7 @@ Coordinates that are known are known at all three levels, so nothing drifts. Dam
 v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
 """
 
-from contextlib import nullcontext
+from contextlib import ExitStack, nullcontext
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -141,27 +141,32 @@ def integrate(chain: Chain) -> Solution:
     StabilityError
         If the step lies above the stability limit and the discretisation asks for the check.
     """
-    run = chain.run
-    actuation, record = once(chain, actuation_of), Record(chain)
+    record = Record(chain)
     out = record.arrays()
-    with nullcontext() if is_found(chain, advance) else side_by_side(lambda: _parts(chain, out)):
-        if run.check_stability:
-            once(chain, check_step)
-        fixed = own(chain, _system)
-        once(chain, lambda _: advance(*_call(chain, fixed, out, 0, 0)), what=advance)  # compiles
-    q = fixed.state.q
+    with ExitStack() as during:
+        with nullcontext() if is_found(chain, advance) else side_by_side(lambda: _parts(chain, out)):
+            if chain.run.check_stability:
+                once(chain, check_step)
+            system = during.enter_context(own(chain, _system))
+            once(chain, lambda _: advance(*_call(chain, system, out, 0, 0)), what=advance)  # compiles
+        return _take_steps(chain, system, record, out)
+
+
+def _take_steps(chain: Chain, system: System, record: Record, out: Output) -> Solution:
+    """The run, once kernels are there."""
+    run, q = chain.run, system.state.q
 
     def one(begin: int, end: int) -> int:
-        return int(advance(*_call(chain, fixed, out, begin, end)))
+        return int(advance(*_call(chain, system, out, begin, end)))
 
     record.start()
-    failed = run_batches(chain, drive_width(chain, actuation), one, record.solution)
+    failed = run_batches(chain, drive_width(chain, once(chain, actuation_of)), one, record.solution)
     if failed < 0:
         return record.solution(len(record.q), Status(), run.steps)
     kept = 1 + (failed - 1) // run.stride
     before = record.q[kept - 1] if kept else chain.start_coordinates()
     t = float(run.times(np.array([failed]))[0])
-    status = locked(chain, q, fixed.rows, t, failed) or _diverged(chain, failed, q, before)
+    status = locked(chain, q, system.rows, t, failed) or _diverged(chain, failed, q, before)
     return record.solution(kept, status, failed)
 
 

@@ -15,7 +15,7 @@ from anctmm.discretise.kept_chains import CHAINS, NODES, own
 from anctmm.errors import MeshError, StabilityError
 from anctmm.integrators import zhai
 from anctmm.integrators.implicit import system as implicit_system
-from anctmm.jit.copies import copier
+from anctmm.jit.copies import Copies
 from anctmm.solve import _checked_chain
 
 ROW = [beam(), beam("b", (1.0, 0.0), (2.0, 0.0))]
@@ -95,18 +95,37 @@ def test_a_scene_after_another_of_its_structure_gives_what_it_gives_alone(name, 
 def test_what_runs_share_is_never_written(name, run, system):
     at.solve(SCENES[name], RUNS[run])
     (chain,) = kept_chains._chains.values()
-    one, two = own(chain, system), own(chain, system)
-    shared = [
-        (a, a.copy()) for a, b in zip(arrays_of(one), arrays_of(two), strict=True) if np.shares_memory(a, b)
-    ]
+    with own(chain, system) as one, own(chain, system) as two:
+        pairs = list(zip(arrays_of(one), arrays_of(two), strict=True))
+        shared = [(a, a.copy()) for a, b in pairs if np.shares_memory(a, b)]
+        first = [a.tobytes() for a, _ in pairs]
     assert shared
     facts = [(a, a.copy()) for a in arrays_of(tuple(vars(chain).values()))]
-    at.solve(SCENES[name], RUNS[run])
+    solution = at.solve(SCENES[name], RUNS[run])
     for now, before in [*shared, *facts]:
         assert now.tobytes() == before.tobytes()
-    fresh = own(chain, system)
-    for now, before in zip(arrays_of(fresh), arrays_of(one), strict=True):
-        assert now.tobytes() == before.tobytes()
+    with own(chain, system) as again:
+        arrays = list(arrays_of(again))
+        assert any(now is a for now in arrays for a, b in pairs if not np.shares_memory(a, b))
+        assert [now.tobytes() for now in arrays] == first
+    answers = [
+        solution.t,
+        *vars(solution.energy).values(),
+        *(f.coordinates for f in solution.fields.values()),
+    ]
+    assert not any(np.shares_memory(a, b) for a in answers for b in arrays)
+
+
+def test_arrays_of_a_run_that_an_exception_ended_are_not_taken_again():
+    copies = Copies((np.zeros(3),))
+    with pytest.raises(KeyboardInterrupt), copies.one() as (array,):
+        raise KeyboardInterrupt
+    with copies.one() as (other,):
+        assert other is not array
+        other[:] = 1.0
+    with copies.one() as (third,):
+        assert third is other
+        assert not third.any()
 
 
 def arrays_of(thing):
@@ -201,7 +220,8 @@ def test_a_copy_shares_nothing_but_what_shared_before():
         None,
         whole,
     )
-    copy = copier(thing)()
+    with Copies(thing).one() as copy:
+        pass
     for old, new in zip(arrays_of(thing), arrays_of(copy), strict=True):
         assert np.array_equal(old, new)
         assert (old.shape, old.strides, old.dtype) == (new.shape, new.strides, new.dtype)
