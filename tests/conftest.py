@@ -41,16 +41,20 @@ EXHAUSTIVE = {
 #: Modules that `-m "not slow"` leaves out, too: what is left takes two minutes, for a look after each change.
 SLOW = {
     "discretise": ["kept_chains"],
-    "elements": ["quintic"],
+    "elements": ["kinds", "quintic"],
+    "engine": ["processes"],
     "forces": ["laws"],
     "integrators": ["esdirk", "implicit_run"],
-    "jit": ["one_compiler", "second_process"],
+    "jit": ["announcing", "kernel_files", "one_compiler", "second_process"],
     "modes": ["modes_of_motions"],
-    "of_reference": ["dae_mechanisms", "exact_mechanisms", "quintic_against_dae", "random_scenes"],
+    "of_reference": ["acting_against_dae", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
+                     "random_scenes"],
+    "questions": ["gallery"],
     "recursion": ["kept_motions", "work_of_drives"],
     "report": ["texts_of_pictures"],
-    "results": ["fields", "pictures"],
-    "step_control": ["stage_control", "step_choice"],
+    "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
+    "statics": ["static_start"],
+    "step_control": ["adaptive", "stage_control", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
