@@ -24,7 +24,7 @@ EPS = float(np.finfo(np.float64).eps)
 NOISE, FIRST_SHIFT = 10.0, 1e4
 #: The same in units of the stiffness of connectors between distant nodes: of their low-rank matrix digits are lost
 #: where the shift alone holds the rest of the scene.
-NOISE_APART, SHIFT_APART = 1e-13, 1e-6
+NOISE_APART, SHIFT_APART = 1e-12, 1e-6
 #: Velocity by which laws of springs are differentiated, of the scene's length a second.
 VELOCITY = 1e-6
 

@@ -254,5 +254,5 @@ def test_a_soft_beam_on_stiff_springs(stiffness):
     squares = eigh(K, M, eigvals_only=True)
     exact = np.sqrt(squares[4:7]) / (2 * pi)
     np.testing.assert_allclose(found.frequencies[4:], exact, rtol=1e-5 + 3e-14 * stiffness)
-    assert (2 * pi * found.frequencies[:4].max()) ** 2 < 1e-13 * squares[-1]  # what counts as rounding
+    assert (2 * pi * found.frequencies[:4].max()) ** 2 < 1e-12 * squares[-1]  # what counts as rounding
     assert not found.unstable.any()
