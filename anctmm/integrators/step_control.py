@@ -115,8 +115,8 @@ class Control(NamedTuple):
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
-    estimate, s; the step above which Newton's iteration is expensive, s; whether outputs may lie
-    within a step.
+    estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs
+    within it are not good enough, s.
     """
 
     allowed: float

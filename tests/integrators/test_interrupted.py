@@ -11,6 +11,7 @@ import pytest
 from samples import bar
 
 import anctmm as at
+from anctmm.integrators import alpha_control, stage_control
 from anctmm.integrators.statics import arc_length
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import solve
@@ -70,10 +71,11 @@ def test_a_run_of_hours_ends_soon_and_keeps_its_history(road, kind, scene_that_i
     assert np.array_equal(some.position("bar", 1.0)[:both], found.position("bar", 1.0)[:both])
 
 
-def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(scene_that_is_interrupted):
+@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
+def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(integrator, scene_that_is_interrupted):
     scene, arm = scene_that_is_interrupted
-    options = {"mesh": 8, "tolerance": 1e-6, "output_dt": 0.2}
-    solve(scene, mesh=2, tolerance=1e-2, t_end=1e-3, output_dt=1e-3)
+    options = {"mesh": 8, "tolerance": 1e-6, "output_dt": 0.2, "integrator": integrator}
+    solve(scene, mesh=2, tolerance=1e-2, t_end=1e-3, output_dt=1e-3, integrator=integrator)
     arm()
     with pytest.raises(at.Interrupted) as caught:
         solve(scene, **options, t_end=20.0)
@@ -81,6 +83,34 @@ def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(scene_that_is_in
     assert found.status == "interrupted"
     assert found.t.size >= 1
     assert found.status.time >= found.t[-1]
+
+
+@pytest.mark.parametrize("module", [alpha_control, stage_control])
+@pytest.mark.parametrize("calls", [1, 6, 12, 25])
+def test_what_is_kept_of_a_run_with_a_tolerance_is_how_the_whole_run_begins(module, calls, monkeypatch):
+    """Ctrl-C pressed between calls of a kernel that take a step each."""
+    integrator = {alpha_control: "generalized-alpha", stage_control: "esdirk"}[module]
+    monkeypatch.setattr("anctmm.jit.pacing.FIRST", 1e-9)
+    monkeypatch.setattr("anctmm.jit.pacing.GROWTH", 1)
+    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
+    options = {"mesh": 1, "tolerance": 1e-4, "integrator": integrator, "t_end": 0.05, "output_dt": 2.5e-4}
+    whole = solve(scene, **options)
+    advance, left = module.advance, [calls]
+
+    def pressed(*given):
+        left[0] -= 1
+        if left[0] < 0:
+            raise KeyboardInterrupt
+        return advance(*given)
+
+    monkeypatch.setattr(module, "advance", pressed)
+    with pytest.raises(at.Interrupted) as caught:
+        solve(scene, **options)
+    found = caught.value.solution
+    assert found.status == "interrupted"
+    assert found.t.size < whole.t.size
+    assert found.status.time >= (found.t[-1] if found.t.size else 0.0)
+    assert_begins(found, whole)
 
 
 @pytest.mark.parametrize("road", ROADS)

@@ -147,22 +147,3 @@ def test_base_scenes_keep_the_promise(base, tolerance):
     run = at.solve(scene.scene, tolerance=tolerance, **options)
     assert run.status.ok, run.status
     assert at.compare(run, reference, scene.probes).error <= 3.0 * tolerance
-
-
-@pytest.mark.compiled
-def test_work_beside_that_of_the_best_fixed_step(base):
-    """Of the same method, at the same error; and beside steps of second order, which a small error makes dear."""
-    scene, options, reference = base
-    fixed = [
-        at.solve(scene.scene, dt=dt, newton_tolerance=bound, **options)
-        for dt in (1e-2, 5e-3, 2.5e-3)
-        for bound in (1e-2, 1e-3, 1e-5)
-    ]
-    run = at.solve(scene.scene, tolerance=1e-4, **options)
-    good = [work(f) for f in fixed if at.compare(f, reference, scene.probes).error <= 1e-4]
-    assert work(run) <= 3.0 * min(good), (work(run), good)
-    fourth, second = (
-        at.solve(scene.scene, tolerance=1e-5, **options | {"integrator": name})
-        for name in ("esdirk", "generalized-alpha")
-    )
-    assert work(fourth) < work(second)
