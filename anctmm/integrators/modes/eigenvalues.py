@@ -33,8 +33,9 @@ FREE, STILL = 8, 1e-7
 #: Imaginary part of a rate, of its size, that is rounding; eigenvalues found beyond those asked for, so that none of a
 #: pair is left out.
 REAL, SPARE = 1e-9, 2
-#: Elements of a beam above which a coarse mesh tells the size of frequencies, and its elements; part of a square.
-FINE, COARSE, PART = 400, 4, 0.1
+#: Elements of a beam above which a coarse mesh tells the size of frequencies, and its elements; part of a square, and
+#: how far beyond rounding those are of what moves.
+FINE, COARSE, PART, MOVING = 400, 4, 0.1, 1e4
 #: Square of the lowest frequency, in parts of that of the coarse mesh, above which rounding has spoilt it.
 SPOILT = 4.0 / PART
 #: Modes where their number is not asked for.
@@ -108,7 +109,7 @@ def _enough(problem: SmallMotions) -> tuple[float, int]:
         return nothing
     rates, _ = _dense_symmetric(coarse, coarse.freedoms)
     squares = np.abs(rates) ** 2
-    moving = squares[squares > 10.0 * coarse.definite()]
+    moving = squares[squares > MOVING * coarse.rounding]
     return (PART * float(moving.min()), squares.size - moving.size) if moving.size else nothing
 
 
