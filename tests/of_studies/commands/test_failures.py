@@ -114,7 +114,7 @@ SCENES = {
     "unknown end": (
         lambda: scene_of(Pin("a.middle")),
         errors.UnknownNameError,
-        ["'a.middle'", "name.start", "name.end"],
+        ["'a.middle'", "'a.start', 'a.end' and ('a', fraction)"],
     ),
     "end without body": (lambda: scene_of(Clamp("end")), errors.UnknownNameError, ["'end'", "name.start"]),
     "end not text": (lambda: scene_of(Pin(3)), errors.UnknownNameError, ["3", "name.start"]),
