@@ -188,7 +188,9 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
 
     def product(z: Array) -> Array:
         u, v = z[:n], z[n:]
-        return np.concatenate([-problem.solve(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u])
+        return np.concatenate(
+            [-problem.solve_shifted(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u]
+        )
 
     try:
         if few:

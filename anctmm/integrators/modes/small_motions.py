@@ -32,6 +32,9 @@ VELOCITY = 1e-6
 #: Parts of Ω² that are tried where one is singular; asymmetry of the inverse that counts as none, and its error where
 #: it is not symmetric (some 1e-8 of bars of a slenderness of 5,000).
 BESIDE, TRUSTED, USABLE = (1.0 + 1e-8, 1.0 - 1e-7, 1.0 + 1e-6), 1e-8, 1e-5
+#: Solutions at most that add C, their change at which they end, and the largest that rounding may leave; steps of
+#: inverse iteration.
+ADDED, EXACT, LEFT, INVERSE = 60, 1e-14, 1e-6, 4
 
 
 class SmallMotions:
@@ -60,6 +63,8 @@ class SmallMotions:
         self._noise, self._first_shift = _roundings(system, connected.bounds()[0])
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
+        #: s of K + s² M, where that is factored and C is to be added.
+        self._beside = 0.0
         self.damped = self.damping is not None or self.dampers is not None or spin != 0.0
 
     @property
@@ -132,13 +137,20 @@ class SmallMotions:
         return self.join.unknowns(self.system.solve(self.join.load(force)))
 
     def factor_shifted(self) -> float:
-        """Factor K + s C + s² M for a small s ≥ 0, which is returned; of a stressed scene with spin or damping s = 0.
+        """Factor K + s C + s² M for a small s ≥ 0, which is returned; s = 0 where spin or stress does not allow it.
 
-        C is τ times the stiffness of unstressed elements, and what dampers add to the tangent of connectors.
+        C is τ times the stiffness of unstressed elements, and what dampers add to the tangent of connectors. Of
+        stressed elements it is no tangent: where K is singular, `solve_shifted` adds it.
         """
-        if self.spin or (self.damping is not None and not self.unstressed):
+        if self.spin:
             self._factor_spinning()
             return 0.0
+        if self.damping is not None and not self.unstressed:
+            self.system.factorize(self.q, self.factor)
+            if not self._singular():
+                self._factor_spinning()
+                return 0.0
+            return self._factor_beside()
         s = float(np.sqrt(self.definite()))
         tables, connectors = None, self.system.loads.connectors
         if self.damping is not None:
@@ -150,6 +162,42 @@ class SmallMotions:
             connectors.part[1] = 0.0
         return s
 
+    def solve_shifted(self, force: Array) -> Array:
+        """Displacements under forces by K + s C + s² M.
+
+        Raises
+        ------
+        SolverError
+            If C is too large beside K + s² M, which alone was factored.
+        """
+        x, change = self.solve(force), np.inf
+        if not self._beside:
+            return x
+        for _ in range(ADDED):
+            before, x = x, self.solve(force - self._beside * self.damping_forces(x))
+            last, change = change, float(np.linalg.norm(x - before))
+            if not EXACT * np.linalg.norm(x) < change < 0.5 * last:  # converged, or as far as rounding allows
+                break
+        if not change <= LEFT * np.linalg.norm(x):
+            raise self._refused()
+        return x
+
+    def _factor_beside(self) -> float:
+        """Factor K + s² M of a stressed scene that damps, for a small s, which is returned."""
+        self._beside = float(np.sqrt(min(self._first_shift, self.enough)))
+        self.system.factorize(self.q, self.factor, self._beside**2)
+        return self._beside
+
+    def _singular(self) -> bool:
+        """Whether the matrix factored last is singular but for rounding, by inverse iteration."""
+        force = self.mass(np.random.default_rng(2).standard_normal(self.size))
+        for _ in range(INVERSE):
+            x = self.solve(force)
+            before, force = force, self.mass(x)
+            square = float(x @ before) / float(x @ force)
+            force = force / np.linalg.norm(force)
+        return not abs(square) > self.rounding  # nor where it is NaN
+
     def _factor_spinning(self) -> None:
         """Factor K − Ω² M; where a part of it happens to be singular, with an Ω² beside that."""
         for part in (1.0, *BESIDE):
@@ -158,7 +206,10 @@ class SmallMotions:
             kept = self._asymmetry() < TRUSTED if self.symmetric else self._lost_digits(shift) < USABLE
             if kept:
                 return
-        raise SolverError(
+        raise self._refused()
+
+    def _refused(self) -> SolverError:
+        return SolverError(
             f"the equations of small motions of scene {self.system.chain.scene.name!r} are singular {self._where()}"
         )
 
@@ -167,8 +218,8 @@ class SmallMotions:
         if self.spin:
             return f"at a spin of {self.spin!r} rad/s; another spin or mesh is needed"
         return (
-            "there: some motion needs no force, as of a body that nothing holds, or at a critical load; with "
-            "materials that damp, joints or springs that hold it are needed, or another load"
+            "there: some motion needs no force, as of a body that nothing holds, or at a critical load, and materials "
+            "damp much; less damping, another load, or joints or springs that hold it are needed"
         )
 
     def _lost_digits(self, shift: float) -> float:

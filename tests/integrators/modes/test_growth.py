@@ -153,11 +153,49 @@ def test_frequencies_and_flutter_of_becks_column(load, damping, mesh, element):
         assert stable == (load < 20.05)
 
 
-def test_damped_motions_about_a_state_that_nothing_holds_are_refused():
-    free = at.Scene("free", [at.Beam("bar", (0, 0), (1, 0), THIN, at.Material(E, DENSITY, damping=1e-4))])
+def test_damped_motions_of_a_free_body_are_the_same_about_its_start():
+    """About a solution the stiffness is taken as that of a stressed body, whose damping is no multiple of it."""
+    bar = at.Beam("bar", (0, 0), (0.6, 0.8), at.Rectangle(0.01, 0.01), at.Material(E, DENSITY, damping=1e-4))
+    free = at.Scene("free", [bar])
     rest = at.solve(free, mesh=2, dt=1e-3, t_end=2e-3)
-    with pytest.raises(SolverError, match="'free' are singular there: some motion needs no force"):
-        at.modes(free, mesh=2, about=rest)
+    found, known = at.modes(free, mesh=2, about=rest), at.modes(free, mesh=2)
+    np.testing.assert_allclose(rates(found), rates(known), rtol=1e-8, atol=1e-3)
+    assert (rates(found)[:3] == 0.0).all()
+
+
+def trolley(damping, rise, spring=0.0):
+    """A cart that is free to move along a line, with a beam that its weight bends."""
+    cart = at.RigidBody("cart", 3.0, 0.1, (0, 0), points={"w": (0.1, 0.0)})
+    rubber = at.Material(5e7, 1200.0, damping=damping)
+    arm = at.Beam(
+        "arm", (0.1, 0.0), (0.1 + 0.8 * sqrt(1 - rise**2), 0.8 * rise), at.Rectangle(0.01, 0.01), rubber
+    )
+    joints = [at.Prismatic("cart.center", (1, 0)), at.Weld("cart.w", "arm.start")]
+    springs = [at.Spring("cart.center", (-1.0, 0.0), stiffness=spring)] if spring else []
+    return at.Scene("trolley", [cart, arm], joints, gravity=(0, -G), connectors=springs)
+
+
+@pytest.mark.parametrize("damping", [1e-6, 1e-3, 0.1])
+@pytest.mark.parametrize("rise", [0.3, 1.0])
+def test_a_damped_trolley_that_nothing_holds_moves_as_one_that_a_soft_spring_holds(damping, rise):
+    """The stiffness is singular: in one motion nothing acts; upright, the beam falls besides."""
+    free, stable = about_equilibrium(trolley(damping, rise), 5, mesh=4)
+    held, _ = about_equilibrium(trolley(damping, rise, spring=1e-3), 8, mesh=4)
+    own = np.sqrt(1e-3 / 3.3)
+    found, known = (x[np.abs(x) > 10.0 * own] for x in (rates(free), rates(held)))
+    assert len(found) == 4
+    np.testing.assert_allclose(found, known[:4], rtol=2e-5)
+    assert free.unstable.sum() == held.unstable.sum() == (1 if rise == 1.0 else 0)
+    assert not stable
+
+
+def test_damping_beyond_all_measure_is_refused_where_nothing_holds():
+    scene = trolley(100.0, 0.3)
+    rest = at.solve_static(scene, mesh=4)
+    with pytest.raises(
+        SolverError, match=r"'trolley' are singular there: some motion needs no force.*less damping"
+    ):
+        at.modes(scene, mesh=4, count=5, about=rest)
 
 
 def test_a_campbell_diagram_shows_what_grows():
