@@ -109,13 +109,14 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     from anctmm.jit.cache_dir import kept_in
     from studies.engine.console import say
     from studies.engine.runner import Runner
+    from studies.engine.running.ahead import helper
     from studies.engine.running.team import team
     from studies.engine.running.trial import Trial, label_of
 
     cache = kept_in("runs")
     console = Console(stderr=True)
     log = Log.on(console)
-    with team(workers, cluster) as helpers, bar(console) as progress:
+    with team(workers, cluster) as helpers, helper(helpers is None) as beside, bar(console) as progress:
         task = progress.add_task("starting", total=None)
 
         def on_start(label: str, done: int, total: int) -> None:
@@ -142,6 +143,7 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
             on_job=on_job,
             on_start=on_start,
             team=helpers,
+            beside=beside,
         )
         try:
             yield runner

@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -19,13 +20,14 @@ from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver
+from studies.engine.running.ahead import from_both_ends, kinds, warmed_up
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.outcomes import Outcome, Sample
 from studies.engine.running.spread import Came, Died, Spread, Wanted
 from studies.engine.running.team import Team
 from studies.engine.running.trial import Trial, guarded, label_of, performed
 from studies.engine.running.turns import Interval, Turns, at_work
-from studies.engine.running.worker import Answer, Errand, packed_job, packed_run, without_times
+from studies.engine.running.worker import Answer, Errand, packed_job, packed_run, without_times, work
 from studies.engine.storage import provenance
 from studies.engine.storage.sources import OURS, Sources, module_of
 from studies.engine.storage.store import Store
@@ -57,6 +59,8 @@ class Runner:
         Told before each run or job: (label, number done, number of all).
     team : Team, optional
         Workers that compute solutions side by side; times are measured here afterwards, in turn.
+    beside : Executor, optional
+        A worker that compiles kernels which a sweep needs, while this process compiles others.
     spread : list of Interval
         When workers of this session were at a run.
     """
@@ -71,6 +75,7 @@ class Runner:
     on_job: Callable[[str, int, int], None] = lambda label, done, total: None
     on_start: Callable[[str, int, int], None] = lambda label, done, total: None
     team: Team | None = None
+    beside: Executor | None = None
     computed: int = 0
     spread: list[Interval] = field(default_factory=list)
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
@@ -110,6 +115,7 @@ class Runner:
         """
         ordered = list({_identity(case): case for case in cases}.values())
         self.compute(ordered)
+        self._compile_ahead(ordered)
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
@@ -153,6 +159,28 @@ class Runner:
             told = f"{self.team}: {label_of(case)}", done, len(wanted)
             self.on_start(*told)  # it is the next that begins; which one, its worker knows
             self.on_job(*told)
+
+    def _compile_ahead(self, cases: Sequence[Trial]) -> None:
+        """Compile what runs need that are not known yet, in two processes, before any of them is timed."""
+        if self.beside is None:
+            return
+        worker = self.beside
+        unknown = [case for case in cases if case.kernels not in self._warm]
+        new = kinds(case for case in unknown if not self._store.has(self._answer_key(case)))
+        if len(new) < 2:
+            return
+
+        def here(case: Trial) -> None:
+            self.on_start(f"compiling for {label_of(case)}", 0, len(cases))
+            with self._turns.together(), contained():
+                case.warm_up(self._solver(case.solver))
+            if not case.error_controlled:
+                self._warm.add(case.kernels)
+
+        def there(case: Trial) -> None:
+            worker.submit(work, self._job_errand(partial(warmed_up, case, self.resolve))).result()
+
+        from_both_ends(new, here, there)
 
     @contextmanager
     def alone(self) -> Iterator[None]:
