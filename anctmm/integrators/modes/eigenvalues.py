@@ -19,6 +19,7 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from anctmm.discretise.chain import Chain
 from anctmm.errors import DiscretisationError, SolverError
+from anctmm.integrators.modes.shifted_stiffness import ShiftedStiffness
 from anctmm.integrators.modes.small_motions import SmallMotions
 from anctmm.integrators.statics.static_system import StaticSystem
 
@@ -184,13 +185,12 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
     """
     n = problem.size
     asked = count + problem.negative()  # motions that grow without oscillation may not be the slowest
-    s = problem.factor_shifted()
+    inverse = ShiftedStiffness(problem)
+    s = inverse.s
 
     def product(z: Array) -> Array:
         u, v = z[:n], z[n:]
-        return np.concatenate(
-            [-problem.solve_shifted(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u]
-        )
+        return np.concatenate([-inverse.solve(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u])
 
     try:
         if few:

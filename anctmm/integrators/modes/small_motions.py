@@ -9,9 +9,8 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import damping_forces
+from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.joined import Joined
-from anctmm.errors import SolverError
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -27,14 +26,6 @@ NOISE, FIRST_SHIFT = 10.0, 1e4
 NOISE_APART, SHIFT_APART = 1e-12, 1e-6
 #: Velocity by which laws of springs are differentiated, of the scene's length a second.
 VELOCITY = 1e-6
-
-
-#: Parts of Ω² that are tried where one is singular; asymmetry of the inverse that counts as none, and its error where
-#: it is not symmetric (some 1e-8 of bars of a slenderness of 5,000).
-BESIDE, TRUSTED, USABLE = (1.0 + 1e-8, 1.0 - 1e-7, 1.0 + 1e-6), 1e-8, 1e-5
-#: Solutions at most that add C, their change at which they end, and the largest that rounding may leave; steps of
-#: inverse iteration.
-ADDED, EXACT, LEFT, INVERSE = 60, 1e-14, 1e-6, 4
 
 
 class SmallMotions:
@@ -63,8 +54,6 @@ class SmallMotions:
         self._noise, self._first_shift = _roundings(system, connected.bounds()[0])
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
-        #: s of K + s² M, where that is factored and C is to be added.
-        self._beside = 0.0
         self.damped = self.damping is not None or self.dampers is not None or spin != 0.0
 
     @property
@@ -121,130 +110,29 @@ class SmallMotions:
         """Square of a rate or frequency below which it is no more than rounding, 1/s²."""
         return min(self._noise, 0.1 * self.enough)
 
+    @property
+    def first_shift(self) -> float:
+        """A shift that makes the stiffness of a free body definite, 1/s²."""
+        return min(self._first_shift, self.enough)
+
+    def factorize(self, shift: float, tables: Tables | None = None) -> int:
+        """Factor K_T + shift · M, with the stiffness of other `tables` if given; the number of negative pivots."""
+        return self.system.factorize(self.q, self.factor, shift, tables)
+
     def negative(self) -> int:
         """Number of motions against which the stiffness acts."""
-        return self.system.factorize(self.q, self.factor, -(self.spin**2))
+        return self.factorize(-(self.spin**2))
 
     def definite(self) -> float:
         """A small shift with which K_T + shift · M is positive definite: a free body has K_T singular."""
-        shift = min(self._first_shift, self.enough)
-        while self.system.factorize(self.q, self.factor, shift) > 0:
+        shift = self.first_shift
+        while self.factorize(shift) > 0:
             shift *= 4.0
         return shift
 
     def solve(self, force: Array) -> Array:
         """Displacements under forces that keep the constraints, with the matrix factored last."""
         return self.join.unknowns(self.system.solve(self.join.load(force)))
-
-    def factor_shifted(self) -> float:
-        """Factor K + s C + s² M for a small s ≥ 0, which is returned; s = 0 where spin or stress does not allow it.
-
-        C is τ times the stiffness of unstressed elements, and what dampers add to the tangent of connectors. Of
-        stressed elements it is no tangent: where K is singular, `solve_shifted` adds it.
-        """
-        if self.spin:
-            self._factor_spinning()
-            return 0.0
-        if self.damping is not None and not self.unstressed:
-            self.system.factorize(self.q, self.factor)
-            if not self._singular():
-                self._factor_spinning()
-                return 0.0
-            return self._factor_beside()
-        s = float(np.sqrt(self.definite()))
-        tables, connectors = None, self.system.loads.connectors
-        if self.damping is not None:
-            tables = self.system.chain.bodies.stiffened(1.0 + s * np.asarray(self.damping)).tables()
-        if connectors is not None:
-            connectors.part[1] = s
-        self.system.factorize(self.q, self.factor, s * s, tables)
-        if connectors is not None:
-            connectors.part[1] = 0.0
-        return s
-
-    def solve_shifted(self, force: Array) -> Array:
-        """Displacements under forces by K + s C + s² M.
-
-        Raises
-        ------
-        SolverError
-            If C is too large beside K + s² M, which alone was factored.
-        """
-        x, change = self.solve(force), np.inf
-        if not self._beside:
-            return x
-        for _ in range(ADDED):
-            before, x = x, self.solve(force - self._beside * self.damping_forces(x))
-            last, change = change, float(np.linalg.norm(x - before))
-            if not EXACT * np.linalg.norm(x) < change < 0.5 * last:  # converged, or as far as rounding allows
-                break
-        if not change <= LEFT * np.linalg.norm(x):
-            raise self._refused()
-        return x
-
-    def _factor_beside(self) -> float:
-        """Factor K + s² M of a stressed scene that damps, for a small s, which is returned."""
-        self._beside = float(np.sqrt(min(self._first_shift, self.enough)))
-        self.system.factorize(self.q, self.factor, self._beside**2)
-        return self._beside
-
-    def _singular(self) -> bool:
-        """Whether the matrix factored last is singular but for rounding, by inverse iteration."""
-        force = self.mass(np.random.default_rng(2).standard_normal(self.size))
-        for _ in range(INVERSE):
-            x = self.solve(force)
-            before, force = force, self.mass(x)
-            square = float(x @ before) / float(x @ force)
-            force = force / np.linalg.norm(force)
-        return not abs(square) > self.rounding  # nor where it is NaN
-
-    def _factor_spinning(self) -> None:
-        """Factor K − Ω² M; where a part of it happens to be singular, with an Ω² beside that."""
-        for part in (1.0, *BESIDE):
-            shift = -part * self.spin**2
-            self.system.factorize(self.q, self.factor, shift)
-            kept = self._asymmetry() < TRUSTED if self.symmetric else self._lost_digits(shift) < USABLE
-            if kept:
-                return
-        raise self._refused()
-
-    def _refused(self) -> SolverError:
-        return SolverError(
-            f"the equations of small motions of scene {self.system.chain.scene.name!r} are singular {self._where()}"
-        )
-
-    def _where(self) -> str:
-        """Where the equations are singular, and what to try."""
-        if self.spin:
-            return f"at a spin of {self.spin!r} rad/s; another spin or mesh is needed"
-        return (
-            "there: some motion needs no force, as of a body that nothing holds, or at a critical load, and materials "
-            "damp much; less damping, another load, or joints or springs that hold it are needed"
-        )
-
-    def _lost_digits(self, shift: float) -> float:
-        """How far the inverse S of the matrix factored last is from S' + (σ' − σ) S M S' of another shift σ'.
-
-        The matrix is factored anew.
-        """
-        other = shift + self._first_shift
-        one = self.mass(np.random.default_rng(1).standard_normal(self.size))
-        here = self.solve(one)
-        self.system.factorize(self.q, self.factor, other)
-        there = self.solve(one)
-        self.system.factorize(self.q, self.factor, shift)
-        apart = here - there - (other - shift) * self.solve(self.mass(there))
-        size = float(np.linalg.norm(here))
-        return float(np.linalg.norm(apart)) / size if np.isfinite(size) and size > 0.0 else np.inf
-
-    def _asymmetry(self) -> float:
-        """How far the inverse of the matrix factored last is from symmetric, as a part of it."""
-        draw = np.random.default_rng(1)
-        one, two = (self.mass(draw.standard_normal(self.size)) for _ in range(2))
-        there, back = self.solve(one), self.solve(two)
-        size = float(np.linalg.norm(there) * np.linalg.norm(two))
-        apart = abs(float(two @ there - one @ back))
-        return apart / size if np.isfinite(size) and size > 0.0 else np.inf
 
 
 def _roundings(system: StaticSystem, stiff: float) -> tuple[float, float]:
