@@ -260,8 +260,8 @@ def _check(measured: recommend.Measured, scene: str, target: float) -> None:
 
 def test_the_command_prints_setting_cost_runners_up_and_a_script_that_runs(result, tmp_path):
     folder = write(result, tmp_path)
-    asked = ["recommend", "four-bar", "--error", "1e-3", "--budget", "0.5s", "--table", str(folder)]
-    answer = CliRunner().invoke(app, asked)
+    asked = ["recommend", "four-bar", "--budget", "0.5s", "--table", str(folder)]
+    answer = CliRunner().invoke(app, [*asked, "--error", "1e-3"])
     assert answer.exit_code == 0
     chosen = recommend.choose(result.table("points").frame, "four-bar", 1e-3, 0.5)
     said = answer.stdout
