@@ -366,7 +366,7 @@ ARGUMENTS = {
         ["recommend", "four", "--error", "1e-300", "--no-rerun", "TABLE"], 1, ["Not reached"]
     ),
     "recommend what is not known": (
-        ["recommend", "four", "--error", "1e-6", "--no-rerun", "TABLE"], 1, ["Not reached"]
+        ["recommend", "four", "--error", "1e-10", "--no-rerun", "TABLE"], 1, ["Not reached"]
     ),
     "recommend in too little time": (
         ["recommend", "four", "--budget", "1us", "--no-rerun", "TABLE"], 1, ["Not reached"]
