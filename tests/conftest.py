@@ -40,20 +40,20 @@ EXHAUSTIVE = {
 
 #: Modules that `-m "not slow"` leaves out, too: what is left takes two minutes, for a look after each change.
 SLOW = {
-    "discretise": ["kept_chains"],
+    "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic"],
     "engine": ["processes"],
-    "forces": ["laws"],
+    "forces": ["acting", "histories", "laws"],
     "integrators": ["esdirk", "implicit_run"],
     "jit": ["announcing", "kernel_files", "one_compiler", "second_process"],
     "modes": ["modes_of_motions"],
-    "of_reference": ["acting_against_dae", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
+    "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
                      "random_scenes"],
     "questions": ["gallery"],
     "recursion": ["kept_motions", "work_of_drives"],
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
-    "statics": ["static_start"],
+    "statics": ["static_start", "statics"],
     "step_control": ["adaptive", "stage_control", "stage_cost", "step_choice"],
 }  # fmt: skip
 

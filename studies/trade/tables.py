@@ -72,7 +72,7 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
         f"({', '.join(f'{t:g}' for t in NEWTON_TOLERANCES)}); own, keyword arguments of its own (Exudyn: bounds of the "
         "residual, relative and absolute in N, and when it takes a new tangent; its linear solver is the faster one of "
         "that size).",
-        f"cpu_s: of the steps, median of repeats; settings within {NEAR:g} times their solver's front (in_turn) ran "
+        f"cpu_s: of the steps; settings within {NEAR:g} times their solver's front (in_turn) ran "
         "again in turn, and the least of these runs counts. excess: cost over that of the cheapest setting of no "
         "larger error: 1 on the front.",
         "opensees: frames of its own, on finer meshes and where they can do the scene: they know no whole turn of a "
