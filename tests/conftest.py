@@ -38,7 +38,7 @@ EXHAUSTIVE = {
     "step_control": ["damped_tolerance", "events", "promise"],
 }  # fmt: skip
 
-#: Modules that `-m "not slow"` leaves out, too: what is left takes two minutes, for a look after each change.
+#: Modules that `-m "not slow"` leaves out, too: what is left takes three minutes, for a look after each change.
 SLOW = {
     "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic"],
