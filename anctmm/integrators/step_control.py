@@ -97,7 +97,7 @@ DONE, STUCK, UNFINISHED = 0, 1, 2
     LOOKED,
     CAP,
     WITHIN,
-) = range(14)
+) = PROGRESS = range(14)
 
 
 class Control(NamedTuple):
@@ -115,8 +115,8 @@ class Control(NamedTuple):
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
-    estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs
-    within it are not good enough, s.
+    estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs within it are not
+    good enough, s.
     """
 
     allowed: float
@@ -145,8 +145,8 @@ class Scheme(NamedTuple):
 
     take: (most steps, last output, system, control, output) → how it ended. order: of the error of a run in its steps.
     places: at which a step sees what acts. share: of the tolerance that the sum of local errors may take, without and
-    with constraints. expects: whether a single Newton correction may
-    do, by the contraction that earlier ones have shown.
+    with constraints. expects: whether a single Newton correction may do, by the contraction that earlier ones have
+    shown.
     """
 
     take: Callable[[int, int, System, Control, Output], int]
@@ -288,7 +288,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         bulge=np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
-        progress=np.zeros(14),
+        progress=np.zeros(len(PROGRESS)),
         actions=actions,
     )
 
