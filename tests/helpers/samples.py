@@ -8,6 +8,7 @@ import pytest
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
@@ -56,6 +57,18 @@ def linkage(duration):
         Force("coupler.end", lambda t: (0.1 * t, 0.2 * t * t)),
     ]
     return Scene("linkage", bodies, joints, loads, (0.0, -9.81))
+
+
+def acted_on():
+    """Damped material, a spring with a damper to the ground, one of a driven length, a rotational one, a follower."""
+    body = Beam("bar", (0, 0), (0.6, 0), SQUARE, Material(E=1e6, density=1000.0, damping=2e-3))
+    connectors = [
+        Spring("bar.end", (0.6, -0.4), stiffness=20.0, damping=0.5),
+        Spring(("bar", 0.5), (0.3, 0.4), stiffness=30.0, length=lambda t: (0.4 + 0.1 * t * t, 0.2 * t)),
+        RotationalSpring("bar.end", stiffness=0.1, damping=1e-3),
+    ]
+    loads = [Force("bar.end", (0.0, -0.3), follower=True)]
+    return Scene("acted on", [body], [Pin("bar.start")], loads, (0.0, -9.81), connectors=connectors)
 
 
 def row_scene(start, links, end, lengths=None, turned=(), loads=(), gravity=(0.0, 0.0)):

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from marks import exhaustive_where
-from samples import SOFT, SQUARE, bar, linkage
+from samples import SOFT, SQUARE, acted_on, bar, linkage
 from scipy.integrate import solve_ivp
 
 import anctmm as at
@@ -245,18 +245,6 @@ def test_two_roads_tell_the_same(name):
     for name in ("kinetic", "strain", "potential", "work"):
         one, two = getattr(ours.energy, name), getattr(other.energy, name)
         assert np.abs(one - two).max() < 1e-7 * np.abs(ours.energy.kinetic).max()
-
-
-def acted_on():
-    """Damped material, a spring with a damper to the ground, one of a driven length, and a force that turns."""
-    bars = [at.Beam("bar", (0, 0), (0.6, 0), SQUARE, at.Material(E=1e6, density=1000.0, damping=2e-3))]
-    connectors = [
-        at.Spring("bar.end", (0.6, -0.4), stiffness=20.0, damping=0.5),
-        at.Spring(("bar", 0.5), (0.3, 0.4), stiffness=30.0, length=lambda t: (0.4 + 0.1 * t * t, 0.2 * t)),
-        at.RotationalSpring("bar.end", stiffness=0.1, damping=1e-3),
-    ]
-    loads = [at.Force("bar.end", (0.0, -0.3), follower=True)]
-    return at.Scene("acted on", bars, [at.Pin("bar.start")], loads, GRAVITY, connectors=connectors)
 
 
 def test_dampers_springs_and_followers_keep_the_order_and_the_balance_of_energy():

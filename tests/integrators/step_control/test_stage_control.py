@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from samples import SQUARE, bar, linkage
+from samples import acted_on, bar, linkage
 
 import anctmm as at
 from anctmm.errors import UnsupportedError
@@ -32,18 +32,6 @@ def struck():
 
     jump = at.History(lambda t: (0.0, 0.2 if t >= 0.11 else 0.0), breaks=(0.11,))
     return bar([at.Pin("bar.start")], loads=[at.Force("bar.end", push), at.Force("bar.end", jump)])
-
-
-def acted_on():
-    """Damped material, a spring with a damper to the ground, one of a driven length, a rotational one."""
-    bodies = [at.Beam("bar", (0, 0), (0.6, 0), SQUARE, at.Material(E=1e6, density=1000.0, damping=2e-3))]
-    connectors = [
-        at.Spring("bar.end", (0.6, -0.4), stiffness=20.0, damping=0.5),
-        at.Spring(("bar", 0.5), (0.3, 0.4), stiffness=30.0, length=lambda t: (0.4 + 0.1 * t * t, 0.2 * t)),
-        at.RotationalSpring("bar.end", stiffness=0.1, damping=1e-3),
-    ]
-    loads = [at.Force("bar.end", (0.0, -0.3), follower=True)]
-    return at.Scene("acted on", bodies, [at.Pin("bar.start")], loads, GRAVITY, connectors=connectors)
 
 
 #: Scenes, and the step of their reference, s.
