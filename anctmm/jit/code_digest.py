@@ -10,6 +10,7 @@ import hashlib
 import inspect
 import sys
 from collections.abc import Callable, Iterator
+from dis import opmap
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
@@ -27,6 +28,9 @@ implementations: dict[Function, list[Function]] = {}
 
 #: Values that are written as they are.
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.generic, np.dtype, range)
+
+#: Operations of code that take a global, its number doubled, and that begin the number of the next one.
+_LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 
 #: Flag of code whose first constant is a docstring, from Python 3.13 on.
 _DOCSTRING = 0x4000000
@@ -81,9 +85,10 @@ def _own(function: Function) -> tuple[str, tuple[Function, ...]]:
     calls: list[Function] = []
     code = function.__code__
     names = {name for part in _codes(code) for name in part.co_names}
+    taken = {name for part in _codes(code) for name in _globals(part)}
     lines = [f"{function.__module__}.{function.__qualname__}", _code(code)]
     lines += [_value((function.__defaults__, function.__kwdefaults__), names, calls)]
-    for name in sorted(names & function.__globals__.keys()):
+    for name in sorted(taken & function.__globals__.keys()):
         lines.append(f"{name} = {_value(function.__globals__[name], names, calls)}")
     for name, cell in zip(code.co_freevars, function.__closure__ or (), strict=True):
         lines.append(f"{name} = {_value(_contents(cell), names, calls)}")
@@ -104,6 +109,16 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from _codes(constant)
+
+
+def _globals(code: CodeType) -> Iterator[str]:
+    """Names that code takes from its module; an attribute of the same name is something else."""
+    high = 0
+    for operation, low in zip(code.co_code[::2], code.co_code[1::2], strict=True):
+        number = high << 8 | low
+        if operation == _LOAD_GLOBAL:
+            yield code.co_names[number >> 1]
+        high = number if operation == _EXTENDED_ARG else 0
 
 
 def _code(code: CodeType) -> str:

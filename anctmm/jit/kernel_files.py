@@ -33,7 +33,7 @@ from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
 from anctmm.jit.one_compiler import LOCK, alone
-from anctmm.jit.second_process import about_to_compile
+from anctmm.jit.second_process import about_to_compile, waited
 
 #: Of all layouts of these files, and of this one.
 KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 2\n"
@@ -92,7 +92,7 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         path = self.file_of(types)
         if path is None or not path.exists():
             about_to_compile()  # before the file is locked: another kernel may come first
-        with alone(path):
+        with alone(path, waited):
             yield
 
     def load_overload(self, signature: Any, target_context: Any) -> Any:

@@ -5,7 +5,7 @@ each compiles for itself. No two wait for each other: who holds a kernel's lock 
 """
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import ModuleType
@@ -23,13 +23,15 @@ PATIENCE, PAUSE = 120.0, 0.02
 
 
 @contextmanager
-def alone(file: Path | None) -> Iterator[None]:
+def alone(file: Path | None, waited: Callable[[float], None] = lambda seconds: None) -> Iterator[None]:
     """In the context no other process makes a file; entered once it is there, or nobody else makes it.
 
     Parameters
     ----------
     file : Path or None
         None where nothing is kept.
+    waited : callable
+        Told at each look how long another process has been waited for, s.
     """
     if file is None or fcntl is None or file.exists():
         yield
@@ -41,7 +43,7 @@ def alone(file: Path | None) -> Iterator[None]:
         yield
         return
     with handle:
-        mine = _locked(fcntl, handle.fileno(), file)
+        mine = _locked(fcntl, handle.fileno(), file, waited)
         try:
             yield
         finally:
@@ -66,13 +68,14 @@ def is_taken(file: Path | None) -> bool:
     return False
 
 
-def _locked(system: ModuleType, handle: int, file: Path) -> bool:
+def _locked(system: ModuleType, handle: int, file: Path, waited: Callable[[float], None]) -> bool:
     """Wait until a lock is had, True, or none is needed or to be had."""
     began = time.monotonic()
     while not file.exists() and time.monotonic() - began < PATIENCE:
         try:
             system.flock(handle, system.LOCK_EX | system.LOCK_NB)
         except BlockingIOError:
+            waited(time.monotonic() - began)
             time.sleep(PAUSE)
         except OSError:  # of a file system without locks
             return False

@@ -59,6 +59,9 @@ class Parts(NamedTuple):
     here: Callable[[], Sequence[Task]] = tuple
 
 
+#: Seconds that this process waits for one kernel of the second one, which takes 10 s on a free processor; then it
+#: compiles for itself.
+PATIENCE = 30.0
 #: What the second process runs: the same code from the same places.
 _PROGRAM = (
     "import pickle, sys; path, name = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
@@ -92,6 +95,8 @@ class _Beginning:
 
 
 _open: list[_Beginning] = []
+#: Threads that are in `one_process`.
+_alone: list[int] = []
 
 
 @contextmanager
@@ -113,10 +118,31 @@ def side_by_side(parts: Callable[[], Parts]) -> Iterator[None]:
         beginning.end()
 
 
+@contextmanager
+def one_process() -> Iterator[None]:
+    """In the context this thread begins no second process: the other processor has work of its own."""
+    thread = get_ident()
+    _alone.append(thread)
+    try:
+        yield
+    finally:
+        _alone.remove(thread)
+
+
 def about_to_compile() -> None:
     """Begin the second process, if this thread may have one."""
+    if get_ident() in _alone:
+        return
     for beginning in list(_open):
         beginning.begin()
+
+
+def waited(seconds: float) -> None:
+    """End the second processes of this thread if one kernel has been waited for that long: they may be stopped."""
+    if seconds > PATIENCE:
+        for beginning in list(_open):
+            if beginning.thread == get_ident():
+                beginning.end()
 
 
 def _second(shared: Sequence[Task]) -> "subprocess.Popen[bytes] | None":

@@ -1,16 +1,23 @@
 """What the hash of a kernel's code notices, and what not."""
 
+import dis
 import importlib
 import linecache
 import sys
 
 import numba
 import pytest
+from numba.core.dispatcher import Dispatcher
+from samples import beam
 
+import anctmm as at
 from anctmm.integrators import zhai
 from anctmm.integrators.implicit import system as implicit_system
 from anctmm.jit import code_digest as code_digest_module
-from anctmm.jit.code_digest import code_digest, signature_text
+from anctmm.jit.code_digest import _globals, _own, code_digest, signature_text
+from anctmm.jit.interpreting import interpreted
+from anctmm.model.kept import forget_structures
+from reference import global_dae
 
 pytestmark = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler"
@@ -215,3 +222,43 @@ def test_types_of_one_name_are_told_apart_by_their_classes():
     assert signature_text((matrix,)) != signature_text((numba.float64[::1, :],))
     assert signature_text((matrix,)) != signature_text((matrix.copy(readonly=True),))
     assert signature_text((matrix, numba.none)) != signature_text((matrix, matrix))
+
+
+def digests():
+    """The digest of every kernel of the solver and of the global DAE, found anew."""
+    _own.cache_clear()
+    modules = [m for name, m in sys.modules.items() if name.partition(".")[0] in ("anctmm", "reference")]
+    kernels = {id(one): one for m in modules for one in vars(m).values() if isinstance(one, Dispatcher)}
+    return {(k.py_func.__module__, k.py_func.__qualname__): code_digest(k.py_func) for k in kernels.values()}
+
+
+def test_what_a_process_has_computed_changes_no_digest():
+    """Or every scene with a loop had kernels of its own, and a second process compiled them for nobody."""
+    forget_structures()
+    before = digests()
+    assert len(before) > 100
+    plates = [
+        at.RigidBody(name, mass=1.0, inertia=0.1, center=center, points={"a": a, "b": b})
+        for name, center, a, b in (
+            ("p", (0.5, 0.5), (0.0, 0.0), (1.0, 1.0)),
+            ("q", (1.5, 0.5), (1.0, 1.0), (2.0, 0.0)),
+        )
+    ]
+    joints = [at.Pin("p.a", "one.start"), at.Pin("p.b", "q.a"), at.Pin("q.b", "one.end")]
+    scene = at.Scene("loop", [beam("one", (0.0, 0.0), (2.0, 0.0)), *plates], joints, gravity=(0.0, -9.81))
+    for integrator, dt in (("zhai", 1e-6), ("generalized-alpha", 1e-4)):
+        run = {"mesh": 1, "integrator": integrator, "dt": dt, "t_end": 2 * dt}
+        with interpreted():
+            assert at.solve(scene, **run).status.ok
+        assert global_dae.solve(scene, **run).status.ok
+    assert digests() == before
+
+
+@pytest.mark.parametrize("count", [0, 100, 300, 70000])
+def test_an_attribute_is_no_global_of_the_same_name(count):
+    """Names that code takes from its module are told as Python's own disassembler tells them."""
+    place = {}
+    exec(f"def f(x):\n    ({''.join(f'g{n}, ' for n in range(count))})\n    return x.loops + other\n", place)
+    code = place["f"].__code__
+    told = {one.argval for one in dis.get_instructions(code) if one.opname == "LOAD_GLOBAL"}
+    assert set(_globals(code)) == told == {"other", *(f"g{n}" for n in range(count))}

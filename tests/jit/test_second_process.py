@@ -18,7 +18,7 @@ from anctmm.jit import second_process
 from anctmm.jit.kernel_files import directory
 
 SCRIPT = """
-import os, sys
+import os, sys, time
 import numpy as np
 from anctmm.jit.second_process import Parts, Task
 from anctmm.jit import second_process
@@ -59,6 +59,26 @@ FAILING = {
     "dies": "second_process._PROGRAM = 'import os; os.kill(os.getpid(), 9)'",
     "does nothing": "second_process._PROGRAM = 'import time; time.sleep(600)'",
 }
+
+
+#: The second process holds the lock of what the first one reaches next, and does no more.
+STOPPED = f"""{BESIDE}
+second_process.PATIENCE = 0.5
+second_process._PROGRAM = (
+    "import pickle, sys, time; path, name = pickle.load(sys.stdin.buffer); sys.path[:] = path\\n"
+    "from importlib import import_module; from anctmm.jit.one_compiler import alone\\n"
+    "[(module, kernel, types, _)] = pickle.load(sys.stdin.buffer)\\n"
+    "with alone(getattr(import_module(module), kernel)._cache.file_of(types)): time.sleep(600)"
+)
+start = second_process._start
+def held(tasks):
+    second = start(tasks)
+    file = inner._cache.file_of(tasks[0][1])
+    while not second_process.is_taken(file):
+        time.sleep(0.01)
+    return second
+second_process._start = held
+"""
 
 
 def answer(change, cache):
@@ -104,6 +124,10 @@ def test_both_processes_at_once_give_the_same(tmp_path):
 @pytest.mark.parametrize("how", FAILING)
 def test_whatever_becomes_of_the_second_process_the_answer_is_the_same(how, tmp_path):
     assert answer(f"{BESIDE}; {FAILING[how]}", tmp_path) == "60.0 0 0\nno child\n"
+
+
+def test_a_second_process_that_holds_a_kernel_and_stops_is_not_waited_for_long(tmp_path):
+    assert answer(STOPPED, tmp_path) == "60.0 0 0\nno child\n"
 
 
 SCENES = {
