@@ -199,7 +199,7 @@ def report(
     """Run every study and write one page; of a file those that take its cases."""
     from studies.cases import chosen
     from studies.engine.storage.files import check_writable, file_name
-    from studies.engine.study import asked, find
+    from studies.engine.study import asked, find, trials
     from studies.report.folder import write
     from studies.report.page import BUILT_IN, Subject, write_page
 
@@ -211,6 +211,7 @@ def report(
     check_writable(folder)
     results = []
     with sweeping(quick, whole("--workers", workers), cluster) as runner:
+        runner.prepare(trials(every))
         for done, (name, options) in enumerate(every, 1):
             runner.heading = f"{name} ({done} of {len(every)}), "
             results.append(replace(find(name)(options, runner), name=name))

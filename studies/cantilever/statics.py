@@ -72,28 +72,35 @@ def exact_reference(base: BaseScene, model: str) -> Reference:
 
 
 def static_sweep(
-    bases: Iterable[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
+    bases: Sequence[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
 ) -> StaticSweep:
-    """Run scenes × schemes of the element asked for, each solver measured against the continuum it says it tends to.
+    """Run scenes × schemes of the element asked for, each solver measured against the continuum it says it tends to."""
+    cases: list[Trial] = []
+    references: list[Reference] = []
+    for base in bases:
+        exact = {limit: exact_reference(base, limit) for limit in LIMITS}
+        mine = static_cases(base, schemes, options)
+        cases += mine
+        references += [exact[limit_of(case.solver, case.element)] for case in mine]
+    return StaticSweep(tuple(runner.sweep(cases)), tuple(references))
+
+
+def static_cases(base: BaseScene, schemes: Sequence[StaticScheme], options: Options) -> list[Trial]:
+    """Equilibria of a scene by schemes of the element asked for.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
     whose element it offers in statics, on the full quadrature.
     """
     cases: list[Trial] = []
-    references: list[Reference] = []
     schemes = [scheme for scheme in schemes if options.element in (None, scheme.element)]
-    for base in bases:
-        exact = {limit: exact_reference(base, limit) for limit in LIMITS}
-        for scheme in schemes:
-            for solver in _contestants(scheme, schemes, options):
-                mine = product(
-                    base.scene, [solver], options.meshes or scheme.meshes, element=scheme.element,
-                    quadrature=scheme.quadrature, integrator=STATIC,
-                )  # fmt: skip
-                fresh = [case for case in mine if case not in cases]
-                cases += fresh
-                references += [exact[limit_of(solver, scheme.element)]] * len(fresh)
-    return StaticSweep(tuple(runner.sweep(cases)), tuple(references))
+    for scheme in schemes:
+        for solver in _contestants(scheme, schemes, options):
+            mine = product(
+                base.scene, [solver], options.meshes or scheme.meshes, element=scheme.element,
+                quadrature=scheme.quadrature, integrator=STATIC,
+            )  # fmt: skip
+            cases += [case for case in mine if case not in cases]
+    return cases
 
 
 def limit_of(solver: str, element: str) -> str:

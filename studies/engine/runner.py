@@ -15,6 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from anctmm.errors import AnctmmError, reason
 from anctmm.jit import cache_dir as storage
+from anctmm.jit.second_process import one_process
 from anctmm.results.export.plain_data import decode
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
@@ -115,7 +116,7 @@ class Runner:
         """
         ordered = list({_identity(case): case for case in cases}.values())
         self.compute(ordered)
-        self._compile_ahead(ordered)
+        self.prepare(ordered)
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
         outcomes: list[Outcome] = []
         for group in groups:
@@ -160,8 +161,11 @@ class Runner:
             self.on_start(*told)  # it is the next that begins; which one, its worker knows
             self.on_job(*told)
 
-    def _compile_ahead(self, cases: Sequence[Trial]) -> None:
-        """Compile what runs need that are not known yet, in two processes, before any of them is timed."""
+    def prepare(self, cases: Sequence[Trial]) -> None:
+        """Compile what runs need that are not known yet, in two processes, before any of them is timed.
+
+        Without a worker beside this process nothing is done.
+        """
         if self.beside is None:
             return
         worker = self.beside
@@ -172,7 +176,7 @@ class Runner:
 
         def here(case: Trial) -> None:
             self.on_start(f"compiling for {label_of(case)}", 0, len(cases))
-            with self._turns.together(), contained():
+            with self._turns.together(), one_process(), contained():
                 case.warm_up(self._solver(case.solver))
             if not case.error_controlled:
                 self._warm.add(case.kernels)
@@ -227,7 +231,7 @@ class Runner:
             If the workers cannot do such jobs at all.
         """
         keys = [self._job_key(code and f"{label}|{code}", compute) for label, compute, _ in jobs]
-        came = self._jobs_by_workers(jobs, keys)
+        came = self._jobs_by_workers(jobs, keys) or self._jobs_from_both_ends(jobs, keys)
         results = []
         for k, (label, compute, otherwise) in enumerate(jobs):
             self.on_start(label, k, len(jobs))
@@ -264,6 +268,31 @@ class Runner:
                 case _:
                     pass  # the store has it, or it is done here
             self.on_job(*told)
+        return found
+
+    def _jobs_from_both_ends(
+        self, jobs: Sequence[tuple[str, Callable[[], Any], Any]], keys: Sequence[str]
+    ) -> dict[int, Callable[[], Any]]:
+        """What came of jobs that a worker has done from the last on, while this process did them from the first on.
+
+        What fails is left to be done, and told, as if there were no worker.
+        """
+        if self.beside is None:
+            return {}
+        worker, found = self.beside, dict[int, Callable[[], Any]]()
+
+        def here(k: int) -> None:
+            self.on_start(jobs[k][0], len(found), len(jobs))
+            with one_process():
+                value = self._store.remember(keys[k], self._together(jobs[k][1]))
+            found[k] = lambda: value
+
+        def there(k: int) -> None:
+            answer = worker.submit(work, self._job_errand(jobs[k][1])).result()
+            value = self._store.remember(keys[k], answer.result)
+            found[k] = lambda: value
+
+        from_both_ends([k for k, key in enumerate(keys) if not self._store.has(key)], here, there)
         return found
 
     def _job_errand(self, compute: Callable[[], Any]) -> Errand:

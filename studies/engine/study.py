@@ -1,6 +1,6 @@
 """What every study is asked and answers, and the list of studies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ from studies.engine.tables import Table
 
 if TYPE_CHECKING:
     from studies.engine.runner import Runner
-    from studies.engine.running.trial import Mesh
+    from studies.engine.running.trial import Mesh, Trial
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
@@ -129,6 +129,8 @@ class Result:
         What the page begins with: one line an answer; a sentence alone answers the study's question.
     shown : tuple of str
         Names of the tables that a terminal shows.
+    left_out : str
+        What a quick run leaves out of the study, as the end of a sentence; empty where nothing is.
     """
 
     name: str
@@ -141,6 +143,7 @@ class Result:
     films: tuple[Film, ...] = ()
     answers: tuple[Answer | str, ...] = ()
     shown: tuple[str, ...] = ()
+    left_out: str = ""
 
     def table(self, name: str) -> Table:
         """The table of a name."""
@@ -175,6 +178,12 @@ def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Option
 def _takers(name: str) -> str:
     takers = [study for study, taken in TAKEN.items() if name in taken]
     return f"{', '.join(takers)} {'do' if len(takers) > 1 else 'does'}" if takers else "others do"
+
+
+def trials(every: Iterable[tuple[str, Options]]) -> list["Trial"]:
+    """Runs of all kinds that studies need, of those that tell them before they run."""
+    tell = [(getattr(import_module(STUDIES[name][0]), "trials", None), options) for name, options in every]
+    return [trial for one, options in tell if one is not None for trial in one(options)]
 
 
 def find(name: str) -> "Callable[[Options, Runner], Result]":

@@ -1,8 +1,14 @@
 """Model only what a scene requires: kinds of element by body, how far each choice is from the richest, and its cost."""
 
 from studies.engine.runner import Runner
+from studies.engine.running.trial import Trial
 from studies.engine.study import Options, Result, StudyError, check_taken
 from studies.fidelity import base_scenes, of_cases
+
+
+def trials(options: Options) -> list[Trial]:
+    """Runs of all kinds that the study of the base scenes needs; of other cases their references tell first."""
+    return base_scenes.trials(options) if options.cases is None else []
 
 
 def run(options: Options, runner: Runner) -> Result:

@@ -18,6 +18,8 @@ from studies.scenes import BaseScene
 MESH: Mesh = (2, 8, 2)
 EXPLICIT_DT = 1e-5
 IMPLICIT_DT = 1e-3
+#: How long the dense solver is timed, by whether the run is quick, s.
+STRETCH = {False: 0.2, True: 0.04}
 #: Rong 2014, Table 2: CPU time in s of the whole run; its length and step are not printed.
 PUBLISHED = {"ordinary ANCF, dense": 838.51, "ANC-TMM, explicit": 107.25}
 BASELINE = "ordinary ANCF, dense"
@@ -56,19 +58,23 @@ def paper_table(
     base: BaseScene, references: Mapping[str, Reference], options: Options, runner: Runner
 ) -> Table | None:
     """Time the contestants in turn and set the published times beside theirs; None if the user left none."""
-    stretch = 0.04 if options.quick else 0.2
-    wanted = [
-        c for c in CONTESTANTS
+    cases = contest(base, options)
+    if not cases:
+        return None
+    rounds = _rounds(cases, 3 if options.quick else 5, runner)
+    lines = [_line(c, cases[c], rounds[c.method], base, references, runner, options.quick) for c in cases]
+    frame = _with_ratios(pd.DataFrame(lines)).reindex(columns=list(COLUMNS))
+    return Table("paper_table2", "The paper's Table 2, rebuilt", frame, _notes(STRETCH[options.quick]))
+
+
+def contest(base: BaseScene, options: Options) -> Mapping[Contestant, Trial]:
+    """The contestants that the user has left, with their runs."""
+    stretch = STRETCH[options.quick]
+    return {
+        c: _case(base, c, stretch if c.stretched else base.duration) for c in CONTESTANTS
         if (options.solvers is None or c.solver in options.solvers)
         and options.element in (None, c.element) and options.integrator in (None, c.integrator)
-    ]  # fmt: skip
-    if not wanted:
-        return None
-    cases = {c: _case(base, c, stretch if c.stretched else base.duration) for c in wanted}
-    rounds = _rounds(cases, 3 if options.quick else 5, runner)
-    lines = [_line(c, cases[c], rounds[c.method], base, references, runner, options.quick) for c in wanted]
-    frame = _with_ratios(pd.DataFrame(lines)).reindex(columns=list(COLUMNS))
-    return Table("paper_table2", "The paper's Table 2, rebuilt", frame, _notes(stretch))
+    }  # fmt: skip
 
 
 def _case(base: BaseScene, contestant: Contestant, t_end: float) -> Trial:

@@ -33,6 +33,8 @@ def glance(result: Result, console: Console) -> None:
         _shown(result.table(name), console)
     for finding in result.findings:
         say(console, f"• {finding}")
+    if result.left_out:
+        say(console, f"• This quick run leaves out {result.left_out}")
 
 
 def _shown(table: Table, console: Console) -> None:

@@ -75,6 +75,8 @@ class Ladder:
         Meshes of quintic cables whose clamps free the stretch, for the smallest target errors.
     second : dict of element to Fine
         By which other road a reference is found once more; its coarser mesh and step do not matter.
+    beside : tuple of str
+        Elements that a quick run tries beside cables.
     """
 
     base: Case
@@ -92,6 +94,7 @@ class Ladder:
     frames: tuple[Mesh, ...] = ()
     finest: tuple[Mesh, ...] = ()
     second: Mapping[str, Fine] = field(default_factory=dict)
+    beside: tuple[str, ...] = ("quintic", "shear")
 
     def plan(self, quick: bool) -> Plan:
         """Schemes and references."""
@@ -149,8 +152,9 @@ class Ladder:
         ]
 
     def _controlled(
-        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], tolerances: tuple[float, ...]
-    ) -> list[Scheme]:
+        self, element: str, quadrature: str, meshes: tuple[Mesh, ...], tolerances: tuple[float, ...],
+        integrators: tuple[str, ...] = (IMPLICIT, HIGH),
+    ) -> list[Scheme]:  # fmt: skip
         """Steps that an error drives, by each method that also makes steps of one length with the element here."""
         second = element == "shear" or lacks_of_high_order(self.base)
         return [
@@ -158,7 +162,7 @@ class Ladder:
                 element, quadrature, integrator, ("anctmm",), meshes, lambda mesh: (),
                 (("tolerance", tolerance), ("newton_tolerance", LOOSE)),
             )
-            for integrator in ((IMPLICIT,) if second else (IMPLICIT, HIGH))
+            for integrator in ((IMPLICIT,) if second else integrators)
             for tolerance in tolerances
         ]  # fmt: skip
 
@@ -190,7 +194,7 @@ class Ladder:
         return (
             *self._implicit("cable", "lobatto", self.cable, CABLE_SOLVERS, steps),
             *self._high("cable", "lobatto", self.cable[-1:], QUICK_HIGH_STEPS),
-            *self._controlled("cable", "lobatto", self.cable[1:2], QUICK_TOLERANCES),
+            *self._controlled("cable", "lobatto", self.cable[1:2], QUICK_TOLERANCES, (IMPLICIT,)),
             Scheme(
                 "cable",
                 "reduced",
@@ -199,16 +203,30 @@ class Ladder:
                 self.cable[:1],
                 self._stable("cable", "reduced", 1e6),
             ),
-            _scheme("quintic", "full", IMPLICIT, ("anctmm",), self.quintic[:1], steps[-1:], LOOSE),
+            *self._few_of_quintic(),
             *self._few_of_shear(),
         )
+
+    def _few_of_quintic(self) -> list[Scheme]:
+        """One run that is compared with cables."""
+        if "quintic" not in self.beside:
+            return []
+        return [
+            _scheme("quintic", "full", IMPLICIT, ("anctmm",), self.quintic[:1], self.quick_steps[-1:], LOOSE)
+        ]
 
     def _few_of_shear(self) -> list[Scheme]:
         """Few runs that are compared with cables; where there are none, as many as of cables."""
         if self.cable or self.quintic:
-            return [
-                _scheme("shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], self.quick_steps[:1], LOOSE)
-            ]
+            return (
+                []
+                if "shear" not in self.beside
+                else [
+                    _scheme(
+                        "shear", "full", IMPLICIT, ("anctmm",), self.shear[:2], self.quick_steps[:1], LOOSE
+                    )
+                ]
+            )
         return [
             *self._implicit("shear", "full", self.shear, SHEAR_SOLVERS, self.quick_steps),
             *self._controlled("shear", "full", self.shear[1:2], (3e-3,)),
@@ -241,7 +259,7 @@ def lacks_of_high_order(case: Case) -> list[str]:
 
 
 def ladders(quick: bool) -> list[Ladder]:
-    """Of the two moving base scenes, each by hand."""
+    """Of the two moving base scenes, each by hand; a quick run of them is of cables alone."""
     return [_four_bar(quick), _cantilever(quick)]
 
 
@@ -275,6 +293,7 @@ def _four_bar(quick: bool) -> Ladder:
         targets=QUICK_TARGETS if quick else TARGETS,
         finest=((1, 3, 1), (1, 4, 1), (2, 6, 2), (2, 8, 2)),
         second=second_road((6, 24, 6), 2e-3),
+        beside=(),
     )
 
 
@@ -308,6 +327,7 @@ def _cantilever(quick: bool) -> Ladder:
         frames=frames,
         finest=((8,), (16,), (24,), (32,), (40,)),
         second=second_road((64,), 1e-4),
+        beside=(),
     )
 
 

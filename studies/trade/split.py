@@ -31,8 +31,7 @@ class SameMesh:
 
 def same_mesh(swept: Sweep, dt: float, integrator: str, runner: Runner) -> Mapping[Place, SameMesh]:
     """Runs of ANC-TMM with a fine step, s, on every mesh of a sweep; meshes that it cannot run are left out."""
-    meant = (_fine(o.case, dt, integrator) for o in swept.outcomes if not other_model(o.case))
-    fine = list(dict.fromkeys(meant))
+    fine = fine_runs([o.case for o in swept.outcomes], dt, integrator)
     coarser = [replace(case, dt=2 * dt) for case in fine]
     found = {o.case: o.solution for o in runner.sweep([*fine, *coarser], timed=False)}
     return {
@@ -40,6 +39,11 @@ def same_mesh(swept: Sweep, dt: float, integrator: str, runner: Runner) -> Mappi
         for case, twice in zip(fine, coarser, strict=True)
         if found[case].status.ok and found[twice].status.ok
     }
+
+
+def fine_runs(cases: Sequence[Trial], dt: float, integrator: str) -> list[Trial]:
+    """Runs of ANC-TMM with a fine step, s, on the meshes of cases."""
+    return list(dict.fromkeys(_fine(case, dt, integrator) for case in cases if not other_model(case)))
 
 
 def other_model(case: Trial) -> bool:

@@ -9,7 +9,18 @@ import pandas as pd
 
 from anctmm.model.case import Case
 from studies.cases import assumptions_of
-from studies.engine.accuracy.dynamics import AS_GIVEN, Fine, Sweep, check_mesh, measured_by, sweep
+from studies.engine.accuracy.dynamics import (
+    AS_GIVEN,
+    Fine,
+    Plan,
+    Sweep,
+    cases_of,
+    check_mesh,
+    measured_by,
+    quick_plan,
+    sweep,
+    with_references,
+)
 from studies.engine.choices import written
 from studies.engine.measuring.timing import in_turn, least
 from studies.engine.pareto_front import NEAR, excess
@@ -28,7 +39,7 @@ from studies.trade.control import error_control
 from studies.trade.own_ladder import own_ladder
 from studies.trade.plan import Ladder, ladders
 from studies.trade.second_road import second_roads
-from studies.trade.split import same_mesh, split
+from studies.trade.split import fine_runs, same_mesh, split
 from studies.trade.step_orders import step_orders
 from studies.trade.tables import (
     Traded,
@@ -53,6 +64,18 @@ COLUMNS = (
 )  # fmt: skip
 
 
+def trials(options: Options) -> list[Trial]:
+    """Runs of all kinds that the study of the built-in scenes needs; of other cases their references tell first."""
+    found: list[Trial] = []
+    for ladder in ladders(options.quick) if options.cases is None else []:
+        mine, plan = _fitting(ladder.base, options), _plan(ladder, options)
+        if mine.meshes != ():
+            cases = cases_of(ladder.base, plan, mine)
+            found += with_references(ladder.base, plan, cases)
+            found += fine_runs(cases, ladder.fine_step, ladder.fine_integrator)
+    return found
+
+
 def run(options: Options, runner: Runner) -> Result:
     """Run the study: of cases, or else of the two moving base scenes.
 
@@ -64,6 +87,7 @@ def run(options: Options, runner: Runner) -> Result:
     check_taken(options, "trade")
     every = _ladders(options, runner)
     _check_meshes(every, options)
+    runner.prepare(trials(options))
     fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
     traded = [measure(ladder, mine, runner) for ladder, mine in fitting if mine.meshes != ()]
     points = pd.concat([t.frame for t in traded], ignore_index=True)
@@ -85,7 +109,19 @@ def run(options: Options, runner: Runner) -> Result:
         ),
         pictures=tuple(p for t in traded for p in trade_pictures.pictures(t.base.scene.name, t.frame)),
         answers=tuple(answers(best.frame, rivals.frame)) if len(best.frame) else (),
+        left_out=_not_tried(every, options),
     )  # fmt: skip
+
+
+def _not_tried(every: Sequence[Ladder], options: Options) -> str:
+    """What a quick run leaves out, unless it is asked for single kinds."""
+    if not options.quick or options.element or options.integrator:
+        return ""
+    elements = sorted({"quintic", "shear"} - {element for ladder in every for element in ladder.beside})
+    return ", ".join([
+        *([f"{' and '.join(elements)} elements"] if elements else []),
+        "most meshes and steps, most explicit runs and steps of fourth order that an error drives.",
+    ])  # fmt: skip
 
 
 def _ladders(options: Options, runner: Runner) -> list[Ladder]:
@@ -98,9 +134,13 @@ def _ladders(options: Options, runner: Runner) -> list[Ladder]:
     return [by_hand.get(case) or own_ladder(case, options, runner) for case in options.cases]
 
 
+def _plan(ladder: Ladder, options: Options) -> Plan:
+    return quick_plan(ladder.plan(True), ladder.plan(False), options) if options.quick else ladder.plan(False)
+
+
 def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
-    plan = ladder.plan(options.quick)
+    plan = _plan(ladder, options)
     out = left_out(plan, ladder.base, options.solvers)
     swept = sweep(ladder.base, without(plan, out), options, runner)
     fine = same_mesh(swept, ladder.fine_step, ladder.fine_integrator, runner)

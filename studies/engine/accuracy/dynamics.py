@@ -1,6 +1,6 @@
 """One dynamic scene over solvers, elements, integrators, meshes and steps, a reference for each element."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -183,10 +183,18 @@ def quick_plan(quick: Plan, full: Plan, options: Options) -> Plan:
 def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
     cases = cases_of(base, plan, options)
+    every = with_references(base, plan, cases)
+    runner.compute(every)
+    runner.prepare(every)
     elements = dict.fromkeys(measured_by(case, plan.references) for case in cases)
-    runner.compute([*cases, *(run for e in elements for run in _reference_runs(base, e, plan.references[e]))])
     references = {e: reference_of(base, e, plan.references[e], runner) for e in elements}
     return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
+
+
+def with_references(base: Case, plan: Plan, cases: Sequence[Trial]) -> list[Trial]:
+    """Cases of a plan, and the runs that their references begin with."""
+    elements = dict.fromkeys(measured_by(case, plan.references) for case in cases)
+    return [*cases, *(run for e in elements for run in _reference_runs(base, e, plan.references[e]))]
 
 
 def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 from anctmm.jit.kernel_files import directory
 from anctmm.solvers import registry
@@ -16,6 +16,8 @@ from anctmm.solvers.registry import Solver
 from studies.engine.running.pool import WorkerPool
 from studies.engine.running.processes import processors
 from studies.engine.running.trial import Trial
+
+Case = TypeVar("Case")
 
 
 def worthwhile() -> bool:
@@ -37,13 +39,18 @@ def helper(wanted: bool) -> Iterator[WorkerPool | None]:
         pool.shutdown(cancel_futures=True)
 
 
+def kind_of(case: Trial) -> tuple[Any, ...]:
+    """What is equal for runs that need the same kernels, of whatever scene."""
+    solver, _, *needed = case.kernels
+    joints = sorted(type(joint).__name__ for joint in case.scene.joints)
+    return solver, *needed, len(case.scene.bodies), *joints, case.error_controlled
+
+
 def kinds(cases: Iterable[Trial]) -> list[Trial]:
     """Of each kind of run the one with least work; scenes of as many bodies with the same joints are one kind."""
     least: dict[tuple[Any, ...], Trial] = {}
     for case in cases:
-        solver, _, *needed = case.kernels
-        joints = sorted(type(joint).__name__ for joint in case.scene.joints)
-        kind = solver, *needed, len(case.scene.bodies), *joints, case.error_controlled
+        kind = kind_of(case)
         if kind not in least or case.work < least[kind].work:
             least[kind] = case
     return list(least.values())
@@ -57,19 +64,19 @@ def warmed_up(case: Trial, resolve: Callable[[str], Solver] = registry.solver) -
 
 
 def from_both_ends(
-    cases: Sequence[Trial], here: Callable[[Trial], object], there: Callable[[Trial], object]
+    cases: Sequence[Case], here: Callable[[Case], object], there: Callable[[Case], object]
 ) -> None:
     """Do something for each of some cases: from the first on in this thread, from the last on in another one.
 
     Parameters
     ----------
-    cases : sequence of Trial
+    cases : sequence
     here, there : callable
         What they raise is left out: each case is done once, well or not.
     """
     left = deque(cases)
 
-    def do(take: Callable[[], Trial], one: Callable[[Trial], object]) -> None:
+    def do(take: Callable[[], Case], one: Callable[[Case], object]) -> None:
         with suppress(IndexError):
             while True:
                 case = take()

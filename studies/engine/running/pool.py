@@ -18,6 +18,7 @@ from contextlib import suppress
 from typing import IO, Any
 
 from anctmm.jit.announcing import compiling
+from anctmm.jit.second_process import one_process
 from studies.engine.running.processes import Lost
 
 #: What a process runs: the same code from the same places.
@@ -123,7 +124,7 @@ def serve(calls: IO[bytes]) -> None:
     compiling.place = pickle.load(calls)  # it tells as one with who asks
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    with suppress(EOFError, BrokenPipeError):
+    with one_process(), suppress(EOFError, BrokenPipeError):  # the other processors have work of their own
         while True:
             call, args, kwargs = pickle.load(calls)
             pickle.dump(_answered(call, args, kwargs), answers)

@@ -2,9 +2,12 @@
 
 import os
 import threading
+import time
 from dataclasses import replace
+from functools import partial
 
 import pytest
+from numpy.linalg import LinAlgError
 from shared_sweep import cases, lines, numbers, runner
 
 from studies.engine.running import ahead
@@ -101,6 +104,36 @@ def test_a_sweep_with_a_helper_warms_up_every_kind_before_it_times_any(tmp_path)
     assert len(by) == 2
     assert {process for _, _, process in known[first:]} == {str(os.getpid())}
     assert len(known[:first]) >= len(KINDS)
+
+
+def by_whom(n, folder, meet=False):
+    """A number with the process that computes it; it waits until another process has begun one, if they shall meet."""
+    (folder / f"{n} {os.getpid()}").touch()
+    while meet and len({one.name.split()[1] for one in folder.iterdir()}) < 2:
+        time.sleep(0.01)
+    if n == 3:
+        raise LinAlgError("no third")
+    return n, os.getpid()
+
+
+@pytest.mark.parametrize("kept", ["", "code"])
+def test_jobs_are_done_from_both_ends_and_each_once(kept, tmp_path):
+    seen = tmp_path / "seen"
+    seen.mkdir()
+    jobs = [(f"job {n}", partial(by_whom, n, seen, meet=n in (0, 7)), str) for n in range(8)]
+    pool = WorkerPool(1)
+    try:
+        mine = runner(tmp_path, beside=pool)
+        found = mine.jobs(jobs, kept)
+        again = mine.jobs(jobs, kept)
+    finally:
+        pool.shutdown()
+    assert found[3] == "no third"
+    numbers, by = zip(*(one for one in found if one != "no third"), strict=True)
+    assert numbers == (0, 1, 2, 4, 5, 6, 7)
+    assert by[0] == os.getpid() != by[-1]
+    assert set(by) == {os.getpid(), by[-1]}
+    assert [one[0] for one in again] == [one[0] for one in found]
 
 
 def test_one_kind_alone_needs_no_helper(tmp_path):

@@ -13,12 +13,23 @@ from typer.testing import CliRunner
 from anctmm.jit import cache_dir
 from studies.cli import app
 from studies.engine import study
+from studies.engine.runner import Runner
+from studies.engine.running.ahead import kind_of
 from studies.engine.tables import Table
 from studies.report.table_view import view
 
 
+@pytest.fixture(scope="module")
+def prepared():
+    """For each call of `Runner.prepare` the kinds of runs that it is given."""
+    told = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Runner, "prepare", lambda self, cases: told.append({kind_of(case) for case in cases}))
+        yield told
+
+
 @pytest.fixture(scope="module", params=list(SMALL))
-def reported(request, tmp_path_factory) -> tuple[str, Path]:
+def reported(request, tmp_path_factory, prepared) -> tuple[str, Path]:
     """A study's name, and the folder that the command has written."""
     name, out = request.param, tmp_path_factory.mktemp("results")
     with pytest.MonkeyPatch.context() as patch:
@@ -32,6 +43,16 @@ def reported(request, tmp_path_factory) -> tuple[str, Path]:
 
 def test_every_study_of_the_report_is_run():
     assert tuple(SMALL) == study.REPORTED
+
+
+def test_a_study_tells_all_kinds_of_its_runs_before_it_runs(reported, prepared):
+    """The report compiles them in two processes before it times any."""
+    name, _ = reported
+    first, *later = prepared
+    prepared.clear()
+    assert bool(first) == (name in ("four-bar", "cantilever", "agreement", "trade", "fidelity"))
+    if first:
+        assert set().union(*later) <= first
 
 
 def test_its_tables_are_whole_and_can_be_shown(reported):

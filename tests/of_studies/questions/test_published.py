@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from reference.exact.andrews import PUBLISHED
-from studies.published import study
+from studies.published import motions, study
 from studies.published.problem import Published, Value, agreeing, converged, last_digit
 
 #: Digits of each published number that are confirmed on the quick meshes; a fall is a fault here or there.
@@ -31,7 +31,8 @@ CONFIRMED = {
 
 @pytest.fixture(scope="module")
 def found():
-    return list(study.problems(quick=True))
+    """Those of a quick run, and on coarse meshes what it leaves out."""
+    return [*study.problems(quick=True), *motions.squeezer(quick=True)]
 
 
 @pytest.mark.exhaustive

@@ -650,3 +650,16 @@ def test_frames_at_rest_tend_to_the_elastica_by_fourth_order(cantilever_result):
         pytest.skip("OpenSees (extra `peers`) is not installed")
     assert len(rows) > 0
     assert (rows["order"] > 3.5).all()
+
+
+@pytest.mark.parametrize("element", ["quintic", "shear"])
+def test_elements_that_a_quick_agreement_leaves_out_agree_where_they_are_asked_for(element, quick_runner):
+    meshes = ((4,), (1, 3, 1)) if element == "quintic" else ((16,), (2, 8, 2))
+    asked = Options(quick=True, element=element, meshes=meshes, solvers=("anctmm", "global-dae"))
+    result = find("agreement")(asked, quick_runner)
+    pairs = result.table("pairs").frame
+    assert pairs[["scene", "element", "status"]].to_numpy().tolist() == [
+        ["four-bar", element, "ok"], ["cantilever-fall", element, "ok"],
+    ]  # fmt: skip
+    assert (pairs["difference"] < 1e-8).all()
+    assert result.left_out == ""
