@@ -140,14 +140,6 @@ def take_accelerations(loops):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def constrained(loops):  # type: ignore[no-untyped-def]
-    """Whether there are constraints between kept unknowns."""
-    if loops is None:
-        return False
-    return len(loops.rows.number) > 0
-
-
-@embedded
 def ask_anew(factors, loops, first, drives, q, v, a):  # type: ignore[no-untyped-def]
     """Ask the next solution for accelerations where the motion starts anew, and make positions and velocities fit."""
     if loops is not None:

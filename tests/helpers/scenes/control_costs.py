@@ -1,0 +1,97 @@
+"""Moving scenes, and what steps with a tolerance cost on them beside the best fixed ones of the same error."""
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from pathlib import Path
+from runpy import run_path
+from types import SimpleNamespace
+
+from user_cases import FOLDER
+
+import anctmm as at
+from studies import gallery, scenes
+from studies.engine.pareto_front import cost_at
+
+GALLERY = Path(gallery.__file__).parent / "scenes"
+FOUR_BAR = {"crank": 2, "coupler": 8, "follower": 2}
+TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
+
+
+def written(name):
+    """The first case of a file of the helpers, or of the gallery."""
+    found = next(path for folder in (FOLDER, GALLERY) if (path := folder / f"{name}.py").exists())
+    return run_path(str(found))["CASES"][0]
+
+
+def of_files(*names):
+    """Cases by name, as (maker, mesh, element)."""
+    return {name: (partial(written, name), 4, "cable") for name in names}
+
+
+#: Those by which constants of the step control were chosen, and others.
+CHOSEN_BY = {
+    "four-bar": (scenes.four_bar, FOUR_BAR, "cable"),
+    "four-bar-moment": (scenes.four_bar_moment, FOUR_BAR, "cable"),
+    "fall": (scenes.cantilever_fall, 8, "cable"),
+} | of_files("double_pendulum", "three_supports", "portal_frame", "thrown_chain")
+OTHERS = {
+    "four-bar-shear": (scenes.four_bar, FOUR_BAR, "shear"),
+    "fall-shear": (scenes.cantilever_fall, 8, "shear"),
+} | of_files("soft_pendulum", "thrown_triangle", "straight_line", "motor_arm", "rotating_blade")
+#: Those with constraints between rigid bodies or guides.
+CONSTRAINED = of_files("half_car", "gantry_crane")
+
+
+def work(run):
+    """Corrections, and factorizations, which cost about as much as two."""
+    return run.cost.newton_iterations + 2 * run.cost.factorizations
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Runs of a case: with tolerances, as (tolerance, error, work), and with fixed steps, as errors and costs."""
+
+    name: str
+    runs: list
+    fixed: list
+
+    @property
+    def ratios(self):
+        """Work of each tolerance over that of the best fixed step of the same error; no error is below all of these."""
+        finest = min(step.error for step in self.fixed)
+        return [cost / cost_at(self.fixed, max(found, finest)) for _, found, cost in self.runs]
+
+    @property
+    def promised(self):
+        """Largest error over the one asked for."""
+        return max(found / asked for asked, found, _ in self.runs)
+
+
+def costs(name, integrator, parts, bounds, reference_by):
+    """Costs of a case; fixed steps are `parts` of the interval of output, each with all `bounds` of Newton's iteration.
+
+    Parameters
+    ----------
+    reference_by : tuple of str and int
+        Integrator of the reference, and its steps between two outputs.
+    """
+    make, mesh, element = (CHOSEN_BY | OTHERS | CONSTRAINED)[name]
+    case = make()
+    dt, beams = case.interval, {"mesh": mesh, "element": element} if case.scene.beams else {}
+    options = {"t_end": case.duration, "output_dt": dt} | beams
+    by, finest = reference_by
+    reference = at.solve(case.scene, dt=dt / finest, newton_tolerance=1e-11, integrator=by, **options)
+    assert reference.status.ok, reference.status
+
+    def error(run):
+        return at.compare(run, reference, case.probes).error
+
+    steps = [
+        at.solve(case.scene, dt=dt / part, newton_tolerance=bound, integrator=integrator, **options)
+        for bound, part in product(bounds, parts)
+    ]  # with loose bounds of Newton's iteration some make energy
+    fixed = [SimpleNamespace(error=error(s), cpu_s=float(work(s))) for s in steps if s.status.ok]
+    runs = [(e, at.solve(case.scene, tolerance=e, integrator=integrator, **options)) for e in TOLERANCES]
+    assert all(run.status.ok for _, run in runs), [str(run.status) for _, run in runs]
+    return Costs(name, [(asked, error(run), work(run)) for asked, run in runs], fixed)
