@@ -45,6 +45,13 @@ ALIGNED = 1e-12
 FEW_GUIDES = 4
 
 
+class Start(NamedTuple):
+    """An equilibrium: coordinates, (rows, nodes), and the angles by which the nodes' sections have turned, (nodes,)."""
+
+    q: Array
+    turned: Array
+
+
 class Guided(NamedTuple):
     """Ends at a place that moves on a line in the ground, the one whose node is eliminated there, and the direction."""
 
@@ -61,8 +68,8 @@ class Chain:
     ----------
     scene : Scene
     run : Discretisation
-    start : ndarray, shape (k, rows, nodes), optional
-        Equilibria on the way to that which the motion starts from, the last one.
+    start : Start, optional
+        The equilibrium that the motion starts from.
 
     Raises
     ------
@@ -77,7 +84,7 @@ class Chain:
 
     scene: Scene
     run: Discretisation
-    start: Array | None = field(default=None, compare=False, kw_only=True)
+    start: Start | None = field(default=None, compare=False, kw_only=True)
 
     def __post_init__(self) -> None:
         refuse(self.scene, LACKING, "ANC-TMM")
@@ -250,7 +257,7 @@ class Chain:
 
     def start_coordinates(self) -> Array:
         """Coordinates at t = 0, (rows, nodes)."""
-        return self.bodies.reference() if self.start is None else self.start[-1].copy()
+        return self.bodies.reference() if self.start is None else self.start.q.copy()
 
     def _does_not_turn(self, junction: Junction, group: tuple[End, ...]) -> bool:
         """Whether a prismatic joint in the ground holds the gradients of a group."""

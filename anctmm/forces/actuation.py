@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies, Tables
+from anctmm.discretise.chain import Start
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
@@ -65,13 +66,13 @@ class Actuation:
     ----------
     scene : Scene
     bodies : Bodies
-    start : ndarray, shape (k, rows, nodes), optional
-        Coordinates on the way to the start of a motion: rotational springs count their turns there.
+    start : Start, optional
+        The equilibrium that a motion starts from: rotational springs have turned there.
     """
 
     scene: Scene
     bodies: Bodies
-    start: Array | None = None
+    start: Start | None = None
 
     @cached_property
     def driven(self) -> list[tuple[End, Clamp]]:
@@ -108,8 +109,8 @@ class Actuation:
     def loads(self) -> Loads:
         """Varying loads and connectors for kernels, with a memory of their own."""
         loads = loads_of(self.scene, self.bodies, varying_loads(self.scene))
-        for q in () if self.start is None else self.start:
-            count_turns(loads.connectors, q)
+        if self.start is not None:
+            count_turns(loads.connectors, *self.start)
         return loads
 
     def clamp_table(self, t: Array) -> Array:

@@ -186,10 +186,23 @@ def measure(c, n, q):  # type: ignore[no-untyped-def]
     return m, ay / aa, -ax / aa, -by / bb, bx / bb
 
 
-def count_turns(connectors: Connectors | None, q: Array) -> None:
-    """Take the measures at coordinates q for the last ones accepted."""
+def count_turns(connectors: Connectors | None, q: Array, turned: Array) -> None:
+    """Take the measures at coordinates q for the last ones accepted.
+
+    Parameters
+    ----------
+    connectors : Connectors or None
+    q : ndarray, shape (rows, nodes)
+    turned : ndarray, shape (nodes,)
+        Angles by which the nodes' sections have turned since the reference, rad: they tell whole turns.
+    """
     if connectors is not None:
         for n in range(len(connectors.kinds)):
+            a, b = (
+                turned[ends.node[ends.start[n]]] if ends.start[n] < ends.start[n + 1] else 0.0
+                for ends in (connectors.first, connectors.second)
+            )
+            connectors.memory[n, 1] = b - a
             connectors.memory[n, 1] = uncompiled(measure)(connectors, n, q)[0]
 
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple, assert_never
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
+from anctmm.discretise.turning import angles_by_body
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
@@ -69,6 +70,8 @@ class Record:
     v: Array = field(init=False)
     a: Array = field(init=False)
     energy: Array = field(init=False)
+    #: Angles of the sections at nodes since the undeformed scene, (k, nodes), at the first k outputs, where counted.
+    turned: Array | None = field(init=False, default=None)
     started: tuple[float, float] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -109,6 +112,9 @@ class Record:
             name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
             for name, path in chain.by_body(q).items()
         }
+        if (turned := self._turned()) is not None:
+            angles = angles_by_body(chain, turned[:kept])
+            fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
         kinetic, strain, work = self.energy[:kept].T
         potential = _potential(q, light(chain, _reference), chain.dead_load)
         found = Solution(
@@ -124,6 +130,11 @@ class Record:
             static=static,
         )
         return checked(found, static=static)
+
+    def _turned(self) -> Array | None:
+        """Angles of sections where they are counted: by statics, and where a motion starts from an equilibrium."""
+        start = self.chain.start
+        return self.turned if start is None else start.turned[None]
 
 
 def _times(chain: Chain) -> Array:

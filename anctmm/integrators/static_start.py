@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.chain import Chain
+from anctmm.discretise.chain import Chain, Start
+from anctmm.discretise.turning import angles_of_nodes
 from anctmm.errors import DiscretisationError, shown
 from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
@@ -44,8 +45,7 @@ def started(chain: Chain, rest: object) -> Chain:
         if getattr(rest.scene, what) != getattr(chain.scene, what):
             raise DiscretisationError(f"{name} has other {what} than scene {chain.scene.name!r}; {NEEDED}")
     _check_cut(name, chain, rest)
-    path = [coordinates_of(chain, rest, k) for k in range(len(rest.t))]
-    return replace(chain, start=np.array(path))
+    return replace(chain, start=Start(coordinates_of(chain, rest, -1), turned_at_end(chain, rest)))
 
 
 def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
@@ -57,6 +57,21 @@ def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
                 f"{name} has body {beam!r} cut into {there[beam][0]} elements {there[beam][1]!r}, and the run into "
                 f"{elements} elements {kind!r}; {NEEDED}"
             )
+
+
+def turned_at_end(chain: Chain, solution: Solution) -> Array:
+    """Angles of all nodes' sections since the undeformed scene at the last output of a solution, (nodes,)."""
+    angles = dict[str, Array]()
+    for name, field in solution.fields.items():
+        match field:
+            case HermiteField(coordinates=q):
+                places = np.linspace(0.0, 1.0, q.shape[1])
+                angles[name] = np.array(
+                    [field.turned_before(x) + field.angle(x, solution.t)[-1] for x in places]
+                )
+            case RigidField():
+                angles[name] = np.array([field.turned_before() + field.angle("center", solution.t)[-1]])
+    return angles_of_nodes(chain, angles)
 
 
 def coordinates_of(chain: Chain, solution: Solution, k: int) -> Array:

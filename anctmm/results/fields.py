@@ -55,12 +55,16 @@ class HermiteField:
         Undeformed length of the body, m.
     velocities, accelerations : ndarray, shape like coordinates, optional
         Their rates, per s and s².
+    turned : ndarray, shape (k, nodes), optional
+        Angles of the nodes' sections since the undeformed scene at the first k outputs, rad, where they are counted: in
+        statics at each, in a motion that starts from an equilibrium at the first.
     """
 
     coordinates: Array
     length: float
     velocities: Array | None = None
     accelerations: Array | None = None
+    turned: Array | None = None
 
     def position(self, place: float) -> Array:
         """Positions at a fraction of the undeformed length, (n, 2), m."""
@@ -78,8 +82,25 @@ class HermiteField:
 
     def angle(self, place: float, t: Array) -> Array:
         """Angle of the section since t = 0, (n,), rad: of the axis' tangent or, for the shear element, of r_y."""
+        counted = self._counted(place)
+        if len(counted) == len(t) > 0:
+            return np.asarray(counted - counted[0])
         rates = None if self.velocities is None else self._direction(self.velocities, place)
         return continuous(self._direction(self.coordinates, place), rates, t)
+
+    def turned_before(self, place: float) -> float:
+        """Angle of the section at the first output since the undeformed scene, rad."""
+        return float(self._counted(place)[:1].sum())
+
+    def _counted(self, place: float) -> Array:
+        """Angles since the undeformed scene at the outputs where they are counted, (k,), rad."""
+        if self.turned is None:
+            return np.empty(0)
+        i = self._at(place)[0]
+        here, node = (
+            self._direction(self.coordinates[: len(self.turned)], x) for x in (place, self._fraction(i))
+        )
+        return np.asarray(self.turned[:, i] + np.angle(here * np.conj(node)))
 
     def spin(self, place: float) -> Array:
         """Rate of the section's angle, (n,), rad/s.
@@ -95,14 +116,16 @@ class HermiteField:
     def until(self, outputs: int) -> "HermiteField":
         """The first outputs."""
         q, v, a = self.coordinates, self.velocities, self.accelerations
-        return replace(
-            self, coordinates=q[:outputs], velocities=_first(v, outputs), accelerations=_first(a, outputs)
-        )
+        kept = (_first(series, outputs) for series in (v, a, self.turned))
+        return type(self)(q[:outputs], self.length, *kept)
 
     @property
     def sections(self) -> bool:
         """Whether nodes have an r_y, which turns with the section."""
         return self.coordinates.shape[2] == 3
+
+    def _fraction(self, node: int) -> float:
+        return node / (self.coordinates.shape[1] - 1)
 
     def _at(self, fraction: float) -> tuple[int, float, float]:
         """Element, place in it from 0 to 1, and its length, m."""
@@ -242,12 +265,15 @@ class RigidField:
         Where its points stand from the centre, before the start, m.
     velocities, accelerations : ndarray, shape (n, 2, 2), optional
         Rates, per s and s².
+    turned : ndarray, shape (k, 1), optional
+        As of `HermiteField`.
     """
 
     coordinates: Array
     points: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     velocities: Array | None = None
     accelerations: Array | None = None
+    turned: Array | None = None
 
     def position(self, place: str = "center") -> Array:
         """Positions of a point, (n, 2), m."""
@@ -265,8 +291,14 @@ class RigidField:
 
     def angle(self, place: str, t: Array) -> Array:
         """Angle of the body since t = 0, (n,), rad; the same at all its points."""
+        if self.turned is not None and len(self.turned) == len(t) > 0:
+            return np.asarray(self.turned[:, 0] - self.turned[0, 0])
         rates = None if self.velocities is None else _complex(self.velocities[:, 1])
         return continuous(_complex(self.coordinates[:, 1]), rates, t)
+
+    def turned_before(self, place: Any = "center") -> float:
+        """Angle of the body at the first output since the undeformed scene, rad; the same at all its points."""
+        return 0.0 if self.turned is None else float(self.turned[:1].sum())
 
     def spin(self, place: str = "center") -> Array:
         """Rate of the body's angle, (n,), rad/s.
@@ -281,9 +313,8 @@ class RigidField:
     def until(self, outputs: int) -> "RigidField":
         """The first outputs."""
         q, v, a = self.coordinates, self.velocities, self.accelerations
-        return replace(
-            self, coordinates=q[:outputs], velocities=_first(v, outputs), accelerations=_first(a, outputs)
-        )
+        kept = (_first(series, outputs) for series in (v, a, self.turned))
+        return RigidField(q[:outputs], self.points, *kept)
 
     def _point(self, q: Array, place: str) -> Array:
         x, y = (0.0, 0.0) if place == "center" else self.points[place]

@@ -158,6 +158,24 @@ def test_a_class_with_other_fields_is_another_class(monkeypatch):
         decode(content)
 
 
+def test_a_field_that_a_class_has_got_since_has_its_default():
+    q = np.zeros((2, 3, 2, 2))
+    written = encode(at.results.fields.HermiteField(q, 1.0))
+    older = written.replace(b', \\"turned\\"', b"").replace(b", null]]}", b"]]}")
+    assert older != written
+    before = len(written) - len(older)
+    head = int.from_bytes(written[:8], "little") - before
+    found = decode(head.to_bytes(8, "little") + older[8:])
+    assert found.turned is None
+    np.testing.assert_array_equal(found.coordinates, q)
+
+
+def test_a_field_without_a_default_is_missed():
+    content = encode(Thing(1, np.zeros(2))).replace(b', \\"table\\"', b"")
+    with pytest.raises(NotPlain):
+        decode(content)
+
+
 def test_a_pickle_in_the_place_of_a_result_is_not_run(tmp_path):
     import hashlib
 

@@ -6,9 +6,10 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.forces.connectors import count_turns
 from anctmm.integrators.modes.frames import Frame
 from anctmm.integrators.stability import element_bound
-from anctmm.integrators.static_start import coordinates_of
+from anctmm.integrators.static_start import coordinates_of, turned_at_end
 from anctmm.integrators.statics.static_system import StaticSystem
 from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
 from anctmm.results.fields import HermiteField
@@ -105,11 +106,10 @@ def last_of(system: StaticSystem, about: Solution, frame: Frame) -> tuple[Array,
     """Last coordinates of a solution, (rows, nodes), and the part of the loads there; constraints' forces are found."""
     chain = system.chain
     _weigh_constraints(system, frame)
-    factors = about.t if about.static else np.ones(1)
-    for k, factor in enumerate(factors):  # springs' turns are counted on the way
-        q = coordinates_of(chain, about, k if about.static else -1)
-        system.accept(q, float(factor))
-    factor = float(factors[-1])
+    factor = float(about.t[-1]) if about.static else 1.0
+    q = coordinates_of(chain, about, -1)
+    count_turns(system.loads.connectors, q, turned_at_end(chain, about))
+    system.accept(q, factor)
     if system.loops is not None:
         for _ in range(MULTIPLIERS):  # any shift will do where the residual is theirs alone
             system.factorize(q, factor, max(element_bound(chain), 1.0) ** 2)

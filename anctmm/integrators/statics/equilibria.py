@@ -223,6 +223,7 @@ def _along_path(search: LoadPath, first: float) -> Solution:
         points = [Point(search.q, 0.0, search.q, 1.0)]
     for k, point in enumerate(points):
         search.q, search.factor = point.q, point.factor
+        search.turning.follow(point.q)
         _store(search, record, k)
         doubt = _doubt(search, 0.0)
         stable[k] = doubt is None
@@ -281,6 +282,7 @@ def _relaxation(search: LoadPath) -> Advance:
         nonlocal here, ahead
         while ahead is not None and ahead[0] <= target:
             here, ahead = ahead, next(path, None)
+            search.turning.follow(here[1])
         q = here[1] if here[0] == target else downhill(search.system, here[1], target)
         return search.stuck(here[0]) if q is None else search.adopt(target, q)
 
@@ -325,4 +327,7 @@ def _is_singular_on_any_mesh(search: LoadPath, factor: float) -> bool:
 def _store(search: LoadPath, record: Record, place: int) -> None:
     """Keep the equilibrium reached."""
     record.q[place] = search.q
+    if record.turned is None:
+        record.turned = np.zeros((len(record.q), len(search.turning.angles)))
+    record.turned[place] = search.turning.angles
     record.energy[place, 1] = search.system.strain_energy(search.q)

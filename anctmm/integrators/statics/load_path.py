@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.turning import Turning
 from anctmm.integrators.output import worst_element
 from anctmm.integrators.stability import DIFFERENCE
 from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
@@ -52,6 +53,7 @@ class LoadPath:
         """Back to the undeformed scene."""
         self.q = self.system.reference.copy()
         self.system.restart()
+        self.turning = Turning(self.chain.bodies)
         self.before: tuple[float, Array] | None = None
         self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
@@ -65,16 +67,17 @@ class LoadPath:
             return self._blurred(self.factor)
         while target - self.factor > 1e-12:
             step = min(step, target - self.factor)
-            kept = self.q.copy()
+            kept, turned = self.q.copy(), self.turning.angles
             if self.before is not None:
                 self.q += (self.q - self.before[1]) * (step / (self.factor - self.before[0]))
+                self.turning.follow(self.q)
             if self.newton(self.factor + step) and self.system.turned(self.q, self.factor + step) < HALF:
                 self.before = (self.factor, kept)
                 self.factor += step
                 self.system.accept(self.q, self.factor)
                 step *= 2.0
                 continue
-            self.q, self.before = kept, None
+            self.q, self.before, self.turning.angles = kept, None, turned
             if self.blur >= DOUBTFUL:
                 return self._blurred(self.factor)
             step *= 0.5
@@ -96,6 +99,7 @@ class LoadPath:
             if not size < REACH:
                 return False
             self.q += x
+            self.turning.follow(self.q)
             if size <= self.chain.run.newton_tolerance:
                 self._trust(size * min(self.blur / (1.0 - self.blur), 1.0) if self.blur < 1.0 else size)
                 return True
@@ -166,14 +170,16 @@ class LoadPath:
 
     def adopt(self, target: float, q: Array) -> Status | None:
         """Take over an equilibrium found otherwise, as exact as Newton's iteration makes it; a status if it is none."""
-        kept = self.q
+        kept, turned = self.q, self.turning.angles
         self.q = q.copy()
+        self.turning.follow(self.q)
         if not self.newton(target):
             if stability_of(self.system, q, target).kind != "singular":
-                self.q = kept
+                self.q, self.turning.angles = kept, turned
                 return self.stuck(self.factor)
             self.q = q.copy()
         self.before, self.factor = None, target
+        self.turning.follow(self.q)
         self.system.accept(self.q, target)
         return None
 

@@ -8,7 +8,7 @@ those that this process has loaded already: nothing is imported.
 import json
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -170,12 +170,14 @@ def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -
 
 
 def _instance(name: str, names: list[str], values: list[Any]) -> Any:
-    """An instance of a dataclass with the fields it had."""
+    """An instance of a dataclass with the fields it had; one that came last, and later, has its default."""
     kind = _class(name, object)
-    if not is_dataclass(kind) or [f.name for f in fields(kind)] != names:
+    now = fields(kind) if is_dataclass(kind) else ()
+    later = {f.name: f.default for f in now[len(names) :]}
+    if [f.name for f in now[: len(names)]] != names or MISSING in later.values() or not now:
         raise NotPlain(f"{name} has other fields now")
     made = object.__new__(kind)
-    for field, value in zip(names, values, strict=True):
+    for field, value in [*zip(names, values, strict=True), *later.items()]:
         object.__setattr__(made, field, value)
     return made
 

@@ -12,6 +12,7 @@ from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spr
 from anctmm.model.drives import tabulate
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, load_text, width_of
 from anctmm.model.places import Place
+from anctmm.results.fields import HermiteField, RigidField
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def actions_of(solution: Any) -> Iterator[Action]:
             case Force():
                 place, values = solution.scene.place(load.end), values_of(solution, load)
                 if load.follower:
-                    values = _turned(values, solution.angle(load.end))
+                    values = _turned(values, turn_since_placed(solution, load.end))
                 yield Action(place, values, np.zeros(len(values)))
             case Torque():
                 values = values_of(solution, load)
@@ -160,8 +161,16 @@ def _stretch(solution: Any, connector: Connector) -> tuple[Array, Array]:
 
 
 def _turn(solution: Any, place: Any) -> tuple[Array, Array]:
-    angle = solution.angle(place)
+    angle = turn_since_placed(solution, place)
     return angle, np.zeros_like(angle) if solution.static else solution.spin(place)
+
+
+def turn_since_placed(solution: Any, place: Any) -> Array:
+    """Angle of a place since the undeformed scene, (n,), rad: a motion may start from an equilibrium."""
+    name, at = solution.scene.probe(place)
+    field = solution.fields[name]
+    before = field.turned_before(at) if isinstance(field, HermiteField | RigidField) else 0.0
+    return np.asarray(before + solution.angle(place))
 
 
 def _as_placed(solution: Any, connector: Connector) -> float:

@@ -19,7 +19,7 @@ from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, We
 from anctmm.model.places import Place
 from anctmm.model.topology import Sets
 from anctmm.results.fields import RigidField
-from anctmm.results.internal_forces.actions import actions_on
+from anctmm.results.internal_forces.actions import actions_on, turn_since_placed
 from anctmm.results.internal_forces.section_forces import HeldElement, cross, element_count
 
 Array = NDArray[np.float64]
@@ -168,7 +168,8 @@ class _System:
     def _direction(self, guide: Slider | Prismatic) -> Array:
         """Of a guide's line at each output, (n, 2)."""
         x, y = guide.direction
-        angle = np.zeros(self.outputs) if guide.body is None else self.solution.angle(f"{guide.body}.center")
+        fixed = guide.body is None
+        angle = np.zeros(self.outputs) if fixed else turn_since_placed(self.solution, f"{guide.body}.center")
         return np.stack(
             [x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle)], axis=1
         )

@@ -184,6 +184,29 @@ def test_loads_are_those_of_the_last_output():
     assert 2 * pi * found.frequencies[0] == pytest.approx(sqrt(30.0 * 0.5 / (0.05 + 0.32)), rel=1e-9)
 
 
+def hardening(angle, rate, t):
+    return 0.5 * angle + 0.02 * angle**3 + 0.5 * rate
+
+
+@pytest.mark.parametrize("moved", [True, False], ids=["motion", "equilibrium"])
+def test_whole_turns_of_springs_are_those_of_the_configuration(moved):
+    """A wheel that has come to rest after more than a turn, against a spring that hardens."""
+    wheel = at.RigidBody("wheel", mass=1.0, inertia=0.02, center=(0.0, 0.0), points={"rim": (0.3, 0.0)})
+    turn = 8.0
+    scene = at.Scene(
+        "wound", [wheel], [at.Pin("wheel.center")], [at.Torque("wheel.center", hardening(turn, 0.0, 0.0))],
+        connectors=[at.RotationalSpring("wheel.center", law=hardening)],
+    )  # fmt: skip
+    rest = at.solve(scene, dt=1e-2, t_end=10.0) if moved else at.solve_static(scene)
+    assert rest.angle("wheel")[-1] == pytest.approx(turn, rel=1e-9)
+    found = at.modes(scene, about=rest)
+    stiffness = 0.5 + 0.06 * turn**2
+    own = sqrt(stiffness / 0.02)
+    ratio = 0.5 / (2.0 * 0.02 * own)
+    assert found.damping[0] == pytest.approx(ratio, rel=1e-6)
+    assert 2 * pi * found.frequencies[0] == pytest.approx(own * sqrt(1.0 - ratio**2), rel=1e-6)
+
+
 def with_what_stands_still():
     """Scenes whose drive moves steadily and that do not move with it, and what stands in the way."""
     arm = beam("a", (0, 0), (1, 0))
