@@ -47,6 +47,8 @@ ROUNDINGS = 1e3
 NEWTON = 0.01
 #: Outputs below which they may miss energy exchanged between them.
 FEW = 32
+#: Spectral radius of generalized-α up to which errors of the forces of constraints die out.
+DAMPED = 0.9
 
 
 def all_energy(energy: Energy) -> Array:
@@ -209,7 +211,14 @@ def _advice(run: Discretisation) -> str:
         )
     if run.tolerance is not None:
         return f"the steps are too long for the motion; a tolerance below {run.tolerance:g} may do"
-    return f"the steps are too long for the motion; a smaller dt than {run.dt:g} s may do"
+    smaller = f"a smaller dt than {run.dt:g} s may do"
+    if isinstance(run.method, GeneralizedAlpha) and run.spectral_radius > DAMPED:
+        return (
+            f"the steps are too long for the motion, or, with a spectral_radius of {run.spectral_radius:g}, errors of "
+            f"the forces of joints and rigid bodies have grown, as nothing damps them; {smaller}, or a spectral_radius "
+            f"of {DAMPED:g} or less"
+        )
+    return f"the steps are too long for the motion; {smaller}"
 
 
 def _keeps_energy(run: Discretisation) -> bool:

@@ -23,8 +23,6 @@ PARTS, ITERATIONS = 4, 25
 CONVERGED = 1e-11
 #: Part of Ω² whose matrix is taken where that of Ω² itself is singular by parts.
 BESIDE = 1.0 + 1e-6
-#: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies.
-PENALTY = 7.3
 #: Solutions that find the forces of constraints of an equilibrium.
 MULTIPLIERS = 2
 
@@ -39,7 +37,6 @@ def steady_state(system: StaticSystem, frame: Frame) -> Array:
     SolverError
         If no steady state is found.
     """
-    _weigh_constraints(system, frame)
     q, found = system.reference.copy(), 0.0
     for part in np.arange(1, PARTS + 1) / PARTS:
         square = part * frame.spin**2
@@ -75,12 +72,6 @@ def _iterated(system: StaticSystem, q: Array, frame: Frame, square: float, near:
     return None
 
 
-def _weigh_constraints(system: StaticSystem, frame: Frame) -> None:
-    """Choose the penalty of constraints for the matrix of a frame."""
-    if frame.spin and system.loops is not None:
-        system.loops.rows.penalty[0] = PENALTY
-
-
 def checked(chain: Chain, about: object) -> Solution:
     """What was given as a solution to be linearised.
 
@@ -105,7 +96,6 @@ def checked(chain: Chain, about: object) -> Solution:
 def last_of(system: StaticSystem, about: Solution, frame: Frame) -> tuple[Array, float]:
     """Last coordinates of a solution, (rows, nodes), and the part of the loads there; constraints' forces are found."""
     chain = system.chain
-    _weigh_constraints(system, frame)
     factor = float(about.t[-1]) if about.static else 1.0
     q = coordinates_of(chain, about, -1)
     count_turns(system.loads.connectors, q, turned_at_end(chain, about))

@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 #: Step of the load factor by which forces of connectors are differentiated: they are linear in it, but for laws.
 RATE = 1e-3
+#: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies that spin, and the stiffness that
+#: the weight of one gives a joint below it.
+PENALTY = 7.3
 #: Corrections that bring coordinates onto the constraints, at most, and the error that counts as none.
 PROJECTIONS, ROUNDED = 10, 1e-13
 
@@ -51,7 +54,7 @@ class StaticSystem:
         loops = self.factors.loops
         self.loops = loops if loops is not None and chain.kept.constraints.names else None
         if self.loops is not None:
-            self.loops.rows.penalty[0] = 1.0
+            self.loops.rows.penalty[0] = PENALTY
             drives = drive_table(chain, actuation, np.full(1, time))[0]
             uncompiled(set_signals)(self.loops.rows, drives, len(actuation.driven))
 

@@ -9,6 +9,7 @@ from samples import KINDS, SOFT, SQUARE, bar, chain_of, row_scene
 from scipy.linalg import eigh
 from scipy.optimize import brentq
 
+import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import UnknownOptionError
 from anctmm.integrators.statics import equilibria, solve_static
@@ -324,6 +325,17 @@ def test_mechanisms_without_loads_are_singular_and_named(kind, mesh, solver, sce
 def test_a_pendulum_is_stable_below_and_unstable_above(kind, solver):
     assert solver(pendulum(-1.0), mesh=3, element=kind).status.ok
     assert solver(pendulum(1.0), mesh=3, element=kind).status == "unstable"
+
+
+@pytest.mark.parametrize("solve", [solve_static, global_dae.solve_static], ids=["anctmm", "dae"])
+@pytest.mark.parametrize(("mass", "height"), [(1.0, 1.0), (1e6, 10.0), (1e-6, 1e-3), (2.0, 0.5)])
+def test_a_body_above_its_joint_stands_where_a_spring_outweighs_it(solve, mass, height):
+    """Of a rotational spring at the joint: k > m g h."""
+    body = at.RigidBody("body", mass, 0.1 * mass * height**2, (0.0, height), points={"foot": (0.0, 0.0)})
+    for part in (0.5, 0.99, 1.01, 2.0, 8.3):
+        spring = at.RotationalSpring("body.foot", stiffness=part * mass * 9.81 * height)
+        scene = Scene("top-heavy", [body], [Pin("body.foot")], gravity=(0.0, -9.81), connectors=[spring])
+        assert solve(scene).status.code == ("ok" if part > 1.0 else "unstable"), part
 
 
 @every_kind
