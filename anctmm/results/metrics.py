@@ -82,7 +82,8 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     Raises
     ------
     SolverError
-        If both have histories but no common output times, or no probe is given.
+        If both have histories but no common output times, one holds equilibria and the other a motion, or no probe is
+        given.
     UnknownNameError
         If a probe is not of the scene.
     """
@@ -90,6 +91,11 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     for name, value in (("solution", solution), ("reference", reference)):
         if not isinstance(value, Solution):
             raise SolverError(f"{name} is {shown(value)}; a Solution is needed")
+    if solution.static != reference.static and solution.t.size and reference.t.size:
+        kinds = [
+            "equilibria at load factors" if s.static else "a motion in time" for s in (solution, reference)
+        ]
+        raise SolverError(f"solution holds {kinds[0]} and reference {kinds[1]}; two of one kind are needed")
     mine, theirs = common_times(solution.t, reference.t)
     whole = solution.status.ok and reference.status.ok
     if whole and mine.size < 2 <= min(solution.t.size, reference.t.size):

@@ -123,7 +123,9 @@ def test_rigid_bodies_of_too_long_steps_are_told():
 
 def test_undamped_forces_of_constraints_are_told():
     """A rigid body that forces turn: no smaller step helps where the spectral radius is 1."""
-    body = at.RigidBody("body", 2.0, 0.3, (1.0, 2.0), points={"p": (1.4, 2.3)}, velocity=(0.3, -0.2), spin=4.0)
+    body = at.RigidBody(
+        "body", 2.0, 0.3, (1.0, 2.0), points={"p": (1.4, 2.3)}, velocity=(0.3, -0.2), spin=4.0
+    )
     loads = [at.Force("body.p", lambda t: (3.0 * np.cos(5.0 * t), 2.0 * t))]
     scene = at.Scene("pushed", [body], [], [*loads, at.Torque("body.center", 0.5)], gravity=(-3.0, 4.0))
     grown = at.solve(scene, dt=5e-3, t_end=4.0, spectral_radius=1.0)

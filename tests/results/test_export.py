@@ -215,6 +215,23 @@ def test_a_data_set_survives_netcdf(moved, tmp_path):
         moved.to_dataset(1)
 
 
+def test_a_data_set_of_equilibria_has_what_these_have(tmp_path):
+    """Rigid bodies among them: no velocities."""
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    beam = at.Beam("beam", (0.0, 0.0), (0.3, 0.0), ROD, RUBBER)
+    plate = at.RigidBody("plate", 0.1, 1e-4, (0.35, 0.0), points={"a": (0.3, 0.0)})
+    scene = at.Scene(
+        "hung", [beam, plate], [at.Clamp("beam.start"), at.Weld("beam.end", "plate.a")], gravity=(0, -9.81)
+    )
+    found = at.solve_static(scene, mesh=2)
+    found.to_dataset(3).to_netcdf(tmp_path / "hung.nc")
+    with xarray.open_dataset(tmp_path / "hung.nc") as read:
+        np.testing.assert_array_equal(read["position_plate"], found.position("plate.center"))
+        np.testing.assert_array_equal(read["angle_plate"], found.angle("plate"))
+        assert not [name for name in read if name.startswith("velocity")]
+
+
 def test_another_library_reads_the_files_of_vtk(moved, tmp_path):
     meshio = pytest.importorskip("meshio")
     listing = moved.to_vtk(tmp_path / "vtk", points=5)

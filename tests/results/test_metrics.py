@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from samples import bar
 
+import anctmm as at
 from anctmm import solve
 from anctmm.errors import SolverError, UnknownNameError
 from anctmm.model.scene import Clamp, Force
@@ -185,3 +186,15 @@ def test_probes_are_those_of_the_scene():
         compare(OURS, THEIRS, [])
     with pytest.raises(UnknownNameError, match="body 'rod'"):
         compare(OURS, THEIRS, ["rod.end"])
+
+
+def test_equilibria_are_not_compared_with_a_motion():
+    """A load factor of 1 is no time of 1 s."""
+    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Circle(0.02), at.Material(E=5e6, density=1100.0))
+    scene = at.Scene("bent", [beam], [at.Clamp("beam.start")], [at.Force("beam.end", (0.0, -0.1))])
+    rest, moved = at.solve_static(scene, mesh=1), at.solve(scene, mesh=1, dt=0.1, t_end=1.0)
+    for one, other in ((rest, moved), (moved, rest)):
+        with pytest.raises(
+            SolverError, match="equilibria at load factors.*; two of one kind|motion.*; two of one kind"
+        ):
+            at.compare(one, other, probes=["beam.end"])

@@ -119,7 +119,10 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
         if isinstance(field, RigidField):
             for quantity, (suffixes, unit) in QUANTITIES.items():
                 axes = (time, "axis") if len(suffixes) > 1 else (time,)
-                series = getattr(solution, quantity)(f"{name}.center")
+                try:
+                    series = getattr(solution, quantity)(f"{name}.center")
+                except ResultError:
+                    continue
                 variables[f"{quantity}_{name}"] = (axes, series, {"units": unit})
     for name in ENERGIES:
         variables[f"energy_{name}"] = (time, getattr(solution.energy, name), {"units": "J"})
