@@ -195,6 +195,6 @@ def test_equilibria_are_not_compared_with_a_motion():
     rest, moved = at.solve_static(scene, mesh=1), at.solve(scene, mesh=1, dt=0.1, t_end=1.0)
     for one, other in ((rest, moved), (moved, rest)):
         with pytest.raises(
-            SolverError, match="equilibria at load factors.*; two of one kind|motion.*; two of one kind"
+            SolverError, match=r"equilibria at load factors.*; two of one kind|motion.*; two of one kind"
         ):
             at.compare(one, other, probes=["beam.end"])
