@@ -42,11 +42,16 @@ class Rows(NamedTuple):
         c.
     places : ndarray of int, shape (3, terms)
         Where ∂/∂x_one, ∂/∂x_two and the second derivative of the row by both stand in the matrix, or −1.
-    pairs : ndarray of int, shape (3, pairs)
-        Where two entries of J of one row stand in the matrix, and that of the two unknowns.
-    penalty : ndarray, shape (2,)
+    pairs : ndarray of int, shape (5, pairs)
+        Where two entries of J of one row stand in the matrix, and that of the two unknowns; the row, and the first of
+        the unknowns.
+    lengths : ndarray, shape (n,)
+        Size of each unknown, m: 1 of a place; of a direction, which has no unit, the length that it turns.
+    penalty : ndarray, shape (1 + rows,)
         Part of K's largest entry with which JᵀJ is added to K, which changes no solution: for statics, where K may be
-        singular by itself; and γ, which came of it.
+        singular by itself; and γ of each row, which came of it.
+    steepest : ndarray, shape (2, rows)
+        Scratch: of each row the largest entry of J, and of K, in units of the sizes of the unknowns.
     prescribed : ndarray of int, shape (2, k)
         Rows that prescribe places of nodes, and the nodes.
     unit : ndarray, shape (k, 2)
@@ -79,7 +84,9 @@ class Rows(NamedTuple):
     factor: Array
     places: Ints
     pairs: Ints
+    lengths: Array
     penalty: Array
+    steepest: Array
     prescribed: Ints
     unit: Array
     used: Ints
@@ -136,7 +143,8 @@ def _rows(kept: KeptUnknowns, found: Constraints, number: Ints, matrix: Sparse |
         at += 2 if drive.turns else 1
     return Rows(
         number[kept.size :], row, one, two, signal, np.array([t.factor for t in found.terms]),
-        np.array(places, dtype=np.int64).reshape(3, -1), _pairs(found, number, matrix), np.zeros(2),
+        np.array(places, dtype=np.int64).reshape(3, -1), _pairs(found, number, matrix),
+        _lengths(kept, number), np.zeros(1 + rows), np.zeros((2, rows)),
         np.array([known[:2] for known in found.prescribed], dtype=np.int64).reshape(-1, 2).T.copy(),
         np.array([(known[2].real, known[2].imag) for known in found.prescribed], dtype=np.float64).reshape(-1, 2),
         used, homes, x, signals,
@@ -159,10 +167,23 @@ def _pairs(found: Constraints, number: Ints, matrix: Sparse | None) -> Ints:
         of_row.setdefault(term.row, set()).update(k for k in (term.one, term.two) if k != ONE)
     triples = [(found.size + row, i, j) for row, used in of_row.items() for i in used for j in used if i <= j]
     if matrix is None or not triples:
-        return np.empty((3, 0), dtype=np.int64)
+        return np.empty((5, 0), dtype=np.int64)
     multiplier, one, two = number[np.array(triples).T]
     couples = ((multiplier, one), (multiplier, two), (one, two))
-    return np.array([_places(matrix, a, b) for a, b in couples])
+    rows = np.array(triples)[:, 0] - found.size
+    return np.array([*(_places(matrix, a, b) for a, b in couples), rows, one])
+
+
+def _lengths(kept: KeptUnknowns, number: Ints) -> Array:
+    """Sizes of the unknowns, m: of places 1, of directions the reach of the body or the length of the element."""
+    bodies = kept.chain.bodies
+    of_node = np.repeat(
+        [m.reach if m.nodes == 1 else m.element_length for m in bodies.meshes], np.diff(bodies.first)
+    )
+    found = np.ones(len(number))
+    row, node = kept.homes
+    found[number[: kept.size]] = np.where(row < 2, 1.0, of_node[node])
+    return found
 
 
 @embedded
@@ -259,25 +280,30 @@ def fill(rows, matrix, q, stiffness):  # type: ignore[no-untyped-def]
 
 @embedded
 def _add_penalty(rows, matrix):  # type: ignore[no-untyped-def]
-    """Add γ JᵀJ to the matrix, with γ of the size that makes both alike.
+    """Add Jᵀ γ J to the matrix, with γ of each row of the size that makes both alike, whatever the units.
 
     K may be mere rounding there, as where a beam is free but for the constraint: γ is then that of all kept unknowns.
     """
-    values, pairs = matrix.values, rows.pairs
-    largest = steepest = whole = 0.0
-    for n in range(len(rows.used)):
-        k = rows.used[n]
-        largest = max(largest, abs(values[matrix.above[k + 1] - 1]))  # the diagonal is the last of a column
+    values, pairs, lengths = matrix.values, rows.pairs, rows.lengths
+    whole = 0.0
     for k in range(len(matrix.dual)):
-        whole = max(whole, abs(values[matrix.above[k + 1] - 1]))
-    if largest < ROUNDED * whole:
-        largest = whole
+        if not matrix.dual[k]:  # the diagonal is the last of a column
+            whole = max(whole, abs(values[matrix.above[k + 1] - 1]) / (lengths[k] * lengths[k]))
+    for k in range(len(rows.number)):
+        rows.steepest[0, k] = rows.steepest[1, k] = 0.0
     for n in range(pairs.shape[1]):
-        steepest = max(steepest, abs(values[pairs[0, n]]))
-    factor = rows.penalty[0] * (largest if largest > 0.0 else 1.0) / (steepest * steepest)
+        row, k = pairs[3, n], pairs[4, n]
+        rows.steepest[0, row] = max(rows.steepest[0, row], abs(values[pairs[0, n]]) / lengths[k])
+        size = abs(values[matrix.above[k + 1] - 1]) / (lengths[k] * lengths[k])
+        rows.steepest[1, row] = max(rows.steepest[1, row], size)
+    for k in range(len(rows.number)):
+        largest = rows.steepest[1, k]
+        if largest < ROUNDED * whole:
+            largest = whole
+        factor = rows.penalty[0] * (largest if largest > 0.0 else 1.0)
+        rows.penalty[1 + k] = factor / max(rows.steepest[0, k] * rows.steepest[0, k], 1e-300)
     for n in range(pairs.shape[1]):
-        values[pairs[2, n]] += factor * values[pairs[0, n]] * values[pairs[1, n]]
-    rows.penalty[1] = factor
+        values[pairs[2, n]] += rows.penalty[1 + pairs[3, n]] * values[pairs[0, n]] * values[pairs[1, n]]
 
 
 @embedded
@@ -299,7 +325,7 @@ def ask_whole(rows, load):  # type: ignore[no-untyped-def]
         load[rows.used[n]] = 0.0
     for n in range(len(rows.row)):
         i, j = rows.one[n], rows.two[n]
-        c = rows.penalty[1] * rows.value[rows.row[n]] * rows.factor[n] * w[0, rows.signal[n]]
+        c = rows.penalty[1 + rows.row[n]] * rows.value[rows.row[n]] * rows.factor[n] * w[0, rows.signal[n]]
         if rows.places[0, n] >= 0:
             load[i] -= c * x[0, j]
         if rows.places[1, n] >= 0:

@@ -291,3 +291,37 @@ def test_meshes_that_rounding_spoils_are_refused():
     )
     with pytest.raises(at.errors.SolverError, match="no digit of the lowest modes"):
         at.modes(beam, mesh=100_000, count=1)
+
+
+def hung(length, mass, time):
+    """A beam with a damped plate at its end, which a spring and a moment hold, in units of length, mass and time."""
+    force = mass * length / time**2
+    material = at.Material(1e8 * force / length**2, 1000.0 * mass / length**3, damping=1e-4 * time)
+    square = at.Rectangle(0.01 * length, 0.01 * length)
+    beam = at.Beam("beam", (0.0, 0.0), (0.8 * length, 0.3 * length), square, material)
+    plate = at.RigidBody(
+        "plate", 0.05 * mass, 1e-4 * mass * length**2, (0.85 * length, 0.33 * length),
+        points={"a": (0.8 * length, 0.3 * length)},
+    )  # fmt: skip
+    spring = at.Spring("plate.center", (length, length), 5.0 * force / length, 0.01 * force * time / length)
+    joints = [at.Clamp("beam.start"), at.Pin("beam.end", "plate.a")]
+    loads = [at.Torque("plate.center", 0.01 * force * length)]
+    return at.Scene("hung", [beam, plate], joints, loads, (0.0, -9.81 * length / time**2), [spring])
+
+
+@pytest.mark.parametrize("units", [(1e-5, 1e-12, 1e-4), (1e3, 1e7, 50.0), (1e-6, 1e-3, 1.0)], ids=str)
+def test_small_motions_are_the_same_in_all_units(units):
+    """Of a micrometre's plate and of a kilometre's: places and directions weigh alike in the constraints."""
+    frequencies, damping, places = [], [], []
+    for length, mass, time in ((1.0, 1.0, 1.0), units):
+        scene = hung(length, mass, time)
+        rest = at.solve_static(scene, mesh=3)
+        assert rest.status.ok, rest.status
+        assert "rounding" not in rest.status.message
+        found = at.modes(scene, mesh=3, about=rest, count=4)
+        frequencies.append(found.frequencies * time)
+        damping.append(found.damping)
+        places.append(rest.position("plate.center")[-1] / length)
+    np.testing.assert_allclose(places[1], places[0], rtol=1e-9)
+    np.testing.assert_allclose(frequencies[1], frequencies[0], rtol=1e-5)
+    np.testing.assert_allclose(damping[1], damping[0], rtol=1e-3)
