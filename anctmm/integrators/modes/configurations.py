@@ -23,6 +23,8 @@ PARTS, ITERATIONS = 4, 25
 CONVERGED = 1e-11
 #: Part of Ω² whose matrix is taken where that of Ω² itself is singular by parts.
 BESIDE = 1.0 + 1e-6
+#: Statuses of motions whose last output is no state of the scene.
+LOST = ("diverged", "failed")
 #: Solutions that find the forces of constraints of an equilibrium.
 MULTIPLIERS = 2
 
@@ -85,6 +87,11 @@ def checked(chain: Chain, about: object) -> Solution:
             f"about is {shown(about)}; a solution of scene {chain.scene.name!r} with an output is needed"
         )
     _check_cut(chain, about)
+    if about.status.code in LOST and not about.static:
+        raise DiscretisationError(
+            f"about is a run that ended with {about.status.code!r} ({about.status.message}); a run that is whole is "
+            f"needed: its last output is no state of scene {chain.scene.name!r}"
+        )
     if about.static and not about.status.ok and about.t[-1] < 1.0:
         raise DiscretisationError(
             f"about ended at {about.t[-1]:.3g} of the load of scene {chain.scene.name!r} ({about.status}); an "

@@ -8,12 +8,16 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, vstack
 
 from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.joined import Joined
+from anctmm.discretise.maps import push
+from anctmm.forces.connectors import free_measure, measure, slopes, time_of
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.jit.compiling import uncompiled
 
 Array = NDArray[np.float64]
 
@@ -24,8 +28,6 @@ NOISE, FIRST_SHIFT = 10.0, 1e4
 #: The same in units of the stiffness of connectors between distant nodes: of their low-rank matrix digits are lost
 #: where the shift alone holds the rest of the scene.
 NOISE_APART, SHIFT_APART = 1e-12, 1e-6
-#: Velocity by which laws of springs are differentiated, of the scene's length a second.
-VELOCITY = 1e-6
 
 
 class SmallMotions:
@@ -49,9 +51,8 @@ class SmallMotions:
         self.unstressed = unstressed and spin == 0.0
         self.join = Joined(system.chain)
         self.damping = system.chain.bodies.damping
-        connected = Connected(system.chain)
-        self.dampers = connected if connected.damped else None
-        self._noise, self._first_shift = _roundings(system, connected.bounds()[0])
+        self.dampers = dampers_of(system, q, factor)
+        self._noise, self._first_shift = _roundings(system, Connected(system.chain).bounds()[0])
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
         self.damped = self.damping is not None or self.dampers is not None or spin != 0.0
@@ -93,12 +94,8 @@ class SmallMotions:
             )
             total -= lost
         if self.dampers is not None:
-            size = float(np.abs(u).max(initial=0.0))
-            v = u * (VELOCITY * system.chain.length / size) if size > 0.0 else u
-            up, down = np.zeros_like(u), np.zeros_like(u)
-            self.dampers.subtract(self.q, self.q + v, True, up)
-            self.dampers.subtract(self.q, self.q - v, True, down)
-            total += (up - down) * (0.5 * size / (VELOCITY * system.chain.length))
+            rates, forces = self.dampers
+            total += (forces.T @ (rates * (forces @ u.reshape(-1)))).reshape(u.shape)
         if self.spin:
             turned = np.empty_like(u)
             turned[::2], turned[1::2] = -u[1::2], u[::2]
@@ -133,6 +130,33 @@ class SmallMotions:
     def solve(self, force: Array) -> Array:
         """Displacements under forces that keep the constraints, with the matrix factored last."""
         return self.join.unknowns(self.system.solve(self.join.load(force)))
+
+
+def dampers_of(system: StaticSystem, q: Array, factor: float) -> tuple[Array, csr_matrix] | None:
+    """Dampers at coordinates q, (rows, nodes), under a part of the loads: N by the rate of each, and its force.
+
+    They are those of the configuration: laws are asked at the elongation, the turns and the time that they have there.
+
+    Returns
+    -------
+    (ndarray, csr_matrix) or None
+        (n,) and (n, rows · nodes): the generalized force of a unit of each connector. None where nothing damps.
+    """
+    c, values = system.loads.connectors, system.values_at(factor)
+    if c is None:
+        return None
+    rates, forces = list[float](), list[csr_matrix]()
+    for n in map(int, np.flatnonzero(c.lossy)):
+        m, ax, ay, bx, by = uncompiled(measure)(c, n, q)
+        free, faster = uncompiled(free_measure)(c, n, values)
+        _, rate = uncompiled(slopes)(c, n, m - free, -faster, float(uncompiled(time_of)(values)))
+        if rate != 0.0:
+            force = np.zeros_like(q)
+            uncompiled(push)(c.first, n, ax, ay, force)
+            uncompiled(push)(c.second, n, bx, by, force)
+            rates.append(float(rate))
+            forces.append(csr_matrix(force.reshape(1, -1)))
+    return (np.array(rates), vstack(forces, format="csr")) if rates else None
 
 
 def _roundings(system: StaticSystem, stiff: float) -> tuple[float, float]:

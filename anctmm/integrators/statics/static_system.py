@@ -67,10 +67,10 @@ class StaticSystem:
         """Loads and gravity, N; a torque's generalized force depends on q."""
         dead = factor * self.chain.dead_load
         total = dead.copy()
-        set_loads(q, total, dead, self.loads, self._values(factor))
+        set_loads(q, total, dead, self.loads, self.values_at(factor))
         return total
 
-    def _values(self, factor: float) -> Array:
+    def values_at(self, factor: float) -> Array:
         """Values of the loads at a load factor; connectors take theirs by parts."""
         values = self.values.copy()
         values[: self.scaled] *= factor
@@ -84,7 +84,7 @@ class StaticSystem:
 
     def _acting(self, q: Array, factor: float) -> Array:
         total = self.applied(q, factor)
-        add_connectors_at_end(self.loads.connectors, q, self._values(factor), total)
+        add_connectors_at_end(self.loads.connectors, q, self.values_at(factor), total)
         return total
 
     def load_rate(self, q: Array, factor: float) -> Array:
@@ -132,7 +132,7 @@ class StaticSystem:
 
         The number of its negative pivots is returned, that of its negative eigenvalues (Sylvester's law of inertia).
         """
-        values = self._values(factor)
+        values = self.values_at(factor)
         with np.errstate(all="ignore"):  # singular where the scene is a mechanism
             negative = int(
                 factorize(q, tables or self.tables, self.links, shift, 1.0, self.loads, values, self.factors)
@@ -193,7 +193,7 @@ class StaticSystem:
                 change -= float(value @ (b - a))
             else:
                 change -= value[0] * float(np.arctan2(a[0] * b[1] - a[1] * b[0], a @ b))
-        return change + potential_change(self.loads.connectors, q, new, self._values(factor))
+        return change + potential_change(self.loads.connectors, q, new, self.values_at(factor))
 
     def sizes(self, x: Array) -> Array:
         """Largest component at each node, (nodes,): positions relative to the scene's length, gradients as they are."""

@@ -95,6 +95,54 @@ def law(x, v, t):
     return 50.0 * x + 300.0 * x**3 + 0.8 * v
 
 
+def thick(x, v, t):
+    """A damper that resists only where its spring is pulled out, the more the later."""
+    return 50.0 * x + 60.0 * x**2 * v * (1.0 + t)
+
+
+@pytest.mark.parametrize("time", [None, 6.0], ids=["equilibrium", "motion"])
+def test_a_law_damps_as_it_does_in_the_configuration(time):
+    mass, guide = slide(0.5)
+    spring = at.Spring("mass.center", (0, 0), law=thick)
+    scene = at.Scene("law", [mass], [guide], [at.Force("mass.center", (5.0, 0.0))], connectors=[spring])
+    rest = at.solve_static(scene) if time is None else at.solve(scene, dt=4e-3, t_end=time)
+    found = at.modes(scene, about=rest)
+    stretch = rest.position("mass.center")[-1, 0] - 1.0
+    assert stretch == pytest.approx(0.1, rel=1e-3)
+    omega = sqrt(50.0 / 0.5)
+    ratio = 60.0 * stretch**2 * (1.0 + (time or 0.0)) / (2.0 * sqrt(50.0 * 0.5))
+    assert found.damping[0] == pytest.approx(ratio, rel=1e-5)
+    assert 2 * pi * found.frequencies[0] == pytest.approx(omega * sqrt(1 - ratio**2), rel=1e-3)
+
+
+@pytest.mark.parametrize("moved", [True, False], ids=["motion", "equilibrium"])
+def test_a_law_of_an_angle_damps_as_at_its_whole_angle(moved):
+    wheel = at.RigidBody("wheel", mass=1.0, inertia=0.02, center=(0.0, 0.0), points={"rim": (0.3, 0.0)})
+    spring = at.RotationalSpring("wheel.center", law=thicker)
+    torque = at.Torque("wheel.center", thicker(8.0, 0.0, 0.0))
+    scene = at.Scene("wound", [wheel], [at.Pin("wheel.center")], [torque], connectors=[spring])
+    rest = at.solve(scene, dt=4e-3, t_end=4.0) if moved else at.solve_static(scene)
+    assert rest.status.ok
+    assert at.modes(scene, about=rest).growth_rates[0] == pytest.approx(-0.05 * 8.0 / (2 * 0.02), rel=1e-5)
+
+
+def test_a_run_that_has_failed_has_no_modes():
+    wheel = at.RigidBody("wheel", mass=1.0, inertia=0.02, center=(0.0, 0.0), points={"rim": (0.3, 0.0)})
+    spring = at.RotationalSpring("wheel.center", law=thicker)
+    torque = at.Torque("wheel.center", 40.0)
+    scene = at.Scene("wound", [wheel], [at.Pin("wheel.center")], [torque], connectors=[spring])
+    lost = at.solve(scene, dt=1e-2, t_end=1.0)
+    assert lost.status == "diverged"
+    with pytest.raises(
+        DiscretisationError, match=r"about is a run that ended with 'diverged'.*a run that is whole"
+    ):
+        at.modes(scene, about=lost)
+
+
+def thicker(angle, rate, t):
+    return 5.0 * angle + 0.05 * angle * rate
+
+
 def test_a_rigid_pendulum_about_its_equilibrium():
     scene = pendulum()
     exact = sqrt(2.0 * G * 0.4 / (0.05 + 2.0 * 0.16))
