@@ -78,7 +78,7 @@ from anctmm.results.solution import Solution
 Array = NDArray[np.float64]
 
 #: Part of the error allowed in a step that Newton's iteration may leave.
-NEWTON_PART = 0.05
+NEWTON_PART = 0.01
 #: Relative change of the step beyond which the iteration matrix is renewed.
 STALE = 0.15
 #: Contraction of Newton's corrections in a step above which the matrix is renewed before the next one.
