@@ -3,7 +3,7 @@
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import groupby
@@ -314,6 +314,11 @@ class Runner:
                 return compute()
 
         return computed
+
+    def warm_up(self, case: Trial) -> None:
+        """Compile and load what a run needs, by a short one; what fails there fails where it is run, too."""
+        with suppress(Exception), contained():
+            case.warm_up(self._solver(case.solver))
 
     def attempt(self, case: Trial) -> Solution:
         """Run a case now, unremembered; whatever fails is a solution with that status."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import count, product
 from typing import Any
 
@@ -55,7 +56,7 @@ from studies.trade.tables import (
 )
 
 #: Rounds in which settings near the front are timed again; by whether the run is quick.
-ROUNDS = {False: 5, True: 2}
+ROUNDS = {False: 5, True: 1}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
     "newton_tolerance", "own", "stretch", "t_end", "steps", "newton_iterations", "error", "reference_error",
@@ -187,7 +188,7 @@ def time_again(
     chosen = near.index[near].sort_values()
     cases = {int(k): swept.outcomes[k].case for k in chosen}
 
-    began, total = count(), (1 + rounds) * len(cases)
+    began, total = count(), rounds * len(cases)
 
     def sampler(case: Trial) -> Callable[[], Sample]:
         solver = runner.resolve(case.solver)
@@ -203,8 +204,9 @@ def time_again(
         return sample
 
     def sample() -> dict[int, list[Sample]]:
+        warm = {str(k): partial(runner.warm_up, case) for k, case in cases.items()}
         with runner.alone():
-            found = in_turn({str(k): sampler(case) for k, case in cases.items()}, rounds)
+            found = in_turn({str(k): sampler(case) for k, case in cases.items()}, rounds, warm)
         return {int(k): samples for k, samples in found.items()}
 
     key = runner.key(*cases.values())

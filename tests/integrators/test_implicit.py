@@ -256,6 +256,7 @@ def test_the_worst_correction_is_measured_as_newton_measures(kind):
     assert correction_size(chain, state) == pytest.approx([1.75, 2.0, 2.25, 1e-3])
 
 
+@pytest.mark.slow  # the global DAE's kernels
 @every_kind
 def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
     scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
@@ -392,6 +393,7 @@ def test_damping_counts_among_the_stiffness():
     assert not single_will_do(long_row("cable", dt, damping=100.0 * dt))
 
 
+@pytest.mark.slow  # kernels whose factors are rounded
 @every_kind
 @pytest.mark.parametrize(
     "damping",

@@ -194,6 +194,7 @@ def test_a_driven_bar_starts_as_a_rigid_one():
     assert parts[0] / parts[1] == pytest.approx(8.0)  # l³: it is nothing but the mesh's
 
 
+@pytest.mark.slow  # the global DAE's kernels
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_driven_bar_that_starts_as_it_must_keeps_its_energy_in_every_road(integrator):
     """To 0.3 %, which bends it a little; from rest the same drive brings up to 3.95 times the energy."""

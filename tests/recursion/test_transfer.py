@@ -205,6 +205,7 @@ def test_readable_recursion_takes_ten_thousand_elements():
     assert error(chain, real(accelerations_riccati(row_of(chain, q, f))), exact) < 1e-12
 
 
+@pytest.mark.slow  # kernels of both elements
 @every_layout
 def test_mixed_elements_and_several_chains(layout):
     """Cables in a chain of shear elements, and a second chain that nothing joins to the first."""
@@ -241,6 +242,7 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
     assert error(chain, solve(factors, f), exact) < 1e-11
 
 
+@pytest.mark.slow  # kernels whose factors are rounded
 @every_kind
 def test_factors_in_single_precision_are_those_in_double_rounded(kind):
     """And both sweeps read them as they are: the same solution as with the rounded numbers in double precision."""

@@ -85,7 +85,11 @@ def least(costs: Sequence[Cost]) -> Timing:
     return summarise(costs, np.min)
 
 
-def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str, list[Sample]]:
+def in_turn(
+    calls: Mapping[str, Callable[[], Sample]],
+    rounds: int,
+    warm: Mapping[str, Callable[[], object]] | None = None,
+) -> dict[str, list[Sample]]:
     """Call several contestants in turn, on one core, after one unmeasured round: disturbances meet all alike.
 
     Parameters
@@ -94,6 +98,8 @@ def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str,
         Each measures itself: returns a time, or a Solution with its cost.
     rounds : int
         Measured rounds.
+    warm : mapping of name to callable, optional
+        Called in the unmeasured round, where that need not be as long as the others.
 
     Returns
     -------
@@ -102,8 +108,8 @@ def in_turn(calls: Mapping[str, Callable[[], Sample]], rounds: int) -> dict[str,
     """
     found: dict[str, list[Sample]] = {name: [] for name in calls}
     with undisturbed():
-        for call in calls.values():  # what compiles may use every core
-            call()
+        for begin in (calls if warm is None else warm).values():  # what compiles may use every core
+            begin()
         with pinned():
             for _ in range(rounds):
                 for name, call in calls.items():

@@ -318,6 +318,10 @@ def test_alternating_rounds_begin_unmeasured():
     found = in_turn({name: lambda name=name: order.append(name) for name in "ab"}, 2)
     assert "".join(order) == "ababab"
     assert {name: len(rounds) for name, rounds in found.items()} == {"a": 2, "b": 2}
+    in_turn(
+        {name: lambda name=name: order.append(name) for name in "ab"}, 1, {"b": lambda: order.append("short")}
+    )
+    assert order[6:] == ["short", "a", "b"]
 
 
 # --- tables, pictures, page --------------------------------------------------------------------------------
