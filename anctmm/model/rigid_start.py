@@ -1,23 +1,24 @@
 """Initial velocities that fit joints and drives: those of rigid bodies, with the least kinetic energy."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import JointGapError, unknown_kind
+from anctmm.errors import JointGapError, SceneError, listed, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.scene import Scene, checked_scene
+from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start
 from anctmm.model.velocities import Point, RigidVelocity
 
 Array = NDArray[np.float64]
 
 
-def consistent_velocities(scene: Scene) -> Scene:
+def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     """The scene with initial velocities that fit its joints and drives, each body moving as a rigid one.
 
     A driven clamp that turns at t = 0 sets what it holds in motion. Where joints leave freedom, the kinetic energy is
@@ -25,7 +26,10 @@ def consistent_velocities(scene: Scene) -> Scene:
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, optional
+    **parts
+        What `Scene` takes, name, bodies, joints and so on, in place of a scene: one whose bodies do not move yet as its
+        joints and drives do is refused by `Scene`.
 
     Returns
     -------
@@ -35,8 +39,25 @@ def consistent_velocities(scene: Scene) -> Scene:
     ------
     JointGapError
         If bodies would have to bend at once.
+    SceneError
+        If a scene is given beside parts of one.
+
+    Examples
+    --------
+    >>> import anctmm as at
+    >>> wheel = at.RigidBody("wheel", mass=1.0, inertia=0.1, center=(0, 0))
+    >>> motor = at.Clamp("wheel.center", angle=lambda t: (2.0 * t, 2.0, 0.0))
+    >>> at.consistent_velocities(name="motor", bodies=[wheel], joints=[motor]).body("wheel").spin
+    2.0
     """
-    rows, rates = _rigid_constraints(checked_scene(scene))
+    if parts:
+        if scene is not None:
+            raise SceneError(
+                f"scene is {shown(scene)} beside {listed(sorted(parts))}; a scene, or what it is made of, is allowed"
+            )
+        scene = scene_that_does_not_start(**parts)
+    scene = checked_scene(scene)
+    rows, rates = _rigid_constraints(scene)
     scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
     # least norm of the motion times the root of its inertia: least kinetic energy
     motion = np.linalg.lstsq(rows / scale, rates, rcond=None)[0] / scale

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass, field
 from functools import cached_property
+from inspect import signature
 from itertools import islice
 from typing import TYPE_CHECKING, Any
 
@@ -101,6 +102,11 @@ class Scene:
         ) -> None: ...
 
     def __post_init__(self) -> None:
+        self._check()
+        check_start(self)
+
+    def _check(self) -> None:
+        """Check and keep everything, but whether the initial velocities fit the joints."""
         set_ = object.__setattr__
         set_(self, "name", text("scene name", self.name))
         set_(self, "bodies", _all_of("bodies", self.bodies, BODIES))
@@ -121,7 +127,6 @@ class Scene:
             check_connector(self, connector)
         for load in self.loads:
             check_load(self, load)
-        check_start(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """What is stored of it: facts that were found are found again."""
@@ -218,6 +223,25 @@ class Scene:
         """
         place = self.place(probe)
         return place.body.name, place.key if isinstance(place.key, str) else float(place.key)
+
+
+def scene_that_does_not_start(**parts: Any) -> Scene:
+    """A scene of what `Scene` takes, checked but for its initial velocities: they may not fit joints and drives.
+
+    Raises
+    ------
+    TypeError
+        If a part is missing, or none of a scene.
+    SceneError
+        As of `Scene`.
+    """
+    given = signature(Scene).bind(**parts)
+    given.apply_defaults()
+    found = object.__new__(Scene)
+    for what, value in given.arguments.items():
+        object.__setattr__(found, what, value)
+    found._check()
+    return found
 
 
 def unchecked_scene(

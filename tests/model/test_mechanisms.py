@@ -6,6 +6,7 @@ from samples import refused
 
 import anctmm as at
 from anctmm import errors
+from anctmm.errors import JointGapError, SceneError, UnknownNameError
 from anctmm.model.connectors import ends_of, free_of
 from anctmm.model.needs import MECHANISMS, needs
 from anctmm.model.places import Place
@@ -107,6 +108,46 @@ def test_velocities_that_fit_are_found():
     assert moved.velocity_at("a") == pytest.approx((0.0, 2.0))
     assert moved.velocity_at("b")[1] == pytest.approx(0.0)
     assert fitted.connectors == s.connectors
+
+
+def steady(t):
+    return 10.0 * t, 10.0, 0.0
+
+
+def test_a_mechanism_that_its_drive_moves_at_once_is_made_with_velocities():
+    """A slider-crank of rigid bodies at a constant speed: a scene at rest is refused, and says what to do."""
+    crank = at.RigidBody("crank", 1.0, 0.02, (0.1, 0.0), points={"o": (0.0, 0.0), "p": (0.0, 0.2)})
+    rod = at.RigidBody("rod", 1.0, 0.02, (0.3, 0.1), points={"p": (0.0, 0.2), "q": (0.6, 0.0)})
+    parts = {
+        "name": "engine",
+        "bodies": [crank, rod],
+        "joints": [at.Clamp("crank.o", angle=steady), at.Pin("crank.p", "rod.p"), at.Slider("rod.q")],
+        "loads": [at.Force("rod.q", (1.0, 0.0))],
+        "gravity": (0.0, -1.0),
+        "connectors": [at.RotationalSpring("rod.q", stiffness=1.0)],
+    }
+    with pytest.raises(JointGapError, match=r"10 rad/s.*0 rad/s.*consistent_velocities\(name=…, bodies="):
+        at.Scene(**parts)
+    made = at.consistent_velocities(**parts)
+    assert made.body("crank").spin == pytest.approx(10.0)
+    assert made.body("rod").velocity_at("p") == pytest.approx((-2.0, 0.0))
+    assert made.body("rod").velocity_at("q")[1] == pytest.approx(0.0, abs=1e-12)
+    assert (made.loads, made.gravity, len(made.connectors)) == (tuple(parts["loads"]), (0.0, -1.0), 1)
+    found = at.solve(made, dt=1e-3, t_end=0.02)
+    assert found.status.ok, found.status
+    assert found.spin("crank") == pytest.approx(10.0, rel=1e-4)
+
+
+def test_what_consistent_velocities_are_made_of_is_checked():
+    still = scene(at.Pin("a.start"))
+    with pytest.raises(SceneError, match="beside 'bodies'"):
+        at.consistent_velocities(still, bodies=[beam()])
+    with pytest.raises(SceneError, match="no bodies"):
+        at.consistent_velocities(name="empty", bodies=[])
+    with pytest.raises(UnknownNameError, match="body 'b' is not"):
+        at.consistent_velocities(name="s", bodies=[beam()], joints=[at.Pin("b.end")])
+    with pytest.raises(TypeError, match="bodies"):
+        at.consistent_velocities(name="s")
 
 
 # --- what is refused ---------------------------------------------------------------------------------------

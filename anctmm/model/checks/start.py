@@ -27,6 +27,11 @@ from anctmm.model.velocities import Point
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
 #: differences.
 EQUAL, EQUAL_SLOPES = 1e-9, 1e-6
+#: Where velocities that fit drives come from.
+MADE = (
+    "anctmm.consistent_velocities(name=…, bodies=[…], joints=[…]), of all that Scene takes, makes a scene with "
+    "velocities that fit"
+)
 EPS = float(np.finfo(float).eps)
 
 
@@ -65,9 +70,16 @@ def check_start(scene: Starting) -> None:
     JointGapError
         Naming the ends, the velocities or rates, and what is needed.
     """
-    moving = any(b.moving for b in scene.bodies) or any(map(drive_rate, scene.joints))
-    if not moving or not scene.joints:
+    driven = any(map(drive_rate, scene.joints))
+    if not (driven or any(b.moving for b in scene.bodies)) or not scene.joints:
         return
+    try:
+        _check_junctions(scene)
+    except JointGapError as error:
+        raise JointGapError(f"{error}; {MADE}" if driven else str(error)) from None
+
+
+def _check_junctions(scene: Starting) -> None:
     allowed = EQUAL * _largest_speed(scene) + EPS * _wave_speed(scene)
     for junction in junctions_of(scene):
         ends = [Moving(scene.place(_as_written(end))) for end in junction.ends]
@@ -90,11 +102,11 @@ def _check_moving_joints(scene: Starting, junction: Junction, allowed: float) ->
                 one, two, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed, hinge.stretch == "held"
             )
         if isinstance(hinge, Clamp):
-            _compare_turning(hinge, one, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed)
+            _compare_turning(hinge, one, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed, 7)
     for guide in junction.guides:
         spin = _check_guide(scene, guide, allowed)
         if isinstance(guide, Prismatic):
-            _compare_turning(guide, Moving(scene.place(guide.place)), spin, EQUAL_SLOPES / EQUAL * allowed, 6)
+            _compare_turning(guide, Moving(scene.place(guide.place)), spin, EQUAL_SLOPES / EQUAL * allowed, 7)
 
 
 def drive_rate(joint: Joint) -> float:
@@ -222,7 +234,7 @@ def _check_guide(scene: Starting, guide: Guide, allowed: float) -> float:
     return spin
 
 
-def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, level: int = 5) -> None:
+def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, level: int = 6) -> None:
     """The direction that a clamp or a prismatic joint gives to an end, turning at a rate, rad/s."""
     given, body = end.turning, end.place.body
     slack = allowed / body.extent if body.extent > 0.0 else EQUAL_SLOPES * max(abs(rate), abs(given))
@@ -231,16 +243,16 @@ def _compare_turning(joint: Joint, end: Moving, rate: float, allowed: float, lev
     if abs(apart.imag if free else apart) <= slack:
         return
     name = f"{type(joint).__name__.lower()} {shown(joint.ends[0])}"
-    advice = "anctmm.consistent_velocities(scene) gives velocities that fit"
     if isinstance(body, RigidBody):
         raise JointGapError(
             f"{name} turns at {rate:.6g} rad/s at t = 0 and rigid body {body.name!r} at {given.imag:.6g} rad/s; "
-            f"they must be equal; {advice}"
+            f"they must be equal"
         )
     warn(
         f"{name} turns at {rate:.6g} rad/s at t = 0 and body {body.name!r} there at "
         f"{given.imag:.6g} rad/s, stretching by {given.real:.3g} 1/s: the clamp's node starts as the clamp does, "
-        f"and the energy of the start depends on the mesh; {advice}",
+        f"and the energy of the start depends on the mesh; "
+        "anctmm.consistent_velocities(scene) gives velocities that fit",
         StartWarning,
         stacklevel=level,
     )
