@@ -38,7 +38,7 @@ EXHAUSTIVE = {
     "step_control": ["damped_tolerance", "events", "promise"],
 }  # fmt: skip
 
-#: Modules that `-m "not slow"` leaves out, too: what is left takes four minutes, for a look after each change.
+#: Modules that `-m "not slow"` leaves out, too: what is left is for a look after each change.
 SLOW = {
     "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic"],
@@ -67,11 +67,18 @@ INTERPRETED = {
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae"],
-    "recursion": ["constrained", "low_rank"],
+    "recursion": ["constrained", "low_rank", "tip_mass"],
     "results": ["constraint_check", "internal_forces", "pictures"],
     "statics": ["static_start"],
     "step_control": ["stage_control", "step_choice"],
 }  # fmt: skip
+
+
+#: Modules that take longest, the longest first: no process is to begin with one when the others are done.
+LONGEST = (
+    "random_scenes", "interpreting", "acting", "histories", "gallery", "kept_motions", "implicit", "transfer",
+    "growth", "inputs", "explicit", "failures", "exact", "second_process", "ahead",
+)  # fmt: skip
 
 
 def listed(item, table):
@@ -90,9 +97,16 @@ def pytest_runtest_protocol(item):
         return (yield)
 
 
+def pytest_configure(config):
+    """Several processes take the modules in the order of the tests, not those with most tests first."""
+    config.option.loadscopereorder = False
+
+
 @pytest.hookimpl(tryfirst=True)  # before marks choose
 def pytest_collection_modifyitems(items):
-    """Mark the tests of long modules; what is exhaustive is slow, too."""
+    """Put the longest modules first. Mark the tests of long modules; what is exhaustive is slow, too."""
+    place = {f"test_{name}": k for k, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: place.get(item.path.stem, len(place)))
     for item in items:
         if listed(item, EXHAUSTIVE):
             item.add_marker(pytest.mark.exhaustive)

@@ -131,6 +131,8 @@ def test_it_moves_as_a_rigid_body_that_is_pinned_at_its_centre(name, how):
     assert_alike(scene, ours, other, allowed)
 
 
+@pytest.mark.compiled
+@pytest.mark.slow  # some hundreds of steps
 @pytest.mark.parametrize("name", ["behind", "first at the start", "behind two beams"])
 def test_other_steps_come_to_the_same(name):
     """Steps of fourth order, and steps of both methods that an error drives."""
