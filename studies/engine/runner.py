@@ -21,7 +21,7 @@ from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver
-from studies.engine.running.ahead import from_both_ends, kinds, warmed_up
+from studies.engine.running.ahead import from_both_ends, kind_of, kinds, warmed_up
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.outcomes import Outcome, Sample
 from studies.engine.running.spread import Came, Died, Spread, Wanted
@@ -80,6 +80,7 @@ class Runner:
     computed: int = 0
     spread: list[Interval] = field(default_factory=list)
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
+    _prepared: set[tuple[Any, ...]] = field(default_factory=set)
     _sources: Sources = field(default_factory=Sources)
     _unkept: dict[str, tuple[Trial, Solution]] = field(default_factory=dict)
     _solvers: dict[tuple[Any, str], Solver] = field(default_factory=dict)
@@ -170,9 +171,11 @@ class Runner:
             return
         worker = self.beside
         unknown = [case for case in cases if case.kernels not in self._warm]
+        unknown = [case for case in unknown if kind_of(case) not in self._prepared]
         new = kinds(case for case in unknown if not self._store.has(self._answer_key(case)))
         if len(new) < 2:
             return
+        self._prepared |= set(map(kind_of, new))
 
         def here(case: Trial) -> None:
             self.on_start(f"compiling for {label_of(case)}", 0, len(cases))

@@ -106,6 +106,19 @@ def test_a_sweep_with_a_helper_warms_up_every_kind_before_it_times_any(tmp_path)
     assert len(known[:first]) >= len(KINDS)
 
 
+def test_what_is_prepared_is_not_prepared_again(tmp_path):
+    pool = WorkerPool(1)
+    try:
+        mine = runner(tmp_path, beside=pool)
+        mine.prepare(of_all_kinds(2))
+        known = lines(tmp_path / "log")
+        assert len(known) == len(KINDS)
+        mine.prepare(of_all_kinds(3))
+    finally:
+        pool.shutdown()
+    assert lines(tmp_path / "log") == known
+
+
 def by_whom(n, folder, meet=False):
     """A number with the process that computes it; it waits until another process has begun one, if they shall meet."""
     (folder / f"{n} {os.getpid()}").touch()
