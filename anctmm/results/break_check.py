@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import breaks_of, tabulate
-from anctmm.model.joints import drive_of
 from anctmm.model.loads import load_text, width_of
+from anctmm.results.drive_check import Drive, drives_of
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 
-#: Part of the whole impulse of a load, or of the largest angle of a drive, that a step may miss.
+#: Part of the whole impulse of a load, or of the largest way of a drive, that a step may miss.
 MISSED = 0.1
 #: Part of a step within which a break and its end are one.
 CLOSE = 1e-6
@@ -38,9 +38,8 @@ def break_findings(solution: Solution) -> Iterator[Finding]:
             width = width_of(load)
             name = load_text(load)
             yield from _of_load(name, load.value, width, solution, run)
-    for joint in scene.joints:
-        if (drive := drive_of(joint)) is not None:
-            yield from _of_drive(drive[0], drive[1], solution, run)
+    for drive in drives_of(scene):
+        yield from _of_drive(drive, solution, run)
 
 
 def broken_steps(breaks: tuple[float, ...] | None, run: Discretisation) -> dict[int, list[float]]:
@@ -77,30 +76,31 @@ def _of_load(
             return
 
 
-def _of_drive(
-    name: str, history: Callable[[Any], Any], solution: Solution, run: Discretisation
-) -> Iterator[Finding]:
+def _of_drive(drive: Drive, solution: Solution, run: Discretisation) -> Iterator[Finding]:
+    name, history, width, unit = drive
     breaks = breaks_of(name, history)
     steps = broken_steps(breaks, run)
     if not steps:
         return
     inside = [t for t in breaks or () if 0.0 < t < run.t_end]
-    largest = np.abs(tabulate(name, history, _points([0.0, *inside, run.t_end])[0], 3)[:, 0]).max()
+    values = tabulate(name, history, np.append(0.0, _points([0.0, *inside, run.t_end])[0]), width)[:, 0]
+    largest = np.abs(values - values[0]).max()
     for step, times in steps.items():
         ends = run.times(np.array([step, step + 1]))
         t, _ = _points([float(ends[0]), *times, float(ends[1])])
-        (a, b), h = tabulate(name, history, ends, 3), float(ends[1] - ends[0])
+        (a, b), h = tabulate(name, history, ends, width), float(ends[1] - ends[0])
         x = (t - ends[0]) / h
         y = 1.0 - x
         cubic = y * y * (1.0 + 2.0 * x) * a[0] + x * x * (1.0 + 2.0 * y) * b[0]
         cubic += h * x * y * (y * a[1] - x * b[1])
-        off = float(np.abs(tabulate(name, history, t, 3)[:, 0] - cubic).max())
+        off = float(np.abs(tabulate(name, history, t, width)[:, 0] - cubic).max())
         if off > MISSED * largest:
+            moves = "turns" if unit == "rad" else "moves"
             yield _finding(
                 solution,
                 float(ends[0]),
-                f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s and turns there by {off:.3g} rad "
-                f"that steps of {run.exact_dt:g} s do not see; {_advice(times, run)}",
+                f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s and {moves} there by {off:.3g} "
+                f"{unit} that steps of {run.exact_dt:g} s do not see; {_advice(times, run)}",
             )
             return
 

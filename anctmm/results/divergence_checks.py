@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.results.break_check import break_findings
 from anctmm.results.constraint_check import constraint_findings
+from anctmm.results.drive_check import drive_findings
 from anctmm.results.ends import ends_of
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.fields import HermiteField, LagrangeField
@@ -98,7 +99,7 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         ends = ends_of(solution) if whole and solution.t.size else None
         found = [*_shape_findings(solution), *constraint_findings(solution, static=static, ends=ends)]
         if not static and solution.status.ok and solution.t.size:
-            found += break_findings(solution)
+            found += [*break_findings(solution), *drive_findings(solution)]
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
         if not static and solution.status.ok and not found:

@@ -1,0 +1,95 @@
+"""Whether drives say what they do: rates and accelerations that are the derivatives of the angle or place.
+
+A drive gives a value with its derivatives, and solvers take each where they need it: positions from one, velocities,
+work and start from the others. Where these are no derivatives, all of this is wrong, and no balance tells.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import PropertyError
+from anctmm.model.connectors import Spring, free_name, name_of
+from anctmm.model.drives import Pulse, Quintic, tabulate
+from anctmm.model.joints import drive_of
+from anctmm.model.scene import Scene
+from anctmm.results.finding import Finding
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+#: A drive's name, history, number of values and unit.
+Drive = tuple[str, Callable[[Any], Any], int, str]
+
+#: Times that are looked at, and differences in time, of the run: any of these may suit a history.
+TIMES, DIFFERENCES = 8, np.array([1e-3, 1e-5, 1e-7])
+#: Difference, of the largest rate, from which on a rate is none.
+WRONG = 0.1
+#: Roundings of a value.
+ROUNDING = 8.0 * float(np.finfo(float).eps)
+#: What derivatives are called, by the order of what they are derivatives of.
+NAMES = ("rate", "acceleration")
+
+
+def drive_findings(solution: Solution) -> Iterator[Finding]:
+    """Drives whose rate or acceleration is another one, at most of the times at which they move."""
+    if solution.run is None:
+        return
+    end = solution.run.t_end
+    times = end * (np.arange(TIMES) + 0.618) / (TIMES + 0.236)
+    for name, history, width, unit in drives_of(solution.scene):
+        if type(history) in (Quintic, Pulse):
+            continue
+        apart = end * DIFFERENCES[:, None, None] * np.array([[-1.0], [1.0]])
+        asked = np.concatenate([times, (times + apart).ravel()])
+        try:
+            table = tabulate(name, history, asked, width)
+        except PropertyError:  # a history that knows the times of steps alone
+            continue
+        here, beside = table[:TIMES], table[TIMES:].reshape(len(DIFFERENCES), 2, TIMES, width)
+        for order in range(width - 1):
+            if (told := _told(here, beside, order, end)) is not None:
+                k, slope = told
+                yield Finding(
+                    min(int(np.searchsorted(solution.t, times[k])), solution.t.size - 1),
+                    "inaccurate",
+                    f"{name}: its {NAMES[order]} is {here[k, order + 1]:.6g} {unit}/s{'²' * order} at t = "
+                    f"{times[k]:.6g} s, where it is {slope:.6g} {unit}/s{'²' * order} by differences; the derivatives "
+                    f"of its {'rate' if order else 'value'} are needed",
+                    None,
+                    None,
+                )
+                break
+
+
+def drives_of(scene: Scene) -> Iterator[Drive]:
+    """Drives of joints and of connectors."""
+    for joint in scene.joints:
+        if (drive := drive_of(joint)) is not None:
+            yield drive[0], drive[1], 3, drive[2]
+    for connector in scene.connectors:
+        free = connector.length if isinstance(connector, Spring) else connector.angle
+        if callable(free):
+            unit = "m" if isinstance(connector, Spring) else "rad"
+            yield f"{name_of(connector)} {free_name(connector)}", free, 2, unit
+
+
+def _told(here: Array, beside: Array, order: int, end: float) -> tuple[int, float] | None:
+    """A time at which a derivative is wrong, by number, and what it is there; None where most are right.
+
+    here: (times, width); beside: (differences, 2, times, width), a little before and after.
+    """
+    value, rate = here[:, order], here[:, order + 1]
+    before, after = beside[:, 0, :, order], beside[:, 1, :, order]
+    steps = 2.0 * end * DIFFERENCES[:, None]
+    slopes = (after - before) / steps
+    largest = max(float(np.abs(rate).max()), float(np.abs(slopes[0]).max()))
+    noise = ROUNDING * max(float(np.abs(value).max()), float(np.abs(after).max())) / steps
+    off = np.abs(slopes - rate) - noise
+    wrong = (off > WRONG * largest).all(axis=0)
+    moving = (np.abs(rate) > WRONG * largest) | (np.abs(slopes[0]) > WRONG * largest)
+    if 2 * wrong.sum() <= moving.sum() or not wrong.any():
+        return None
+    k = int(np.where(wrong, off.min(axis=0), -np.inf).argmax())
+    return k, float(slopes[np.abs(off[:, k]).argmin(), k])

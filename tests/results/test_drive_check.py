@@ -1,0 +1,102 @@
+"""Drives whose derivatives are none: the status of every solver says so."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from reference import global_dae
+
+RUBBER = at.Material(E=5e6, density=1100.0)
+ARM = at.Beam("arm", (0.0, 0.0), (0.3, 0.0), at.Circle(0.02), RUBBER)
+MASS = at.PointMass("mass", 1.0, (1.0, 0.0))
+END = 0.2
+
+
+def clamped(angle):
+    return at.Scene("clamped", [ARM], [at.Clamp("arm.start", angle=angle)])
+
+
+def guided(position):
+    return at.Scene("guided", [MASS], [at.Slider("mass.center", position=position)])
+
+
+def pulled(length):
+    return at.Scene(
+        "pulled", [MASS], connectors=[at.Spring("mass.center", (0, 0), stiffness=1.0, length=length)]
+    )
+
+
+def run(scene, solve=at.solve, **options):
+    return solve(scene, **{"mesh": 1, "dt": 2e-3, "t_end": END} | options).status
+
+
+#: Scenes and what their statuses name.
+WRONG = {
+    "rate": (lambda: clamped(lambda t: (t**2, 0.5 * t, 2.0)), ["clamp 'arm.start' angle: its rate", "rad/s at t"]),
+    "acceleration": (
+        lambda: clamped(lambda t: (t**2, 2.0 * t, 0.0 * t)),
+        ["its acceleration is 0 rad/s²", "2 rad/s² by differences", "derivatives of its rate"],
+    ),
+    "degrees": (lambda: clamped(lambda t: (np.radians(90 * t**2), 180.0 * t, 180.0)), ["its rate"]),
+    "place": (
+        lambda: guided(lambda t: (np.sin(t) - t, 0.0 * t, -np.sin(t))),
+        ["slider 'mass.center' position", "m/s at t"],
+    ),
+    "length": (lambda: pulled(lambda t: (1.0 + t, 5.0)), ["length: its rate is 5 m/s", "1 m/s by differences"]),
+}  # fmt: skip
+
+
+def known_at_steps(t):
+    """A table without anything between its times."""
+    if abs(t / 2e-3 - round(t / 2e-3)) > 1e-6:
+        raise KeyError(t)
+    return t**2, 2.0 * t, 2.0
+
+
+#: What is right, be it fast, rough or noisy.
+TIMES = np.linspace(0.0, END, 21)
+TABLE = 0.1 * TIMES**2 * np.cos(30.0 * TIMES)
+RATES = np.gradient(TABLE, TIMES)
+RIGHT = {
+    "fast": lambda: clamped(lambda t: (1e-6 * (1.0 - np.cos(2e4 * pi * t)), 0.02 * pi * np.sin(2e4 * pi * t),
+                                       400.0 * pi**2 * np.cos(2e4 * pi * t))),
+    "rest": lambda: clamped(lambda t: (0.0 * t, 0.0 * t, 0.0 * t)),
+    "late": lambda: clamped(lambda t: (np.maximum(t - 0.15, 0.0) ** 3, 3.0 * np.maximum(t - 0.15, 0.0) ** 2,
+                                       6.0 * np.maximum(t - 0.15, 0.0))),
+    "quintic": lambda: clamped(at.Quintic(turn=1.0, duration=0.1)),
+    "ramp": lambda: guided(lambda t: (np.where(t < 0.1, 0.0, t - 0.1), np.where(t < 0.1, 0.0, 1.0), 0.0 * t)),
+    "far": lambda: pulled(lambda t: (1e3 + 1e-3 * t, 1e-3)),
+    "steps": lambda: clamped(known_at_steps),
+    "table": lambda: pulled(lambda t: (1.0 + np.interp(t, TIMES, TABLE), np.interp(t, TIMES, RATES))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve], ids=["anctmm", "dae"])
+@pytest.mark.parametrize("what", WRONG)
+def test_derivatives_that_are_none_are_told(what, solve):
+    make, words = WRONG[what]
+    status = run(make(), solve)
+    assert status.code == "inaccurate", status
+    assert all(word in status.message for word in words), status
+
+
+@pytest.mark.parametrize("what", RIGHT)
+def test_derivatives_that_are_right_are_not(what):
+    assert "by differences" not in run(RIGHT[what](), check_stability=False).message
+
+
+def test_a_free_length_that_breaks_within_a_step_is_told():
+    """As a driven joint that does."""
+
+    def kicked(t):
+        x = np.clip((np.asarray(t) - 0.1005) / 1e-3, 0.0, 1.0)
+        return 0.5 + 0.05 * np.sin(pi * x) ** 2, 0.05 * pi / 1e-3 * np.sin(2.0 * pi * x) * (x > 0.0) * (
+            x < 1.0
+        )
+
+    status = run(pulled(at.History(kicked, breaks=[0.1005, 0.1015])))
+    assert status.code == "inaccurate"
+    assert "length: it breaks within the step" in status.message
+    assert "moves there by" in status.message
