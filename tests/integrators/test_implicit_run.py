@@ -18,7 +18,10 @@ from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 def test_a_run_starts_with_mass_times_acceleration_equal_to_force(single, monkeypatch):
     material = Material(1e7, 1000.0, damping=1e-3)
     bodies = [Beam(n, (x, 0.0), (x + 1.0, 0.0), SQUARE, material) for n, x in (("a", 0.0), ("b", 1.0))]
-    joints = [Clamp("a.start", lambda t: (0.0, 0.0, 5.0 + t)), Pin("a.end", "b.start")]
+    joints = [
+        Clamp("a.start", lambda t: (2.5 * t**2 + t**3 / 6, 5 * t + t**2 / 2, 5 + t)),
+        Pin("a.end", "b.start"),
+    ]
     loads = [Torque("b.end", 0.5), Force("b.end", lambda t: (2.0 + t, -1.0))]
     chain = chain_of(
         Scene("two", bodies, joints, loads, (0.0, -9.81)), mesh=4, element="cable", dt=1e-3, t_end=1e-3
