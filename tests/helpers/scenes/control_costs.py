@@ -10,6 +10,7 @@ from types import SimpleNamespace
 from user_cases import FOLDER
 
 import anctmm as at
+from reference.exact.andrews import andrews_squeezer
 from studies import gallery, scenes
 from studies.engine.pareto_front import cost_at
 
@@ -29,6 +30,12 @@ def of_files(*names):
     return {name: (partial(written, name), 4, "cable") for name in names}
 
 
+def squeezer():
+    """Andrews' squeezer, as a case."""
+    t_end, probes = 0.03, [f"K{k}.center" for k in (1, 2, 5, 7)]
+    return at.Case(andrews_squeezer(), probes, t_end=t_end, output_dt=t_end / 75)
+
+
 #: Those by which constants of the step control were chosen, and others.
 CHOSEN_BY = {
     "four-bar": (scenes.four_bar, FOUR_BAR, "cable"),
@@ -40,7 +47,7 @@ OTHERS = {
     "fall-shear": (scenes.cantilever_fall, 8, "shear"),
 } | of_files("soft_pendulum", "thrown_triangle", "straight_line", "motor_arm", "rotating_blade")
 #: Those with constraints between rigid bodies or guides.
-CONSTRAINED = of_files("half_car", "gantry_crane")
+CONSTRAINED = of_files("half_car", "gantry_crane") | {"squeezer": (squeezer, None, None)}
 
 
 def work(run):
