@@ -138,7 +138,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
         c.damping > 0.0 or c.law is not None for c in scene.connectors
     )
     least = _exchangeable(solution)
-    beyond = np.abs(balance_of(energy, damped=damped)) > max(noise(solution), _allowed(solution))
+    known_to = max(noise(solution), _allowed(solution))
+    beyond = np.abs(balance_of(energy, damped=damped)) > known_to
     diverged = from_nowhere(energy, NOWHERE, least, damped=damped) & beyond
     if explicit and damped:
         diverged |= absorbed(energy, least) & (np.abs(energy.balance) > noise(solution))
@@ -148,7 +149,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
         return
     wrong = from_nowhere(energy, INACCURATE, least, lost=keeps and not damped, damped=damped) & beyond
     if not explicit:
-        wrong |= dissipated(energy, least) & (np.abs(energy.balance) > noise(solution))
+        wrong |= dissipated(energy, least) & (np.abs(energy.balance) > known_to)
     wrong[:-1] &= wrong[1:]  # what is gone at the next output was a start that the step does not resolve
     if wrong.any():
         yield _finding(solution, int(wrong.argmax()), "inaccurate")
