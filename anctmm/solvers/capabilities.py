@@ -31,7 +31,7 @@ FEATURES = {
 STEPPING, HIGH_ORDER = ("generalized-alpha", "zhai"), ("esdirk",)
 #: Bounds of Newton's last correction that studies of cost try: from one that stops as soon as a step's error allows to
 #: one near rounding.
-NEWTON_TOLERANCES = (1e-3, 1e-5, 1e-7)
+NEWTON_TOLERANCES = (1e-7, 1e-5, 1e-3)
 #: Features that need others.
 NEEDED = {"branches": "joints", "loops": "joints"}
 #: Continua that rest positions of our elements tend to, by element.
@@ -58,8 +58,9 @@ class Offer:
         By the element asked for, the continuum its equilibria tend to: "elastica", "reissner" or "director" (see
         `reference.exact`). Elements that are not in it are not asked for in statics.
     choices : tuple of mapping of str to value
-        What an implicit run of the same mesh and step may choose: keyword arguments of `solve`, one set a choice.
-        Studies of cost try them all, so that every solver is seen at its best. Without it `NEWTON_TOLERANCES`.
+        What an implicit run of the same mesh and step may choose: keyword arguments of `solve`, one set a choice,
+        the one with the tightest bounds of the iteration first. Studies of cost try them all, so that every solver is
+        seen at its best; no choice counts with a smaller error than the first. Without it `NEWTON_TOLERANCES`.
 
     Raises
     ------

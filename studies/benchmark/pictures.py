@@ -86,6 +86,7 @@ def _short(what: str) -> str:
 
 def work_and_precision(frame: pd.DataFrame) -> Picture:
     """Fronts of error and cost of both codes, on both scenes."""
+    frame = frame.assign(error=frame["robust_error"])
 
     def draw(figure: Figure) -> None:
         panels = figure.subplots(1, frame["scene"].nunique(), squeeze=False)[0]

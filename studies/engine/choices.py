@@ -16,6 +16,8 @@ NONE = "-"
 def choices_of(solver: str) -> Sequence[tuple[Given, Given]]:
     """Every choice of a solver's implicit runs: fields of the discretisation, and keyword arguments of its own.
 
+    The first has the tightest bounds of the iteration.
+
     Raises
     ------
     UnknownSolverError, PluginError

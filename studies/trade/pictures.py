@@ -45,7 +45,10 @@ def pictures(scene: str, frame: pd.DataFrame) -> list[Picture]:
     sound = frame[(frame["error"] > 0) & (frame["cpu_s"] > 0)]
     if sound.empty:
         return []
-    return [fronts(scene, sound), *([split_map(scene, sound)] if len(_grid_rows(sound)) else [])]
+    return [
+        fronts(scene, sound.assign(error=sound["robust_error"])),
+        *([split_map(scene, sound)] if len(_grid_rows(sound)) else []),
+    ]
 
 
 def fronts(scene: str, sound: pd.DataFrame) -> Picture:
@@ -72,8 +75,8 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
     caption = (
         f"{scene}: error against CPU time of all {len(sound)} settings that ended well; left and down is better. "
         "Line: the Pareto front of all elements together, and its settings; what another setting beats in both is "
-        "faded. Hollow: explicit. Grey: the reference's own uncertainty, below which an error says nothing. "
-        "Point at a marker for its setting."
+        "faded. No error counts as smaller than with the tightest bound of Newton's iteration. Hollow: explicit. Grey: "
+        "the reference's own uncertainty, below which an error says nothing. Point at a marker for its setting."
     )
     return picture(f"front_{file_name(scene)}", caption, draw, (7.6, 5.0))
 

@@ -22,7 +22,7 @@ TARGETS, QUICK_TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), (1e-2, 1e-3, 1e-4
 #: Steps that every solver tries, s; of a quick run.
 STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
-LOOSE, TIGHT = NEWTON_TOLERANCES[0], NEWTON_TOLERANCES[-1]
+LOOSE, TIGHT = NEWTON_TOLERANCES[-1], NEWTON_TOLERANCES[0]
 #: Errors in time asked of the error-controlled steps; of a quick run.
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 QUICK_TOLERANCES = (1e-2, 3e-3, 1e-3, 1e-4)

@@ -22,7 +22,7 @@ from studies.engine.running.trial import Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.scenes import base_of, moving_scenes
-from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of, stretch_of
+from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of, stretch_of, sure_errors
 from studies.trade.snippet import snippet, snippet_of_file
 
 #: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.
@@ -35,7 +35,8 @@ REPEATS = 3
 SAME = 1.01
 NEEDED = {
     "points": ("scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance",
-               "newton_tolerance", "error", "reference_error", "mesh_error", "step_error", "cpu_s", "status", "family"),
+               "newton_tolerance", "error", "robust_error", "reference_error", "mesh_error", "step_error", "cpu_s",
+               "status", "family"),
     "histories": ("scene", "element", "body", "fraction", "t", "u_x", "u_y"),
     "references": ("scene", "element", "from_cable"),
 }  # fmt: skip
@@ -215,7 +216,7 @@ def choose(
         mine = mine[mine["element"] == element]
         if mine.empty:
             raise RecommendError(f"element is {element!r}; measured on scene {scene!r} are {allowed}")
-    mine = mine.assign(sure=mine["error"] + mine["reference_error"]).sort_values("cpu_s", kind="stable")
+    mine = mine.assign(sure=sure_errors(mine)).sort_values("cpu_s", kind="stable")
     affordable = mine if budget_s is None else mine[mine["cpu_s"] <= budget_s]
     if affordable.empty:
         first = mine.iloc[0]
@@ -251,7 +252,8 @@ def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[
         return (f"an error of {error:g} takes {needs:.2g} s; this is the best within {budget_s:g} s",)
     best = mine.sort_values("sure").iloc[0]
     said = [
-        f"the measured range does not reach {error:g}: it ends at {best['error']:.2g} ± {best['reference_error']:.1g}"
+        f"the measured range does not reach {error:g}: it ends at {best['robust_error']:.2g} "
+        f"± {best['reference_error']:.1g}"
     ]
     floor = mine["reference_error"].min()
     if error <= floor:

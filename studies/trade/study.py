@@ -22,7 +22,8 @@ from studies.engine.accuracy.dynamics import (
     sweep,
     with_references,
 )
-from studies.engine.choices import written
+from studies.engine.accuracy.robust import robust_errors
+from studies.engine.choices import choices_of, written
 from studies.engine.measuring.timing import in_turn, least
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Runner
@@ -55,13 +56,15 @@ from studies.trade.tables import (
     references,
 )
 
+#: What settings share that differ in a choice of their solver alone.
+ALIKE = ("solver", "family", "quadrature", "integrator", "elements", "dt", "tolerance", "stretch")
 #: Rounds in which settings near the front are timed again; by whether the run is quick.
 ROUNDS = {False: 5, True: 1}
 COLUMNS = (
     "scene", "solver", "element", "quadrature", "integrator", "elements", "dofs", "dt", "tolerance",
-    "newton_tolerance", "own", "stretch", "t_end", "steps", "newton_iterations", "error", "reference_error",
-    "mesh_error", "step_error", "step_reference_error", "error_from", "cpu_s", "cpu_spread", "build_s", "wall_s",
-    "repeats", "in_turn", "excess", "status", "reference",
+    "newton_tolerance", "own", "stretch", "t_end", "steps", "newton_iterations", "error", "robust_error",
+    "reference_error", "mesh_error", "step_error", "step_reference_error", "error_from", "cpu_s", "cpu_spread",
+    "build_s", "wall_s", "repeats", "in_turn", "excess", "status", "reference",
 )  # fmt: skip
 
 
@@ -151,8 +154,9 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
         | split(swept, o, fine)
         for o in swept.outcomes
     ]
-    frame = pd.DataFrame(rows, columns=[c for c in COLUMNS if c not in ("in_turn", "excess")])
+    frame = pd.DataFrame(rows, columns=[c for c in COLUMNS if c not in ("robust_error", "in_turn", "excess")])
     frame["family"] = [o.case.element for o in swept.outcomes]
+    frame["robust_error"] = _robust(frame, [o.case for o in swept.outcomes])
     again = time_again(swept, frame, ROUNDS[options.quick], runner)
     frame["in_turn"] = [k in again for k in frame.index]
     for k, found in again.items():
@@ -211,6 +215,14 @@ def time_again(
 
     key = runner.key(*cases.values())
     return runner.remember(key and f"trade's costs in turn, {rounds} rounds|{key}", sample)  # type: ignore[no-any-return]
+
+
+def _robust(frame: pd.DataFrame, cases: Sequence[Trial]) -> pd.Series:
+    """Errors of the rows, none smaller than with the tightest of its solver's choices."""
+    alike = frame[list(ALIKE)].astype(str).itertuples(index=False, name=None)
+    first = {solver: choices_of(solver)[0] for solver in {case.solver for case in cases}}
+    tightest = [(case.options, case.own) == first[case.solver] for case in cases]
+    return robust_errors(frame["error"], list(alike), tightest)
 
 
 def _asked(case: Trial, base: Case) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.engine.accuracy.dynamics import REISSNER
+from studies.engine.accuracy.robust import NOTE as ROBUST
 from studies.engine.answers import Answer
 from studies.engine.measuring.clock import records
 from studies.engine.pareto_front import NEAR, cost_at
@@ -28,7 +29,8 @@ from studies.trade.second_road import Second
 TARGET = 1e-3
 #: What was found with a recommended setting.
 FOUND = (
-    "error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s", "repeats",
+    "error", "robust_error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s",
+    "repeats",
 )  # fmt: skip
 #: What tells a setting from another.
 SETTING = (
@@ -74,7 +76,8 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
         "that size).",
         f"cpu_s: of the steps; settings within {NEAR:g} times their solver's front (in_turn) ran "
         "again in turn, and the least of these runs counts. excess: cost over that of the cheapest setting of no "
-        "larger error: 1 on the front.",
+        "larger robust_error: 1 on the front.",
+        ROBUST,
         "opensees: frames of its own, on finer meshes and where they can do the scene: they know no whole turn of a "
         "beam. They are measured against the cable's reference, of the same continuum.",
         BUILD,
@@ -88,7 +91,7 @@ def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Tab
     for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
         for target in targets:
             able = reaching(mine, target)
-            line = (able if len(able) else mine.sort_values("error")).iloc[0].to_dict()
+            line = (able if len(able) else mine.sort_values("robust_error")).iloc[0].to_dict()
             status = "ok" if len(able) else "not reached: this is the smallest error measured"
             about = {
                 "scene": scene,
@@ -100,8 +103,8 @@ def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Tab
                 about | {k: line[k] for k in FOUND} | {"status": status} | {k: line[k] for k in SETTING}
             )
     said = (
-        "The cheapest measured setting whose error and its reference's uncertainty together are below the target. "
-        "`anctmm recommend` prints the script that runs it.",
+        "The cheapest measured setting whose robust_error and its reference's uncertainty together are below the "
+        "target. `anctmm recommend` prints the script that runs it.",
     )
     return Table("recommended", "What to take for a target error", pd.DataFrame(rows), said)
 
@@ -119,20 +122,21 @@ def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
                 first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
                 about = {"scene": scene, "target_error": target, **dict(zip(KIND, kind, strict=True))}
                 if first.empty:
-                    smallest = own["error"].min()
+                    smallest = own["robust_error"].min()
                     reason = f"not reached: {smallest:.1e} at best" if smallest > 0 else "no run ended well"
                     rows.append(about | {"status": reason})
                     continue
                 line = first.iloc[0].to_dict()
                 rows.append(about | {
-                    "setting": setting_of(line), "error": line["error"], "reference_error": line["reference_error"],
+                    "setting": setting_of(line), "error": line["error"], "robust_error": line["robust_error"],
+                    "reference_error": line["reference_error"],
                     "cpu_s": line["cpu_s"], "build_s": line["build_s"],
                     "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "cpu_s_at_error": at_error[kind],
                     "ratio_at_error": at_error[kind] / least, "status": "ok",
                 })  # fmt: skip
     columns = [
-        "scene", "target_error", *KIND, "setting", "error", "reference_error", "cpu_s", "build_s", "ratio",
-        "cpu_s_at_error", "ratio_at_error", "status",
+        "scene", "target_error", *KIND, "setting", "error", "robust_error", "reference_error", "cpu_s",
+        "build_s", "ratio", "cpu_s_at_error", "ratio_at_error", "status",
     ]  # fmt: skip
     frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
     frame = frame.sort_values(
@@ -155,9 +159,9 @@ class Priced(NamedTuple):
 
 
 def _priced(rows: pd.DataFrame) -> list[Priced]:
-    """Errors and times of the rows that have both."""
-    sound = rows[(rows["error"] > 0.0) & (rows["cpu_s"] > 0.0)]
-    return [Priced(float(e), float(c)) for e, c in zip(sound["error"], sound["cpu_s"], strict=True)]
+    """Robust errors and times of the rows that have both."""
+    sound = rows[(rows["robust_error"] > 0.0) & (rows["cpu_s"] > 0.0)]
+    return [Priced(float(e), float(c)) for e, c in zip(sound["robust_error"], sound["cpu_s"], strict=True)]
 
 
 def on_front(points: pd.DataFrame) -> pd.DataFrame:

@@ -35,7 +35,8 @@ def _polynomial(x, y):
 
 
 def _point(error: float, cpu_s: float, mesh: int = 8, dt: float = 1e-3, code: str = OURS) -> Point:
-    return Point(Setting(code, "generalized-alpha", (mesh,), dt, "full", 1e-5), error, cpu_s, "ok")
+    setting = Setting(code, "generalized-alpha", (mesh,), dt, "full", (("newton_tolerance", 1e-5),))
+    return Point(setting, error, error, cpu_s, "ok")
 
 
 @pytest.fixture(scope="module")

@@ -116,9 +116,9 @@ def test_which_error_outweighs():
 def test_the_front_is_what_nothing_beats(points):
     for _, mine in points.groupby("scene"):
         for line in mine.to_dict("records"):
-            beaten = ((mine["error"] <= line["error"]) & (mine["cpu_s"] < line["cpu_s"])).any()
-            assert beaten == (line["excess"] > 1.0)
-    frame = pd.DataFrame({"error": [1e-2, 1e-3, 2e-3, np.nan], "cpu_s": [1.0, 2.0, 6.0, np.nan]})
+            no_worse = mine["robust_error"] <= line["robust_error"]
+            assert (no_worse & (mine["cpu_s"] < line["cpu_s"])).any() == (line["excess"] > 1.0)
+    frame = pd.DataFrame({"robust_error": [1e-2, 1e-3, 2e-3, np.nan], "cpu_s": [1.0, 2.0, 6.0, np.nan]})
     np.testing.assert_array_equal(excess(frame), [1.0, 1.0, 3.0, np.nan])
 
 
@@ -323,7 +323,7 @@ def test_an_explicit_step_is_written_with_all_its_digits(measured):
 FRAME = pd.DataFrame({
     "scene": "s", "solver": "anctmm", "element": "cable", "integrator": "generalized-alpha", "quadrature": "full",
     "elements": ["1", "2", "3", "4"], "dt": 0.1, "tolerance": np.nan, "newton_tolerance": 1e-3,
-    "error": [1e-1, 1e-2, 1e-3, np.nan], "reference_error": 1e-4,
+    "error": [1e-1, 1e-2, 1e-3, np.nan], "robust_error": [1e-1, 1e-2, 1e-3, np.nan], "reference_error": 1e-4,
     "mesh_error": [9e-2, 9e-3, 9e-4, np.nan], "step_error": [2e-2, 2e-3, 2e-4, np.nan],
     "cpu_s": [1.0, 2.0, 5.0, np.nan],
     "status": ["ok", "ok", "ok", "failed"], "family": "cable",

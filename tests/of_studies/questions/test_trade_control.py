@@ -8,7 +8,9 @@ from studies.trade.control import error_control
 NONE = float("nan")
 ALIKE = {"scene": "arm", "element": "cable", "quadrature": "full", "elements": "4", "solver": "anctmm",
          "integrator": "generalized-alpha", "stretch": "as given", "status": "ok", "steps": 1,
-         "newton_iterations": 1}  # fmt: skip
+         "newton_iterations": 1, "newton_tolerance": 1e-7}  # fmt: skip
+#: A step, s, that each error of `points` belongs to.
+STEP = {1e-2: 1e-1, 1e-3: 3e-2, 1e-4: 1e-2, 1e-6: NONE}
 
 
 def points():
@@ -18,7 +20,8 @@ def points():
     rows += [ALIKE | {"solver": "global-dae", "tolerance": NONE, "step_error": 1e-4, "cpu_s": 1e-9}]
     rows += [ALIKE | {"elements": "8", "tolerance": NONE, "step_error": 1e-4, "cpu_s": 1e-9}]
     rows += [ALIKE | {"tolerance": 4e-3, "step_error": 1e-3, "cpu_s": 2e-3 * 1e-3**-0.5}]
-    return pd.DataFrame([*rows, ALIKE | {"tolerance": 1e-5, "step_error": 1e-6, "cpu_s": 1.0}])
+    rows += [ALIKE | {"tolerance": 1e-5, "step_error": 1e-6, "cpu_s": 1.0}]
+    return pd.DataFrame(rows).assign(dt=lambda f: f["step_error"].map(STEP))
 
 
 def test_cost_is_compared_with_the_best_fixed_step_of_the_same_error_and_of_the_target():
@@ -38,10 +41,26 @@ def test_each_integrator_is_compared_with_its_own_steps_and_with_the_best_of_all
     ]
     rows += [fourth | {"tolerance": NONE, "step_error": 1e-4, "stretch": "free", "cpu_s": 1e-9}]
     rows += [fourth | {"tolerance": 2e-3, "step_error": 1e-3, "cpu_s": 6e-2}]
-    frame = error_control(pd.concat([points(), pd.DataFrame(rows)])).frame.set_index("tolerance")
+    others = pd.DataFrame(rows).assign(dt=lambda f: f["step_error"].map(STEP))
+    frame = error_control(pd.concat([points(), others])).frame.set_index("tolerance")
     assert list(frame["integrator"]) == ["generalized-alpha", "generalized-alpha", "esdirk"]
     assert frame["ratio_at_error"].loc[2e-3] == pytest.approx(2.0)
     assert frame["ratio_at_target"].loc[2e-3] == pytest.approx(2.0 * 2.0**0.25)
     second = 1e-3 * 1e-3**-0.5  # the only fixed step of either that was tried with this error
     assert frame["ratio_to_any"].loc[2e-3] == pytest.approx(6e-2 / second)
     assert frame["ratio_at_error"].loc[4e-3] == pytest.approx(2.0)  # as without the others
+
+
+def test_a_fixed_step_whose_loose_bound_is_lucky_does_not_count():
+    """With the tightest bound the same step has the error 1e-2, so that this step is no cheap way to 1e-3."""
+    lucky = ALIKE | {
+        "tolerance": NONE,
+        "newton_tolerance": 1e-3,
+        "dt": STEP[1e-2],
+        "step_error": 1e-3,
+        "cpu_s": 1e-6,
+    }
+    frame = error_control(pd.concat([points(), pd.DataFrame([lucky])])).frame
+    assert frame["ratio_at_error"].iloc[0] == pytest.approx(2.0)  # as without it
+    honest = pd.DataFrame([lucky | {"dt": STEP[1e-3]}])
+    assert error_control(pd.concat([points(), honest])).frame["ratio_at_error"].iloc[0] > 1e3
