@@ -17,7 +17,7 @@ from anctmm.discretise.discretisation import Discretisation
 from studies.benchmark.peers import EXUDYN, OURS
 from studies.benchmark.precision import races, settings
 from studies.cli import app
-from studies.engine.accuracy.dynamics import reference_of
+from studies.engine.accuracy.dynamics import cases_of, reference_of
 from studies.engine.choices import choices_of, read, written
 from studies.engine.pareto_front import excess
 from studies.engine.runner import Runner
@@ -107,6 +107,21 @@ def test_mesh_and_step_errors_add_up_to_no_less_than_the_error(points):
     for _, group in same.groupby("elements"):
         assert len(group) == 3
         assert np.ptp(group["step_error"]) < 0.02 * group["error"].max()
+
+
+@pytest.mark.parametrize("ladder", ladders(False), ids=lambda ladder: ladder.base.scene.name)
+def test_steps_that_an_error_drives_end_well_with_every_kind_of_the_full_trade(ladder):
+    """With the coarsest mesh of each kind and the largest tolerance; a quick run has one kind of them."""
+    plan, kinds = ladder.plan(False), {}
+    for scheme in plan.schemes:
+        if "tolerance" in dict(scheme.options):
+            kind = scheme.element, scheme.quadrature, scheme.integrator
+            kinds.setdefault(kind, replace(scheme, meshes=scheme.meshes[:1]))
+    assert {kind[2] for kind in kinds} == {"generalized-alpha", "esdirk"}
+    for case in cases_of(ladder.base, replace(plan, schemes=tuple(kinds.values())), Options()):
+        found = at.solve(case.scene, case.run())
+        assert found.status.ok, (case, found.status)
+        assert found.cost.steps > 10
 
 
 def test_which_error_outweighs():

@@ -40,7 +40,7 @@ def test_the_readme_tells_the_ratios_of_the_trade(trade, rival, name):
 
 
 #: Factor within which the trade and the benchmark agree on a ratio: noise of the machine, as `reports/README.md` says.
-SPREAD = 1.4
+SPREAD = 1.2
 
 
 @pytest.fixture(scope="module")
