@@ -35,7 +35,7 @@ EXHAUSTIVE = {
     "report": ["page", "report_of_cases"],
     "results": ["energy_check"],
     "statics": ["arc_length", "equilibrium_stability", "nonconservative_statics", "stabilised_statics"],
-    "step_control": ["damped_tolerance", "events", "promise"],
+    "step_control": ["alpha_cost", "damped_tolerance", "events", "promise", "stage_cost"],
 }  # fmt: skip
 
 #: Modules that `-m "not slow"` leaves out, too: what is left is for a look after each change.
@@ -54,7 +54,7 @@ SLOW = {
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
     "statics": ["static_start", "statics"],
-    "step_control": ["adaptive", "alpha_cost", "stage_control", "stage_cost", "step_choice"],
+    "step_control": ["adaptive", "stage_control", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
