@@ -132,7 +132,7 @@ def test_it_moves_as_a_rigid_body_that_is_pinned_at_its_centre(name, how):
 
 
 @pytest.mark.compiled
-@pytest.mark.slow  # some hundreds of steps
+@pytest.mark.exhaustive  # some hundreds of steps by every method
 @pytest.mark.parametrize("name", ["behind", "first at the start", "behind two beams"])
 def test_other_steps_come_to_the_same(name):
     """Steps of fourth order, and steps of both methods that an error drives."""

@@ -114,7 +114,9 @@ def test_a_guide_in_a_body_that_has_turned_pushes_across_its_line():
         np.testing.assert_allclose(solution.reaction(guide)[-1], [*across, 0.0], atol=1e-8)
 
 
-@pytest.mark.parametrize("element", ["cable", "shear", "quintic"])
+@pytest.mark.parametrize(
+    "element", ["cable", *(pytest.param(kind, marks=pytest.mark.exhaustive) for kind in ("shear", "quintic"))]
+)
 def test_whole_turns_of_an_equilibrium_are_counted(element):
     """A cantilever that a moment rolls up, at once, in small parts, downhill and along the path: by M L/EI."""
     beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), SOFT)
