@@ -14,8 +14,8 @@ from samples import beam
 import anctmm as at
 from anctmm.discretise import kept_chains
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.segments import _inside
 from anctmm.discretise.junctions.structure import ELEMENTS, shared
-from anctmm.discretise.segments import _inside
 from anctmm.errors import MeshError
 from anctmm.model.kept import BODIES, PREFIX, facts_alike
 from anctmm.model.needs import features_of

@@ -1,1 +1,1 @@
-"""What meets at junctions: vertices of the graph of bodies, constraints between kept unknowns, loops that lock."""
+"""What meets at junctions: beams cut where joints act, vertices of the graph, constraints, loops that lock."""
