@@ -63,7 +63,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["kept_chains", "rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["esdirk"],
+    "integrators": ["balanced", "esdirk"],
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae"],

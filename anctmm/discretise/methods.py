@@ -50,7 +50,8 @@ class GeneralizedAlpha:
     ----------
     spectral_radius : float
         ρ∞ in [0, 1]: 1 keeps the energy of high frequencies, 0 annihilates them in one step. Of rigid bodies, guides
-        and driven hinges take 0.9 or less: nearer to 1 errors of the forces of their constraints stay, or grow.
+        and driven hinges take 0.9 or less: nearer to 1 errors of the forces of their constraints stay in the steps, or
+        grow. Accelerations of outputs, and so reactions, do not have them.
 
     Raises
     ------

@@ -11,9 +11,13 @@ elastic tangent of their body, which leaves out what stress and velocity add to 
 correction or two more, and its limit is the same.
 
 Known coordinates are known as positions; their velocities and accelerations follow from the formulas above, as they do
-in an index-3 solution of the equations with multipliers.
+in an index-3 solution of the equations with multipliers. What they lack at the start, and where a drive jumps, stays
+in the accelerations along constraints, with a sign that changes at each step, and falls as n ρ∞ⁿ; with ρ∞ = 1 it grows
+as n, whatever the step. Positions and velocities are of second order all the same: accelerations of outputs are found
+anew from them where that is seen (`implicit.balanced`).
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,13 +25,13 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
-from anctmm.discretise.methods import Coefficients
+from anctmm.discretise.methods import NO_STEP, Coefficients
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.driving import drive_width, tables_of
 from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import Steps, take_steps
 from anctmm.integrators.implicit.step import begin_step, dissipated, finish
-from anctmm.integrators.implicit.system import System, new_system
+from anctmm.integrators.implicit.system import Newton, System, new_system
 from anctmm.integrators.output import (
     Output,
     actuation_of,
@@ -41,6 +45,7 @@ from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 
 class Numbers(NamedTuple):
@@ -69,10 +74,17 @@ def integrate(chain: Chain) -> Solution:
     def failed_at(step: int) -> float:
         return float(run.times(np.array([step]))[0])
 
+    def again(outputs: Ints, system: System, out: Output) -> Callable[[int, Newton], int]:
+        drives, values = tables_of(chain, actuation, lambda: run.times(outputs), len(outputs))
+        still = Numbers(run.steps, run.stride, NO_STEP)
+        return lambda k, newton: int(
+            advance(-1, 0, still, system._replace(newton=newton), out, drives[k : k + 1], values[k : k + 1])
+        )
+
     with own(chain, new_system) as system:
         loads = system.loads
         work = Task(work_done, (True, system.state.q, system.clamps, loads, np.zeros((len(loads.kinds), 2))))
-        steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,))
+        steps = Steps(advance, arguments, drive_width(chain, actuation), failed_at, (work,), again)
         return take_steps(chain, system, steps)
 
 

@@ -73,6 +73,7 @@ class Record:
     #: Angles of the sections at nodes since the undeformed scene, (k, nodes), at the first k outputs, where counted.
     turned: Array | None = field(init=False, default=None)
     started: tuple[float, float] = field(init=False)
+    ended: tuple[float, float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
         self.resize(self.outputs or len(light(self.chain, _times)))
@@ -89,7 +90,25 @@ class Record:
 
     def start(self) -> None:
         """Start the clocks."""
-        self.started = time.process_time(), time.perf_counter()
+        self.started, self.ended = _clocks(), None
+
+    def stop(self) -> None:
+        """Stop the clocks: no more steps are taken."""
+        self.ended = _clocks()
+
+    def fields(self, kept: int, static: bool = False) -> dict[str, HermiteField | RigidField]:
+        """Motion of each body at the first `kept` outputs."""
+        chain = self.chain
+        rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
+        cut = chain.run.of(chain.scene)
+        fields = {
+            name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
+            for name, path in chain.by_body(self.q[:kept]).items()
+        }
+        if (turned := self._turned()) is None:
+            return fields
+        angles = angles_by_body(chain, turned[:kept])
+        return {name: replace(one, turned=angles[name]) for name, one in fields.items()}
 
     def solution(
         self,
@@ -103,18 +122,11 @@ class Record:
         """The solution with the first `kept` outputs that are valid, at the times of the discretisation or,
         for statics, at the load factors `t`.
         """
-        cpu, wall = time.process_time() - self.started[0], time.perf_counter() - self.started[1]
+        ended = self.ended or _clocks()
+        cpu, wall = ended[0] - self.started[0], ended[1] - self.started[1]
         chain = self.chain
         q, static = self.q[:kept], t is not None
-        rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
-        cut = chain.run.of(chain.scene)
-        fields = {
-            name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
-            for name, path in chain.by_body(q).items()
-        }
-        if (turned := self._turned()) is not None:
-            angles = angles_by_body(chain, turned[:kept])
-            fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
+        fields = self.fields(kept, static)
         kinetic, strain, work = self.energy[:kept].T
         potential = _potential(q, light(chain, _reference), chain.dead_load)
         found = Solution(
@@ -135,6 +147,11 @@ class Record:
         """Angles of sections where they are counted: by statics, and where a motion starts from an equilibrium."""
         start = self.chain.start
         return self.turned if start is None else start.turned[None]
+
+
+def _clocks() -> tuple[float, float]:
+    """Processor and wall time, s."""
+    return time.process_time(), time.perf_counter()
 
 
 def _times(chain: Chain) -> Array:

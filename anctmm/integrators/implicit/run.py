@@ -19,13 +19,14 @@ from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
+from anctmm.integrators.implicit.balanced import Again, balanced, settle
 from anctmm.integrators.implicit.newton import parts
 from anctmm.integrators.implicit.newton_failure import stalled
 from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
-from anctmm.jit.compiling import kernel, uncompiled
+from anctmm.jit.compiling import kernel
 from anctmm.jit.second_process import Parts, Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
@@ -33,9 +34,6 @@ from anctmm.recursion.riccati import factorize
 from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]
-
-#: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
-REFINED = 4
 
 
 @dataclass(frozen=True)
@@ -55,6 +53,8 @@ class Steps:
         Time in a step that failed, s.
     parts : sequence of Task
         What `advance` calls beside Newton's iteration and the output, for compilation in a second process.
+    again : callable, optional
+        Finds accelerations of outputs anew, where the method lets those along constraints drift.
     """
 
     advance: Any
@@ -62,6 +62,7 @@ class Steps:
     width: int
     failed_at: Callable[[int], float]
     parts: tuple[Task, ...] = ()
+    again: Again | None = None
 
 
 def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
@@ -90,6 +91,12 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         return record.solution(kept, status, taken, int(newton.counts[0]), int(newton.counts[1]))
 
     failed = run_batches(chain, steps.width, one, so_far)
+    record.stop()
+    if steps.again is not None:
+        kept = len(record.q) if failed < 0 else 1 + (failed - 1) // run.stride
+        counts = newton.counts.copy()
+        settle(chain, system, record, kept, steps.again)
+        newton.counts[:] = counts
     if failed < 0:
         return so_far(len(record.q), Status(), run.steps)
     when = steps.failed_at(failed)
@@ -129,15 +136,8 @@ def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
     solve : callable
         Takes a step with the coefficients `NO_STEP`. With factors in single precision the solution is refined.
     """
-    state, clamps, newton = system.state, system.clamps, system.newton
-    uncompiled(turn_clamps)(clamps, drive_table(chain, once(chain, actuation_of), np.zeros(1))[0])
-    for field, motion in zip((state.q, state.v, state.w), clamps.motion, strict=True):
-        for h, held in enumerate(clamps.held):
-            field[:held, clamps.nodes[h]] = motion[h, :held]
-    newton.counts[2] = 1
-    for _ in range(REFINED if system.factors.L.dtype == np.float32 else 1):
-        solve(newton._replace(tolerance=np.inf))
-    newton.counts[:] = 0, 1, 1
+    balanced(system, drive_table(chain, once(chain, actuation_of), np.zeros(1))[0], solve)
+    system.newton.counts[:] = 0, 1, 1
 
 
 @kernel
