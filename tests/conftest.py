@@ -68,7 +68,7 @@ INTERPRETED = {
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank", "tip_mass"],
-    "results": ["constraint_check", "internal_forces", "pictures"],
+    "results": ["constraint_check", "drive_turns", "internal_forces", "pictures"],
     "statics": ["static_start"],
     "step_control": ["stage_control", "step_choice"],
 }  # fmt: skip

@@ -21,6 +21,7 @@ from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
+from anctmm.results.drive_turns import with_turns_of_drives
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import (
     Cost,
@@ -105,10 +106,10 @@ class Record:
             name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
             for name, path in chain.by_body(self.q[:kept]).items()
         }
-        if (turned := self._turned()) is None:
-            return fields
-        angles = angles_by_body(chain, turned[:kept])
-        return {name: replace(one, turned=angles[name]) for name, one in fields.items()}
+        if (turned := self._turned()) is not None:
+            angles = angles_by_body(chain, turned[:kept])
+            fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
+        return fields if static else with_turns_of_drives(chain.scene, fields, light(chain, _times)[:kept])
 
     def solution(
         self,

@@ -221,8 +221,8 @@ class Solution:
         (n, k). Parameters as of `position`; of a rigid body its name is enough.
 
         A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
-        angle is continuous: whole turns between two outputs are counted by the velocities. Where a solver keeps none,
-        outputs must be less than half a turn apart.
+        angle is continuous: whole turns between two outputs are counted by the velocities, and by the drives of what is
+        clamped or welded to them. Where a solver keeps none, outputs must be less than half a turn apart.
 
         Raises
         ------

@@ -1,0 +1,64 @@
+"""Whole turns that drives make between two outputs."""
+
+from math import pi
+
+import numpy as np
+import pytest
+
+import anctmm as at
+
+ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
+
+
+def crank():
+    """A soft arm that turns once from rest to rest, a plate welded to it and a rotor that turns against the plate."""
+    arm = at.Beam("arm", (0, 0), (0.2, 0), ROD, RUBBER)
+    plate = at.RigidBody("plate", 0.05, 1e-4, (0.2, 0.02), points={"a": (0.2, 0)})
+    rotor = at.RigidBody("rotor", 0.02, 1e-5, (0.2, 0.02))
+    joints = [
+        at.Clamp("arm.start", angle=at.Quintic(2.0 * pi, 2.0)),
+        at.Weld("arm.end", "plate.a"),
+        at.Weld("plate.center", "rotor.center", angle=at.Quintic(-6.0 * pi, 2.0)),
+    ]
+    springs = [
+        at.RotationalSpring("arm.start", stiffness=1e-4),
+        at.RotationalSpring("rotor.center", stiffness=1e-4),
+    ]
+    return at.Scene("crank", [arm, plate, rotor], joints, gravity=(0, -1.0), connectors=springs)
+
+
+@pytest.fixture(scope="module")
+def often():
+    """Told at each step, where velocities count all turns."""
+    return at.solve(crank(), mesh=1, dt=0.02, t_end=2.0)
+
+
+@pytest.mark.parametrize("output", [1.0, 2.0])
+def test_turns_from_rest_to_rest_are_those_of_the_drive(often, output):
+    """The angle was that without the turn, and so the springs' moments and the reactions."""
+    rare = at.solve(crank(), mesh=1, dt=0.02, t_end=2.0, output_dt=output)
+    assert rare.status.ok
+    assert rare.angle("arm.start")[-1] == pytest.approx(2.0 * pi, abs=1e-9)
+    for place in ("arm.start", ("arm", 0.7), "arm.end", "plate.center", "rotor.center"):
+        assert rare.angle(place)[-1] == pytest.approx(often.angle(place)[-1], abs=1e-9)
+    for spring in crank().connectors:
+        assert rare.tension(spring)[-1] == pytest.approx(often.tension(spring)[-1], abs=1e-12)
+        assert abs(rare.tension(spring)[-1]) > 1e-4
+    for joint in crank().joints:
+        np.testing.assert_allclose(rare.reaction(joint)[-1], often.reaction(joint)[-1], atol=1e-9)
+
+
+def test_the_turns_are_saved(tmp_path):
+    rare = at.solve(crank(), mesh=1, dt=0.02, t_end=2.0, output_dt=2.0)
+    again = at.load(rare.save(tmp_path / "rare.npz"))
+    assert np.array_equal(again.angle("rotor"), rare.angle("rotor"))
+    assert rare.until(1, rare.status).angle("rotor") == 0.0
+
+
+def test_a_motion_that_starts_from_an_equilibrium_counts_from_there():
+    """The arm of a clamp that has turned is bent: its end is counted from what it had in the equilibrium."""
+    scene = crank()
+    rest = at.solve_static(scene, mesh=1)
+    rare = at.solve(scene, start=rest, mesh=1, dt=0.02, t_end=2.0, output_dt=2.0)
+    assert rare.angle("arm.start")[-1] == pytest.approx(2.0 * pi, abs=1e-9)
+    assert rare.tension(scene.connectors[0])[-1] == pytest.approx(2.0 * pi * 1e-4, abs=1e-9)
