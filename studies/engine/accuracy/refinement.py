@@ -6,7 +6,7 @@ Meshes or steps may be given instead, from coarse to fine; what is left is estim
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import ceil, inf, isfinite, nan
+from math import ceil, inf, isfinite, isinf, nan
 from typing import Any
 
 import numpy as np
@@ -257,7 +257,8 @@ class Refinement:
         """The next level: what adds more to the error is refined, both where each alone is too much."""
         i, j, half = found.i, found.j, 0.5 * found.target
         mesh, step = found.mesh.error, found.step.error
-        if not found.solution.status.ok:  # a shorter step helps where Newton's iteration fails
+        unknown = self.chooses_step and isinf(step)  # a run by a longer step is not whole
+        if not found.solution.status.ok or unknown:  # a shorter step helps where Newton's iteration fails
             return (i, j + 1) if self.chooses_step else (i + self.chooses_mesh, j)
         coarser_mesh = self.chooses_mesh and (mesh > half or mesh >= step)
         coarser_step = self.chooses_step and (step > half or step > mesh)

@@ -3,11 +3,14 @@
 from functools import cache
 from math import isinf, isnan, nan
 
+import numpy as np
 import pytest
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THROWN_CHAIN
 
 import anctmm as at
 from anctmm.errors import StabilityError, UnknownOptionError
+from anctmm.results.solution import Status, nothing
+from anctmm.solution import LagrangeField
 from studies.cases import cases_in, find_case
 from studies.engine.accuracy.digits import Value, rounded, values_of
 from studies.engine.accuracy.refinement import Refinement, Setup, coarsest_mesh
@@ -123,6 +126,29 @@ def test_a_target_out_of_reach_is_told():
     assert found.error > 1e-6
     assert "more than 3e+03 elements times steps" in found.reason
     assert found.solution.status.ok
+
+
+def fails_by_long_steps(scene, run):
+    """A mass whose error is of first order in the mesh; on finer meshes it needs shorter steps."""
+    elements = run.mesh
+    if run.dt * elements > 0.02:
+        return nothing("fake", scene, run, Status("diverged", "Newton's iteration failed"))
+    t = run.times(run.output_steps)
+    path = np.outer(t * (1.0 + 0.0056 / elements + 10.0 * run.dt**2), (1.0, 0.0))
+    line = LagrangeField(np.stack([path, path + np.array([1.0, 0.0])], axis=1))
+    cost = at.Cost(0.0, 0.0, run.steps)
+    return at.Solution("fake", scene, run, t, {"b": line}, at.Energy.unknown(len(t)), cost, dofs=1)
+
+
+def test_where_longer_steps_fail_a_shorter_one_is_tried_on_the_same_mesh():
+    """A finer mesh would need shorter steps again, and runs became too long before any error was known."""
+    beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e9, density=1000.0))
+    case = at.Case(at.Scene("s", [beam], gravity=(0.0, -1.0)), ["b.end"], t_end=1.0, output_dt=0.1)
+    runner = Runner(None, repeats=1, resolve=lambda name: fails_by_long_steps)
+    found = Refinement(case, Setup(), runner, most_work=2e4).refined(1e-3)
+    assert found.reached, found.reason
+    mesh, step = found.trial.mesh[0], found.trial.dt
+    assert found.error >= 0.0056 / mesh + 10.0 * step**2
 
 
 def test_a_solver_that_cannot_do_a_scene_is_asked_once():
