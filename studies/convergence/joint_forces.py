@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from anctmm.model.case import Case
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.results.solution import Solution
-from studies.engine.accuracy.digits import Value, probe_text
+from studies.engine.accuracy.digits import ROUNDING, Value, probe_text
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
@@ -20,13 +21,11 @@ def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """
     if not len(solution.t):
         return
-    for joint in case.scene.joints:
-        with suppress(ResultError):
-            yield from _of_joint(solution, case, joint)
-    for connector in case.scene.connectors:
-        _, what, unit = _kind(connector)
-        with suppress(ResultError):
-            yield _largest(solution, case, connector_text(connector), what, unit, solution.tension(connector))
+    every = list(_series(solution, case))
+    force, moment = (max((s.size for s in every if s.unit == unit), default=0.0) for unit in ("N", "N m"))
+    least = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}
+    for series in every:
+        yield series.largest(solution, case, least[series.unit]), series.size
 
 
 def joint_text(joint: Joint) -> str:
@@ -50,26 +49,48 @@ def _kind(connector: Connector) -> tuple[str, str, str]:
             raise unknown_kind("connector", connector, CONNECTORS)
 
 
-def _of_joint(solution: Solution, case: Case, joint: Joint) -> Iterator[tuple[Value, float]]:
-    reaction, name = solution.reaction(joint), joint_text(joint)
-    yield _largest(solution, case, name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1))
+@dataclass(frozen=True)
+class _Series:
+    """What a joint or a connector carries at each output, in N or N m."""
+
+    name: str
+    what: str
+    unit: str
+    values: np.ndarray
+
+    @property
+    def size(self) -> float:
+        return float(np.abs(self.values).max())
+
+    def largest(self, solution: Solution, case: Case, least: float) -> Value:
+        """The largest over a motion, at rest the last, with the time."""
+        k = len(self.values) - 1 if case.static else int(np.abs(self.values).argmax())
+        when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
+        quantity = f"{self.what} {when}" if case.static else f"largest {self.what}, {when}"
+        return Value(self.name, quantity, self.unit, float(self.values[k]), least)
+
+
+def _series(solution: Solution, case: Case) -> Iterator[_Series]:
+    for joint in case.scene.joints:
+        with suppress(ResultError):
+            reaction, name = solution.reaction(joint), joint_text(joint)
+            yield _Series(name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1))
+            if what := _moment_of(joint):
+                yield _Series(name, what, "N m", reaction[:, 2])
+    for connector in case.scene.connectors:
+        _, what, unit = _kind(connector)
+        with suppress(ResultError):
+            yield _Series(connector_text(connector), what, unit, solution.tension(connector))
+
+
+def _moment_of(joint: Joint) -> str:
+    """What a joint's moment is called; nothing where it is free to turn."""
     match joint:
         case Clamp() | Weld():
-            what = "moment" if joint.angle is None else "torque of the drive"
+            return "moment" if joint.angle is None else "torque of the drive"
         case Prismatic():
-            what = "moment"
-        case Pin() | Slider():  # free to turn
-            return
+            return "moment"
+        case Pin() | Slider():
+            return ""
         case _:
             raise unknown_kind("joint", joint, JOINTS)
-    yield _largest(solution, case, name, what, "N m", reaction[:, 2])
-
-
-def _largest(
-    solution: Solution, case: Case, name: str, what: str, unit: str, series: np.ndarray
-) -> tuple[Value, float]:
-    """The largest of a series over a motion, at rest its last, with the time and the size it is measured in."""
-    k = len(series) - 1 if case.static else int(np.abs(series).argmax())
-    when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
-    quantity = f"{what} {when}" if case.static else f"largest {what}, {when}"
-    return Value(name, quantity, unit, float(series[k])), float(np.abs(series).max())

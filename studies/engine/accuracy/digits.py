@@ -13,6 +13,7 @@ from anctmm.errors import ResultError
 from anctmm.model.case import Case
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe
+from anctmm.results.metrics import EPS, ROUNDINGS
 from anctmm.results.solution import Solution
 from studies.engine.accuracy.refinement import Refined
 from studies.engine.accuracy.richardson import left_in
@@ -21,6 +22,8 @@ from studies.engine.tables import Table
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
 #: A tenth was seen to be too small by an eighth.
 SHARE = 0.2
+#: What rounding leaves of a number, in parts of what it is the difference of: no value is better known.
+ROUNDING = ROUNDINGS * EPS
 #: Digits that are counted at most.
 MOST_DIGITS = 12
 #: Digits of a value whose uncertainty is not known.
@@ -36,7 +39,7 @@ class Value:
     probe, quantity, unit : str
     value : float
     uncertainty : float
-        NaN where it was not estimated.
+        NaN where it was not estimated; of a `Reading` what rounding leaves.
     """
 
     probe: str
@@ -91,23 +94,23 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
     for probe in case.probes:
         name, path = probe_text(probe), solution.position(probe)
-        size = np.linalg.norm(path - path[0], axis=1)
-        way = float(size.max())
-        yield Value(name, f"x {when}", "m", float(path[-1, 0])), way
-        yield Value(name, f"y {when}", "m", float(path[-1, 1])), way
-        yield Value(name, "largest displacement", "m", way), way
+        way = float(np.linalg.norm(path - path[0], axis=1).max())
+        least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
+        yield Value(name, f"x {when}", "m", float(path[-1, 0]), least), way
+        yield Value(name, f"y {when}", "m", float(path[-1, 1]), least), way
+        yield Value(name, "largest displacement", "m", way, least), way
         if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
             continue
         with suppress(ResultError):  # not every solver keeps angles
             angle = solution.angle(probe)
             yield (
-                Value(name, f"angle {when}", "rad", float(angle[-1])),
+                Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING),
                 float(np.abs(angle).max(initial=-inf)),
             )
 
 
 Reading = Callable[[Solution, Case], Iterator[tuple[Value, float]]]
-"""(solution, case) → values, each with a size that its uncertainty is at home in."""
+"""(solution, case) → values with what rounding leaves, each with a size that its uncertainty is at home in."""
 
 
 def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
@@ -127,7 +130,7 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     own = list(read(found.solution, case))
     known = levels.estimates and isfinite(found.error) and found.solution.status.ok
     if not known:
-        return [value for value, _ in own]
+        return [replace(value, uncertainty=nan) for value, _ in own]
     place = found.i, found.j
     ways = [
         (_numbers(runs, case, read), part)
@@ -136,7 +139,7 @@ def values_of(found: Refined, read: Reading = at_probes) -> list[Value]:
     values = []
     for k, (value, size) in enumerate(own):
         apart = sum(left_in([numbers[k] for numbers in way], part) for way, part in ways)
-        values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size)))
+        values.append(replace(value, uncertainty=max(apart, SHARE * found.error * size, value.uncertainty)))
     return values
 
 

@@ -139,3 +139,24 @@ def test_errors_do_not_grow_from_coarse_to_fine(frame):
 def test_the_function_refuses_what_nothing_converges_over():
     with pytest.raises(StudyError, match="nothing converges"):
         studied([find_case(THROWN_CHAIN)], meshes=((4,),), steps=(1e-3,))
+
+
+def test_what_is_rounding_has_no_digits():
+    """A cart that its rail keeps from turning, and whose forces all pass through its centre of mass."""
+    cart = at.RigidBody("cart", mass=1.0, inertia=0.01, center=(0.0, 0.0), points={"hook": (-0.1, 0.0)})
+    rod = at.RigidBody("rod", mass=0.3, inertia=1e-3, center=(0.3, -0.4), points={"pivot": (0.0, 0.0)})
+    joints = [at.Prismatic("cart.center", direction=(1.0, 0.0)), at.Pin("cart.center", "rod.pivot")]
+    spring = at.Spring("cart.hook", (-1.0, 0.0), stiffness=30.0, length=0.8)
+    scene = at.Scene("cart", [cart, rod], joints, connectors=[spring], gravity=(0.0, -9.81))
+    case = at.Case(scene, ["cart.center", "rod.center"], t_end=0.2, output_dt=0.01)
+    found = studied([case], error=1e-3)
+    values, forces = found.table("values").frame, found.table("forces").frame
+    angle = values[(values["probe"] == "cart.center") & values["quantity"].str.startswith("angle")]
+    assert angle["uncertainty"].between(1e-14, 1e-12).all()
+    assert len(angle)
+    moment = forces[forces["quantity"].str.contains("moment")]
+    assert (moment["value"].abs() < moment["uncertainty"]).all()
+    assert 0.0 < moment["uncertainty"].max() < 1e-9
+    force = forces[forces["quantity"].str.contains("largest force")]
+    assert set(force["joint"]) == {"prismatic cart.center", "pin cart.center, rod.pivot"}
+    assert (force["uncertainty"] < 0.05 * force["value"]).all()
