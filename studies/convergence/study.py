@@ -8,6 +8,7 @@ from typing import Any
 import pandas as pd
 
 from anctmm.elements.kinds import KINDS
+from anctmm.model.case import Case
 from studies.cases import assumptions_of
 from studies.convergence.answers import answers
 from studies.convergence.given import given_levels
@@ -57,7 +58,7 @@ def run(options: Options, runner: Runner) -> Result:
     found = []
     for case, (own_meshes, own_steps) in zip(cases, levels, strict=True):
         runner.heading = f"{case.name}: "
-        for setup in setups(options):
+        for setup in setups(options, case):
             found.append(Refinement(case, setup, runner, own_meshes, own_steps).refined(target))
     meshes = _table(
         "mesh", "Error over the mesh", (r for f in found for r in mesh_levels(f)), LEVELS, _mesh_notes()
@@ -96,9 +97,10 @@ def motion(found: Refined) -> Film | None:
     return shown and replace(shown, name=file_name(case.name))
 
 
-def setups(options: Options) -> list[Setup]:
-    """Who solves with which element."""
-    elements = (options.element,) if options.element else ("cable",) if options.quick else ("cable", "shear")
+def setups(options: Options, case: Case) -> list[Setup]:
+    """Who solves with which element: without beams all are the same."""
+    several = not options.quick and bool(case.scene.beams)
+    elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
     integrator = options.integrator or Setup.integrator
     return [Setup(solver, e, integrator) for solver in options.solvers or ("anctmm",) for e in elements]
 

@@ -68,7 +68,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
             SHARE * (HIGH_BELOW if high and element == "cable" else smallest)
         )
         for element in ELEMENTS
-        if options.element == element or (options.element is None and element in REFERENCES)
+        if options.element == element or (options.element is None and element in _models(case))
     }
     references = {element: run.reference for element, run in found.items()}
     if high and "cable" in found:
@@ -117,9 +117,15 @@ def _check_kinds(case: Case, options: Options) -> None:
     check_kinds(case, outline.plan(options.quick).schemes, options)
 
 
+def _models(case: Case) -> tuple[str, ...]:
+    """Elements of the models that are compared: without beams there is one model."""
+    return REFERENCES if case.scene.beams else REFERENCES[:1]
+
+
 def _of_high_order(case: Case, cable_meshes: tuple[Mesh, ...]) -> tuple[Mesh, ...]:
     """Meshes of quintic cables: the coarser ones of cables; none where joints act between the ends of a beam."""
-    return () if _jointed_inside(case) else cable_meshes[: (len(cable_meshes) + 1) // 2]
+    few = _jointed_inside(case) or not case.scene.beams
+    return () if few else cable_meshes[: (len(cable_meshes) + 1) // 2]
 
 
 def _jointed_inside(case: Case) -> bool:

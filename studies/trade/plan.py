@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil
+from math import ceil, isinf
 
 from anctmm.elements.kinds import QUADRATURES
 from anctmm.errors import AnctmmError
@@ -102,7 +102,7 @@ class Ladder:
 
     def _all(self) -> tuple[Scheme, ...]:
         schemes: list[Scheme] = []
-        for quadrature in QUADRATURES:
+        for quadrature in QUADRATURES if self.base.scene.beams else QUADRATURES[:1]:
             schemes += self._implicit("cable", quadrature, self.cable, CABLE_SOLVERS, self.steps)
             schemes += self._high("cable", quadrature, self.cable, HIGH_STEPS)
             schemes += self._controlled("cable", quadrature, self.cable, TOLERANCES)
@@ -183,6 +183,8 @@ class Ladder:
                 limit = stable_step(base.scene, by_body, options)
             except AnctmmError:  # the solver itself says what it cannot do
                 return (base.interval,)
+            if isinf(limit):  # nothing vibrates: the error alone tells how long steps may be
+                return tuple(step for step in self.steps if base.duration / step <= most)
             largest = base.interval / ceil(base.interval / limit)
             work = sum(mesh) * base.duration / largest
             return tuple(largest / k for k in (1, 2) if k * work <= most)

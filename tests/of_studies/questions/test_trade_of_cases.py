@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, SLIDER_CRANK, THROWN_CHAIN
 
+import anctmm as at
 from studies.cases import cases_in, find_case
 from studies.cli import app
 from studies.engine.runner import Runner
@@ -88,6 +89,35 @@ def test_recommend_takes_a_file(tmp_path, monkeypatch):
     assert "Recommended: " in done.output
     assert f'scene = find_case("{THROWN_CHAIN}", "thrown-chain").scene' in done.output
     assert "meets the target error 0.01" in done.output
+
+
+def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_path):
+    """Nothing vibrates: the largest stable step is infinite, and no step was left; elements do not matter."""
+    points = {"o": (0.0, 0.0), "e": (0.5, 0.0)}
+    upper = at.RigidBody("upper", mass=1.0, inertia=0.02, center=(0.25, 0.0), points=points)
+    lower = at.RigidBody("lower", mass=0.5, inertia=0.01, center=(0.7, 0.0), points={"o": (0.5, 0.0)})
+    scene = at.Scene(
+        "double", [upper, lower], [at.Pin("upper.o"), at.Pin("upper.e", "lower.o")], gravity=(0.0, -9.81)
+    )
+    case = at.Case(scene, ["lower.center"], t_end=0.3, output_dt=0.02)
+    runner = Runner(tmp_path, repeats=1)
+    result = find("trade")(Options(quick=True, error=ERROR, cases=(case,)), runner)
+    points = result.table("points").frame
+    assert set(points["element"]) == {"cable"}
+    explicit = points[points["integrator"] == "zhai"]
+    assert len(explicit) > 1
+    assert (explicit["status"] == "ok").all()
+    measured = recommend.of_result(result)
+    choice = recommend.choose(measured.points, case.name, ERROR, None)
+    fine = at.solve(scene, dt=2e-4, t_end=0.3, output_dt=0.02)
+    origin = recommend.Origin(case, "")
+    assert choice.reached, choice.remarks
+    assert recommend.rerun(choice.line, measured.histories, ERROR, True, origin).met
+    kind = {"integrator": choice.line["integrator"], "dt": choice.line["dt"]}
+    again = at.solve(scene, **kind, t_end=0.3, output_dt=0.02)
+    assert at.compare(again, fine, case.probes).error < ERROR
+    convergence = find("convergence")(Options(error=ERROR, cases=(case,)), runner)
+    assert set(convergence.table("step").frame["element"]) == {"cable"}
 
 
 def test_a_static_case_has_no_trade():
