@@ -58,6 +58,19 @@ def test_a_guide_moves_with_the_body_that_carries_it():
     assert angle[-1] > 0.3
 
 
+def test_a_body_whose_points_are_its_centre_is_seen():
+    """As of pistons; an outline through one place has no length."""
+    bodies = [
+        at.RigidBody("piston", 1.0, 0.1, (0.5, 0.2), {"pin": (0.5, 0.2), "ring": (0.5, 0.2)}),
+        at.RigidBody("crank", 1.0, 0.1, (0.0, 0.0), {"pin": (0.5, 0.2)}),
+    ]
+    solution = at.solve(at.Scene("s", bodies), dt=1e-2, t_end=0.02, output_dt=1e-2)
+    piston, crank = shapes_of(solution)
+    assert (piston.kind, crank.kind) == ("mass", "rigid")
+    assert piston.points.shape == (3, 1, 2)
+    assert np.ptp(crank.points[:, :, 0]) == pytest.approx(0.5)
+
+
 def test_pictures_of_mechanisms(mechanism, tmp_path):
     figure = mechanism.plot()
     axes = figure.axes[0]

@@ -109,9 +109,12 @@ def _body(solution: Any, body: Any) -> Shape:
 
 
 def _rigid(solution: Any, body: RigidBody) -> Shape:
-    """The outline through a body's points, in their order around its middle; of one point a line from the centre."""
+    """The outline through a body's points, in their order around its middle; of one point a line from the centre.
+
+    A body whose points all are its centre is drawn as a mass: an outline of no length is not seen.
+    """
     keys = list(body.points)
-    if not keys:
+    if not any(any(body.arm(key)) for key in keys):
         return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
     if len(keys) < 3:
         keys = ["center", *(key for key in keys if key != "center")]
