@@ -9,6 +9,7 @@ from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from studies.engine.answers import Answer
 from studies.engine.pictures import Film, Picture
+from studies.engine.storage.files import file_names
 from studies.engine.tables import Table
 
 if TYPE_CHECKING:
@@ -157,7 +158,10 @@ def check_taken(options: Options, study: str) -> None:
     ------
     StudyError
         Naming the option, the reason, and what takes it.
+    OutputError
+        If files of two cases would have one name.
     """
+    file_names(case.name for case in options.cases or ())
     taken = TAKEN.get(study, RANGES)
     for name, typed in TYPED.items():
         if name not in taken and getattr(options, name) is not None:

@@ -1,6 +1,7 @@
 """How cases of a user's are watched: one coarse run each, as what is watched is the code and not its accuracy."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from math import nan
 
 from anctmm.discretise.discretisation import Discretisation
@@ -8,6 +9,7 @@ from anctmm.model.case import Case
 from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.accuracy.refinement import coarsest_mesh, longest_step
 from studies.engine.running.trial import Mesh, Trial
+from studies.engine.storage.files import file_names
 from studies.regression.scenes import TIGHT, CheckError, Run, Static, Watch
 
 #: Elements over those of the coarsest mesh, and steps over those of the longest step.
@@ -19,7 +21,7 @@ SOLVERS = ("anctmm", "global-dae")
 
 
 def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None = None) -> tuple[Watch, ...]:
-    """A watch of each case, of cables and implicit steps.
+    """A watch of each case, of cables and implicit steps; a scene's name is that of its directory.
 
     Parameters
     ----------
@@ -32,11 +34,17 @@ def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None
     Raises
     ------
     CheckError
-        If a scene's name is no file's name, or a step is given for a static case.
+        If a step is given for a static case.
     StudyError, DiscretisationError
         If mesh or step do not fit.
+    OutputError
+        If stored histories of two cases would have one name.
     """
-    return tuple(Watch(case.scene, case.probes, {"cable": _run(case, mesh, dt)}, SOLVERS) for case in cases)
+    cases = tuple(cases)
+    return tuple(
+        Watch(replace(case.scene, name=name), case.probes, {"cable": _run(case, mesh, dt)}, SOLVERS)
+        for case, name in zip(cases, file_names(case.name for case in cases), strict=True)
+    )
 
 
 def _run(case: Case, mesh: Mesh | None, dt: float | None) -> Run:

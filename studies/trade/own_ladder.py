@@ -61,7 +61,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         )
     _check_kinds(case, options)
     smallest = options.error or SMALLEST[options.quick]
-    runner.heading = f"{case.name}, reference: "
+    outer, runner.heading = runner.heading, f"{case.name}, reference: "
     high = smallest < HIGH_BELOW and not lacks_of_high_order(case) and not _jointed_inside(case)
     found = {
         element: Refinement(case, Setup(element=element), runner).refined(
@@ -75,7 +75,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         finest = Refinement(case, FINEST, runner).refined(SHARE * smallest)
         if finest.error < found["cable"].error:
             references["cable"] = finest.reference
-    runner.heading = f"{case.name}: "
+    runner.heading = outer  # of several cases the last one's name stood before the runs of all
     of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
     stepped = next(iter(found.values()))
     steps = tuple(stepped.levels.dt_at(stepped.i, j) for j in range(stepped.j + 1))[-MOST_STEPS:]

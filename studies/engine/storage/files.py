@@ -12,6 +12,8 @@ from anctmm.jit.cache_dir import why_not_writable
 
 #: File of the checksums of a directory's files.
 CHECKSUMS = "SHA256SUMS"
+#: Bytes of a text as a file's name at most: file systems take 255, and something stands before and behind it.
+LONGEST = 150
 
 
 def atomic_write(path: Path, content: str | bytes) -> None:
@@ -44,8 +46,34 @@ def atomic_write(path: Path, content: str | bytes) -> None:
 
 
 def file_name(text: str) -> str:
-    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -."""
-    return re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
+    """A text as the name of a file or directory: letters, digits and _ . + - of it, the others as -.
+
+    Of one that is too long the beginning, and a few digits that tell it from others that begin so.
+    """
+    name = re.sub(r"[^\w.+-]+", "-", text).strip(".-") or "unnamed"
+    if len(name.encode()) <= LONGEST:
+        return name
+    told = hashlib.sha256(text.encode(errors="backslashreplace")).hexdigest()[:8]
+    return f"{name.encode()[: LONGEST - 9].decode(errors='ignore').rstrip('.-')}-{told}"
+
+
+def file_names(scenes: Iterable[str]) -> list[str]:
+    """Names of files of several scenes.
+
+    Raises
+    ------
+    OutputError
+        If two have one: one's pictures would be written over those of the other.
+    """
+    found: dict[str, str] = {}
+    for scene in scenes:
+        other = found.setdefault(file_name(scene), scene)
+        if other != scene:
+            raise OutputError(
+                f"files of scenes {other!r} and {scene!r} would both be named {file_name(scene)!r}; names that differ "
+                f"in letters, digits or _ . + - are needed"
+            )
+    return list(found)
 
 
 def write_checksums(folder: Path, names: Iterable[str]) -> None:

@@ -43,6 +43,38 @@ def test_a_changed_scene_is_found(tmp_path):
     assert (code, "1 differs" in output) == (1, True), output
 
 
+#: Two masses that fall, whose scenes have these names.
+NAMED = """
+import anctmm as at
+mass = at.PointMass("m", 1.0, (0.0, 0.0))
+scenes = [at.Scene(name, [mass], gravity=(0.0, -9.81)) for name in {names}]
+CASES = [at.Case(scene, ["m.center"], t_end=0.1, output_dt=0.05) for scene in scenes]
+"""
+
+
+def test_any_name_of_a_scene_is_stored():
+    """As the other commands take any; of a name that is too long for a file the beginning."""
+    Path("my.py").write_text(NAMED.format(names=["two words, 1/2", "二" * 100]))
+    arguments = ["my.py", "--solver", "anctmm", "--baselines", "kept"]
+    code, output = told(*arguments, "--update")
+    assert code == 0, output
+    kept = sorted(p.parent.parent.name for p in Path("kept").glob("*/*/*.csv"))
+    assert kept[0] == "two-words-1-2"
+    assert kept[1].startswith("二" * 40)
+    assert len(kept[1].encode()) <= 150
+    code, output = told(*arguments)
+    assert (code, "2 same" in output) == (0, True), output
+
+
+@pytest.mark.parametrize("command", [["check"], ["study", "convergence"], ["report"]])
+def test_scenes_whose_files_would_have_one_name_are_told(command):
+    """Pictures of one were written over those of the other, and the page showed them for both."""
+    Path("my.py").write_text(NAMED.format(names=["a b", "a-b"]))
+    done = CliRunner().invoke(app, [*command, "my.py"], env={"COLUMNS": "200"})
+    said = "files of scenes 'a b' and 'a-b' would both be named 'a-b'"
+    assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
+
+
 def test_nothing_stored_is_told():
     code, output = told(THROWN_CHAIN, "--baselines", "kept")
     assert (code, "no such directory; --update makes it" in output) == (2, True), output

@@ -100,8 +100,9 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
         "double", [upper, lower], [at.Pin("upper.o"), at.Pin("upper.e", "lower.o")], gravity=(0.0, -9.81)
     )
     case = at.Case(scene, ["lower.center"], t_end=0.3, output_dt=0.02)
-    runner = Runner(tmp_path, repeats=1)
+    runner = Runner(tmp_path, repeats=1, heading="trade, ")
     result = find("trade")(Options(quick=True, error=ERROR, cases=(case,)), runner)
+    assert runner.heading == "trade, "
     points = result.table("points").frame
     assert set(points["element"]) == {"cable"}
     explicit = points[points["integrator"] == "zhai"]
