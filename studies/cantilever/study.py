@@ -87,11 +87,12 @@ QUICK_STATIC_SCHEMES = (
     StaticScheme("shear", "full", OURS, SHEAR_REST[:4]),
     StaticScheme("shear", "full", PEERS[:1], REISSNER_REST[:2]),
 )
-#: Of one load alone in a quick run: each equilibrium is relaxed for seconds.
+#: In a quick run that asks for its solver: each equilibrium is relaxed for seconds, and compiling PyElastica takes
+#: longer than compiling all others of the study.
 QUICK_RELAXED = StaticScheme("shear", "full", PEERS[1:], REISSNER_REST[:2])
 LEFT_OUT = (
-    "three of the five loads, PyElastica under an end moment, reduced and Lobatto quadrature, and falls by OpenSees, "
-    "by PyElastica, by explicit steps of others and by shear elements of others."
+    "three of the five loads, PyElastica, reduced and Lobatto quadrature, and falls by OpenSees, by explicit steps of "
+    "others and by shear elements of others."
 )
 FULL = Plan(
     schemes=(
@@ -158,8 +159,13 @@ def trials(options: Options) -> list[Trial]:
     """Runs of all kinds that the study needs; those of its slowest solver last."""
     base, plan = cantilever_fall(), _plan(options)
     falls = with_references(base, plan, cases_of(base, plan, options))
-    schemes = (*QUICK_STATIC_SCHEMES, QUICK_RELAXED) if options.quick else STATIC_SCHEMES
-    return [*falls, *static_cases(cantilever_tip_force(TIP_FORCES[2]), schemes, options)]
+    return [*falls, *static_cases(cantilever_tip_force(TIP_FORCES[2]), _static_schemes(options), options)]
+
+
+def _static_schemes(options: Options) -> tuple[StaticScheme, ...]:
+    if not options.quick:
+        return STATIC_SCHEMES
+    return QUICK_STATIC_SCHEMES if options.solvers is None else (*QUICK_STATIC_SCHEMES, QUICK_RELAXED)
 
 
 def _plan(options: Options) -> Plan:
@@ -171,10 +177,8 @@ def run(options: Options, runner: Runner) -> Result:
     fall_base, plan = cantilever_fall(), _plan(options)
     runner.prepare(trials(options))  # refuses what it does not know, before any work
     bases = [cantilever_tip_force(load) for load in TIP_FORCES] + [cantilever_end_moment()]
-    if options.quick:
-        rest = _quick_rest(bases[2], bases[4], options, runner)
-    else:
-        rest = static_sweep(bases, STATIC_SCHEMES, options, runner)
+    loaded = [bases[2], bases[4]] if options.quick else bases
+    rest = static_sweep(loaded, _static_schemes(options), options, runner)
     fallen = sweep(fall_base, plan, options, runner)
     timed = step_sweep(
         fall_base, STEP_MESH, STEP_FINE[options.quick], STEP_SCHEMES[options.quick], options, runner
@@ -200,13 +204,6 @@ def run(options: Options, runner: Runner) -> Result:
         films=films(fallen),
         left_out=LEFT_OUT if options.quick and options.solvers is None else "",
     )  # fmt: skip
-
-
-def _quick_rest(force: BaseScene, moment: BaseScene, options: Options, runner: Runner) -> StaticSweep:
-    """Equilibria under a force and under a moment."""
-    of_force = static_sweep([force], (*QUICK_STATIC_SCHEMES, QUICK_RELAXED), options, runner)
-    of_moment = static_sweep([moment], QUICK_STATIC_SCHEMES, options, runner)
-    return StaticSweep(of_force.outcomes + of_moment.outcomes, of_force.references + of_moment.references)
 
 
 def films(fallen: Sweep) -> tuple[Film, ...]:
