@@ -107,6 +107,11 @@ def times(ratio: float) -> str:
     return f"{ratio:.2g}" if ratio < 99.5 else f"{ratio:.0f}"
 
 
+def milliseconds(cpu_s: float) -> str:
+    """A time in words."""
+    return f"{1e3 * cpu_s:.2g} ms" if cpu_s < 0.0995 else f"{cpu_s:.2g} s"
+
+
 def cells(frame: "pd.DataFrame") -> list[list[str]]:
     """All cells of a frame as text."""
     return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]

@@ -5,6 +5,7 @@ from math import inf
 import pandas as pd
 from matplotlib.figure import Figure
 
+from anctmm.results.export.pictures import literal
 from studies.engine.pictures import Picture
 from studies.engine.storage.files import file_name
 from studies.report.plots import INK, PALETTE, PAPER, floor, legend_below, log_ticks, picture
@@ -37,7 +38,7 @@ def cost_picture(scene: str, frame: pd.DataFrame, uncertainty: float) -> Picture
         for place, point in enumerate(best.to_dict("records")):
             text = str(point["model"])
             axes.annotate(
-                text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…", (point["cpu_s"], point["error"]),
+                literal(text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"), (point["cpu_s"], point["error"]),
                 xytext=(4, 7), textcoords="offset points", fontsize=8, zorder=5 + place,
                 bbox={"facecolor": PAPER, "edgecolor": "none", "alpha": 0.8, "pad": 0.6},  # markers may lie below
             )  # fmt: skip

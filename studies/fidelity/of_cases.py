@@ -20,7 +20,7 @@ from studies.engine.running.rows import row
 from studies.engine.running.trial import STATIC, Mesh, Trial, mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, StudyError
-from studies.engine.tables import ACCURACY, BUILD, Table, cpu_time
+from studies.engine.tables import ACCURACY, BUILD, Table, cpu_time, milliseconds
 from studies.fidelity.case_pictures import cost_picture
 from studies.fidelity.choices import Choices, Kinds, said
 from studies.fidelity.steps import MARGIN, stable_step, step_under
@@ -340,8 +340,8 @@ def _findings(studied: Studied, cheapest: pd.DataFrame) -> Iterator[str]:
         return
     best, sure = lines.iloc[-1], studied.reference.uncertainty
     by = "" if studied.case.static else f" with {best['integrator']}"
-    target, took = best["target_error"], 1e3 * best["cpu_s"]
-    take = f"{name}: for a target error of {target:g} take {best['model']}{by}, {took:.2g} ms"
+    took = milliseconds(best["cpu_s"])
+    take = f"{name}: for a target error of {best['target_error']:g} take {best['model']}{by}, {took}"
     if best["model"] == richest:
         yield f"{take}: nothing poorer is as near; it is itself known to {sure:.1g}."
     else:

@@ -55,8 +55,3 @@ def own_of(line: Mapping[Any, Any]) -> str:
 def stretch_of(line: Mapping[Any, Any]) -> str:
     """How clamps hold the stretch, see `studies.engine.accuracy.dynamics.with_stretch`; older tables do not say it."""
     return str(line.get("stretch", AS_GIVEN))
-
-
-def milliseconds(cpu_s: float) -> str:
-    """A time in words."""
-    return f"{1e3 * cpu_s:.2g} ms" if cpu_s < 0.0995 else f"{cpu_s:.2g} s"

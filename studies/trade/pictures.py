@@ -37,6 +37,8 @@ OWN_LOOKS = {
     SHORT["esdirk"]: ("#12245c", "P"),
     f"{SHORT['esdirk']}, {CONTROLLED}": ("#4a76c9", "X"),
 }
+#: Heights of a map, in: the lowest, and that below which the words beside its colours take two lines.
+LOWEST, LOW = 2.2, 3.0
 SIGNS = {"mesh": "m", "step": "s", "both": "="}
 
 
@@ -133,6 +135,7 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
     norm = LogNorm(low, max(high, 1.01 * low))
     tall = [rows[rows["family"] == f]["elements"].nunique() for f in families]
     steps = sorted(rows["dt"].unique(), reverse=True)
+    height = max(LOWEST, 0.8 + sum(0.5 + 0.36 * n for n in tall))
 
     def draw(figure: Figure) -> None:
         # one below the other, with the same columns: side by side their texts have no room
@@ -145,7 +148,7 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
         panels[-1].set_xlabel("time step (ms)")
         shades = mpl.cm.ScalarMappable(norm, COLOURS)
         bar = figure.colorbar(shades, ax=list(panels), fraction=0.05, pad=0.02)
-        bar.set_label("relative error: the darker the better")
+        bar.set_label("relative error:{}the darker the better".format("\n" if height < LOW else " "))
         bar.ax.minorticks_off()
         bar.outline.set_visible(False)  # type: ignore[operator]
 
@@ -154,9 +157,7 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
         "m: from the mesh (refine it), s: from the step (shorten it), =: from both. "
         "Empty: not tried. The cheapest way to an error is where m meets s."
     )
-    return picture(
-        f"mesh_step_{file_name(scene)}", caption, draw, (7.6, 0.8 + sum(0.5 + 0.36 * n for n in tall))
-    )
+    return picture(f"mesh_step_{file_name(scene)}", caption, draw, (7.6, height))
 
 
 def _ms(cpu_s: float) -> str:

@@ -21,8 +21,9 @@ from studies.engine.measuring.timing import least, undisturbed
 from studies.engine.running.trial import Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
+from studies.engine.tables import milliseconds
 from studies.scenes import base_of, moving_scenes
-from studies.trade.choice import kinds_of, milliseconds, own_of, reaching, setting_of, stretch_of, sure_errors
+from studies.trade.choice import kinds_of, own_of, reaching, setting_of, stretch_of, sure_errors
 from studies.trade.snippet import snippet, snippet_of_file
 
 #: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.

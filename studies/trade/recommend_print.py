@@ -6,7 +6,8 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from studies.engine.console import say, show_table
-from studies.trade.choice import milliseconds, setting_of
+from studies.engine.tables import milliseconds
+from studies.trade.choice import setting_of
 from studies.trade.recommend import Choice, Rerun
 
 

@@ -19,9 +19,9 @@ from studies.engine.measuring.clock import records
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import mesh_label
-from studies.engine.tables import BUILD, Table, failed, times
+from studies.engine.tables import BUILD, Table, failed, milliseconds, times
 from studies.trade import step_orders
-from studies.trade.choice import KIND, STEPPING, milliseconds, reaching, setting_of, stepping
+from studies.trade.choice import KIND, STEPPING, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 from studies.trade.second_road import Second
 

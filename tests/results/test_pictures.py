@@ -11,6 +11,7 @@ from PIL import Image
 from user_cases import SLIDER_CRANK
 
 import anctmm as at
+from anctmm.results.export import pictures
 from anctmm.results.export.shapes import shapes_of, supports_of
 from studies.cases import cases_in
 
@@ -69,6 +70,30 @@ def test_a_body_whose_points_are_its_centre_is_seen():
     assert (piston.kind, crank.kind) == ("mass", "rigid")
     assert piston.points.shape == (3, 1, 2)
     assert np.ptp(crank.points[:, :, 0]) == pytest.approx(0.5)
+
+
+def test_names_are_no_formulas(tmp_path):
+    """Between dollar signs they were, or ended the run; a name that begins with _ was left out of legends."""
+    names = [r"$\foo$", "_x$", "cart"]
+    masses = [at.PointMass(name, 1.0, (float(k), 0.0)) for k, name in enumerate(names)]
+    solution = at.solve(at.Scene(r"5 $\foo{$", masses), dt=1e-2, t_end=0.02, output_dt=1e-2)
+    figure = solution.plot()
+    FigureCanvasAgg(figure).draw()
+    shown = [text.get_text().replace(r"\$", "$") for text in figure.axes[0].texts]
+    assert [name for name in names if name not in shown] == []
+    drawing = pictures._Drawing(figure.subplots(), solution)
+    legend = drawing.axes.get_legend()
+    assert [text.get_text().replace(r"\$", "$") for text in legend.get_texts()] == names
+    solution.animate(tmp_path / "motion.html")
+    at.modes(
+        at.Scene(
+            r"5 $\foo{$",
+            [at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(1e9, 1e3))],
+            [at.Clamp("b.start")],
+        ),
+        mesh=2,
+        count=1,
+    ).plot().savefig(tmp_path / "modes.png")
 
 
 def test_pictures_of_mechanisms(mechanism, tmp_path):

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.results.export.pictures import LOOKS, draw_supports, frame, points_of
+from anctmm.results.export.pictures import LOOKS, draw_supports, frame, literal, points_of
 from anctmm.results.export.shapes import shapes_of
 from anctmm.results.export.tables import needed
 
@@ -39,7 +39,7 @@ def plot_shapes(motions: Sequence[Any], titles: Sequence[str], name: str) -> "Fi
     columns = min(len(motions), COLUMNS)
     rows = -(-len(motions) // columns)
     figure = figures.Figure(figsize=(2.9 * columns + 0.6, 2.7 * rows + 0.5), layout="constrained")
-    figure.suptitle(f"{name}: modes")
+    figure.suptitle(literal(f"{name}: modes"))
     panels = figure.subplots(rows, columns, squeeze=False).ravel()
     for axes in panels[len(motions) :]:
         axes.set_axis_off()
@@ -101,7 +101,9 @@ def plot_campbell(
                 f"{order}×", (speeds[inside][-1], ray[inside][-1]), xytext=(3, 1), textcoords="offset points",
                 fontsize="small", color="0.4",
             )  # fmt: skip
-    axes.set(xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=f"{name}: frequencies over the speed")
+    axes.set(
+        xlabel="speed (rad/s)", ylabel="frequency (Hz)", title=literal(f"{name}: frequencies over the speed")
+    )
     axes.set_ylim(0.0, top)
     axes.grid(alpha=0.3)
     axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.02, 1.0))

@@ -88,7 +88,7 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     chosen = sorted({int(np.abs(solution.t - t).argmin()) for t in wanted})
     figure = figures.Figure(figsize=(10.0, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
-    figure.suptitle(f"{solution.scene.name}: {solution.solver}, {solution.status.code}")
+    figure.suptitle(literal(f"{solution.scene.name}: {solution.solver}, {solution.status.code}"))
     _configurations(left, solution, chosen)
     _energies(right, solution)
     return figure  # type: ignore[no-any-return]
@@ -163,12 +163,14 @@ class _Drawing:
         self.lines, self.fills = [], []
         for number, shape in enumerate(self.shapes):
             look = {"color": f"C{number % 10}" if shape.name else "0.45", **LOOKS[shape.kind]}
-            label = shape.name if number < NAMED and shape.name else None
-            self.lines.append(axes.plot([], [], label=label, **look)[0])
+            self.lines.append(axes.plot([], [], **look)[0])
             if shape.kind == "rigid":
                 self.fills.append((shape, axes.fill([], [], color=look["color"], alpha=0.25, lw=0)[0]))
         if len(self.shapes) > 1:
-            axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
+            first = zip(self.lines[:NAMED], self.shapes, strict=False)
+            named = {literal(shape.name): line for line, shape in first if shape.name}
+            # told one by one: a label of a line that begins with _ is left out
+            axes.legend(named.values(), named, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
     def move(self, k: int) -> Any:
         """Show output k."""
@@ -206,6 +208,11 @@ def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
         loc="upper left",
         bbox_to_anchor=(1.0, 1.0),
     )
+
+
+def literal(name: str) -> str:
+    """A text that holds names, for matplotlib: what stands between two dollar signs is no formula."""
+    return name.replace("$", r"\$")
 
 
 def clearest(shapes: Sequence[Shape], chosen: Sequence[int]) -> int:
@@ -256,7 +263,9 @@ def name_bodies(
         free = (y + row * line for row in rows if _free(x, y + row * line, width, line, taken))
         y = min(max(next(free, y), low + line), high - line)
         taken.append((x, y, width))
-        text = axes.text(x, y, shape.name, fontsize=size, ha="center", va="center", color=ink, zorder=6)
+        text = axes.text(
+            x, y, literal(shape.name), fontsize=size, ha="center", va="center", color=ink, zorder=6
+        )
         text.set_bbox({"facecolor": paper, "alpha": 0.75, "edgecolor": "none", "pad": 0.6})
 
 

@@ -22,11 +22,12 @@ from studies.engine.choices import choices_of, read, written
 from studies.engine.pareto_front import excess
 from studies.engine.runner import Runner
 from studies.engine.study import Options, Result, StudyError, find
+from studies.engine.tables import milliseconds
 from studies.report.folder import write
 from studies.report.plots import picture, tell
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
 from studies.trade import recommend
-from studies.trade.choice import milliseconds, reaching, setting_of
+from studies.trade.choice import reaching, setting_of
 from studies.trade.contestants import left_out, said_of, without
 from studies.trade.plan import FRAME_SOLVERS, QUICK_TOLERANCES, ladders
 from studies.trade.snippet import SnippetError, code, snippet

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from browser import OVERLAPS, Tab, needs_chromium
 
 from studies.report.error_pictures import ELEMENT_TITLES, over_mesh
@@ -21,6 +22,31 @@ def drawn():
         known = rows["element"].where(rows["element"].isin(list(ELEMENT_TITLES)), "cable")
         elements = rows["elements"].astype(str).str.split("/").map(lambda mesh: sum(map(int, mesh)))
         yield over_mesh(rows.assign(family=known, all_elements=elements), f"mesh_{study}")
+
+
+#: Ends of texts that lie outside of the picture, px.
+OUTSIDE = """
+const room = document.querySelector("svg").getBoundingClientRect();
+return [...document.querySelectorAll("svg text, svg g[id^=text]")].filter(t => t.textContent.trim()).map(t => {
+  const box = t.getBoundingClientRect();
+  return [t.textContent.trim(), Math.min(box.left - room.left, box.top - room.top, room.right - box.right,
+                                          room.bottom - box.bottom)];
+}).filter(([, free]) => free < -1);
+"""
+
+
+@needs_chromium
+@pytest.mark.parametrize("meshes", [1, 2])
+def test_a_map_of_few_meshes_has_room_for_its_words(browser, tmp_path, meshes):
+    points = pd.read_csv(REPORTS / "trade" / "points.csv")
+    points = points[(points["scene"] == "four-bar") & (points["family"] == "cable")]
+    few = points[points["elements"].isin(sorted(points["elements"].unique())[:meshes])]
+    (shown,) = [p for p in pictures("four-bar", few) if p.name.startswith("mesh_step")]
+    page = tmp_path / "map.html"
+    page.write_text(f"<!doctype html><meta charset='utf-8'>{shown.svg[shown.svg.index('<svg') :]}")
+    tab = Tab(browser, page)
+    assert tab.run(OUTSIDE) == []
+    tab.close()
 
 
 @needs_chromium
