@@ -69,7 +69,7 @@ INTERPRETED = {
     "of_reference": ["acting_against_dae"],
     "recursion": ["constrained", "low_rank", "tip_mass"],
     "results": ["constraint_check", "drive_check", "drive_turns", "internal_forces", "pictures"],
-    "statics": ["static_start"],
+    "statics": ["held", "static_start"],
     "step_control": ["stage_control", "step_choice"],
 }  # fmt: skip
 

@@ -106,12 +106,14 @@ def noise(solution: Solution) -> float:
     """Energy, J, of what rounding and Newton's tolerance leave: a scene at rest has no other.
 
     Positions of size R are wrong by ε R, or by what is left of the tolerance, and strains by that over the length of
-    an element.
+    an element. Loads and weight do work on that.
     """
     run, total = solution.run, 0.0
     length = length_of(solution.scene)
     implicit = run is not None and not run.explicit
     left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
+    if run is not None:
+        total += max(ROUNDINGS * EPS, left / length) * _work_of_loads(solution.scene, run)
     for name, field in solution.fields.items():
         if isinstance(field, HermiteField) and field.coordinates.size:
             body, elements = solution.scene.beam(name), field.coordinates.shape[1] - 1
@@ -251,12 +253,17 @@ def _exchangeable(solution: Solution) -> float:
         return 0.0
     span = length_of(scene)
     turning = sum(0.5 * mass_of(scene) * (span * rate) ** 2 for rate in drive_rates(scene, run))
-    loads = sum(size * _reach(scene, load) for load, size in load_sizes(scene, run))
     springs = 0.0
     for connector in scene.connectors:
         way = span if isinstance(connector, Spring) else 2.0 * np.pi
         springs += 0.5 * connector.stiffness * way**2 + abs(connector.preload) * way
-    return weight_of(scene) * span + turning + loads + springs
+    return turning + _work_of_loads(scene, run) + springs
+
+
+def _work_of_loads(scene: Scene, run: Discretisation) -> float:
+    """Work, J, that weight and loads may do."""
+    loads = sum(size * _reach(scene, load) for load, size in load_sizes(scene, run))
+    return weight_of(scene) * length_of(scene) + loads
 
 
 def _reach(scene: Scene, load: Load) -> float:

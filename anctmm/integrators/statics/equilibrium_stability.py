@@ -27,6 +27,8 @@ SINGULAR = 0.5
 DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
 #: Softness, relative to the largest, below which no motion is looked at.
 STIFF = 1e-9
+#: Shift, of the square of the highest frequency, that outweighs all stiffness, and answer that is none.
+HEAVY, NO_MOTION = 1e12, 1e-6
 #: Steps of the inverse iteration, and relative change of the eigenvalue at which it ends.
 ITERATIONS, CONVERGED = 300, 1e-12
 
@@ -56,6 +58,8 @@ class Stability:
 
 def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
     """Stability of an equilibrium q, (rows, nodes), under a part of the load."""
+    if _held(system, q, factor):
+        return Stability("stable", 0, np.zeros_like(q))
     motion, singular = _softest(system, q, factor)
     negative = system.factorize(q, factor)
     if not singular and not system.conservative:
@@ -63,6 +67,21 @@ def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
     if singular:
         return Stability("singular", negative, motion)
     return Stability("unstable" if negative else "stable", negative, motion)
+
+
+def _held(system: StaticSystem, q: Array, factor: float) -> bool:
+    """Whether constraints leave no motion at all, as of a rigid body on a pin and a guide.
+
+    As many constraints as unknowns may repeat each other: against an inertia that outweighs all stiffness free motions
+    answer forces as if alone, and others do not.
+    """
+    if system.loops is None or Joined(system.chain).size > len(system.loops.rows.number):
+        return False
+    shift = HEAVY * max(element_bound(system.chain), 1.0) ** 2
+    noise = _noise(system, np.random.default_rng(0))
+    system.factorize(q, factor, shift)
+    answer = system.solve(system.inertia(noise))
+    return bool(shift * system.size(answer) <= NO_MOTION * system.size(noise))
 
 
 def _by_motions(system: StaticSystem, motion: Array) -> Stability:

@@ -1,0 +1,62 @@
+"""Rigid bodies that joints leave no motion: supports whose reactions follow from equilibrium alone."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+
+G = (0.5, -9.0)
+
+
+def plate():
+    return at.RigidBody("b", 1.0, 0.1, (0, 0), points={"a": (-0.3, 0), "c": (0.5, 0), "d": (0.3, 0.2)})
+
+
+SUPPORTS = {
+    "simply": [at.Pin("b.a"), at.Slider("b.c", (1, 0))],
+    "clamped": [at.Clamp("b.a")],
+    "on three guides": [at.Slider("b.a", (1, 0)), at.Slider("b.c", (0, 1)), at.Slider("b.d", (1, 0))],
+}
+#: Of the first joint, by moments about a, or about the centre.
+REACTIONS = {
+    "simply": (-1.5, 11.0 - 4.1 / 0.8, 0.0),
+    "clamped": (-1.5, 11.0, 4.1),
+    "on three guides": (0.0, (11.0 - 0.8 / 0.3) / 2.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", SUPPORTS)
+def test_a_body_that_is_held_has_its_reactions_and_a_good_status(name):
+    """The tangent of no motion was called singular, or divided by zero; rounding was called energy from nowhere."""
+    scene = at.Scene("held", [plate()], SUPPORTS[name], [at.Force("b.d", (1.0, -2.0))], gravity=G)
+    rest = at.solve_static(scene)
+    assert rest.status.ok
+    assert rest.stable.all()
+    runs = [at.solve(scene, dt=2e-3, t_end=0.1, integrator=one) for one in ("generalized-alpha", "zhai")]
+    for found in (rest, *runs):
+        assert found.status.ok
+        np.testing.assert_allclose(found.reaction(scene.joints[0])[-1], REACTIONS[name], atol=1e-9)
+
+
+def test_a_truss_of_rigid_bars_is_held():
+    section, material = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
+    corners = [(0, 0), (1, 0), (0.5, 0.8)]
+    bars = [at.Beam(n, corners[i], corners[(i + 1) % 3], section, material) for i, n in enumerate("pqr")]
+    joints = [
+        at.Pin("p.start", "r.end", grounded=True), at.Pin("p.end", "q.start"), at.Pin("q.end", "r.start"),
+        at.Slider("p.end", (1, 0)),
+    ]  # fmt: skip
+    scene = at.Scene("truss", bars, joints, gravity=(0, -9.0))
+    assert at.solve_static(scene, mesh=1, element="rigid").status.ok
+    assert at.solve(scene, mesh=1, element="rigid", dt=1e-3, t_end=0.05).status.ok
+
+
+def test_constraints_that_repeat_each_other_leave_a_motion():
+    """A third crank of a parallelogram takes no freedom: as many constraints as unknowns, and one motion."""
+    cranks = [
+        at.RigidBody(f"k{i}", 1.0, 0.1, (i, 0.5), points={"o": (i, 0.0), "e": (i, 1.0)}) for i in range(3)
+    ]
+    rod = at.RigidBody("rod", 1.0, 0.1, (1, 1), points={f"p{i}": (i, 1.0) for i in range(3)})
+    joints = [at.Pin(f"k{i}.o") for i in range(3)] + [at.Pin(f"k{i}.e", f"rod.p{i}") for i in range(3)]
+    rest = at.solve_static(at.Scene("parallel", [*cranks, rod], joints, gravity=(0, -1)))
+    assert rest.status == "unstable"  # and would be stable were it held
