@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once
 from anctmm.forces.actuation import DrivenClamps, turn_clamps
@@ -76,7 +77,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     drives = drive_table(chain, once(chain, actuation_of), chain.run.times(steps))
     off = np.zeros(kept, dtype=bool)
     for errors, sizes in (
-        _of_clamps(clamps, drives, record.a[:kept]),
+        _of_clamps(system.tables, clamps, drives, record.a[:kept]),
         _of_rows(rows, clamps, drives, record),
     ):
         off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
@@ -102,14 +103,20 @@ def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | 
     return turned_of_nodes(chain, record.fields(kept), chain.run.times(chain.run.output_steps[:kept]))
 
 
-def _of_clamps(clamps: DrivenClamps, drives: Array, a: Array) -> tuple[Array, Array]:
-    """Errors of accelerations at driven clamps, (coordinates, outputs), and their sizes."""
+def _of_clamps(tables: Tables, clamps: DrivenClamps, drives: Array, a: Array) -> tuple[Array, Array]:
+    """Errors of accelerations at driven clamps, (coordinates, outputs), and their sizes, as far as reactions have them.
+
+    The gradient at the end of a beam of n elements has 1/(35 n³) of its moment of inertia, m L²/105 of an element of
+    length L beside m L² n³/3; a rigid body has all of it in its one node.
+    """
     errors, sizes = [np.zeros((0, len(a)))], [np.zeros((0, len(a)))]
     for h, (node, held) in enumerate(zip(clamps.nodes, clamps.held, strict=True)):
+        elements = min(np.diff(tables.first)[(clamps.of == h).any(axis=0)] - 1, default=0)
+        share = 1.0 / (35.0 * elements**3) if elements else 1.0
         g = clamps.reference[h, 2:held:2] + 1j * clamps.reference[h, 3:held:2]
         angle, rate, second = drives[:, h].T
         exact = np.outer(g, (1j * second - rate**2) * np.exp(1j * angle))
-        errors.append(np.abs(a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node] - exact.T).T)
+        errors.append(share * np.abs(a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node] - exact.T).T)
         sizes.append(np.abs(exact))
     return np.concatenate(errors), np.concatenate(sizes)
 
