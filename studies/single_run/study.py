@@ -1,7 +1,9 @@
 """Run a case once: on a mesh and by a step that are given, or that are chosen for a target error."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BytesIO
 from math import isfinite
 from pathlib import Path
 
@@ -14,9 +16,11 @@ from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh, mesh_label
-from studies.engine.storage.files import check_writable
+from studies.engine.storage.files import atomic_write, check_writable
 from studies.engine.tables import write_machine, write_table
 
+#: Files of a solution, the last only where something moves.
+OF_SOLUTION = "solution.npz", "probes.csv", "plot.png", "animation.html"
 #: Target error where none is given.
 ERROR = 1e-3
 
@@ -160,7 +164,7 @@ def run_case(
 
 
 def write_run(run: SingleRun, folder: Path) -> list[Path]:
-    """Write the run's files: solution.npz, probes.csv, values.csv, plot.png, animation.html.
+    """Write the run's files: solution.npz, probes.csv, values.csv, plot.png, animation.html; older ones go.
 
     Parameters
     ----------
@@ -176,22 +180,29 @@ def write_run(run: SingleRun, folder: Path) -> list[Path]:
     Raises
     ------
     OutputError
-        If the folder cannot be written.
+        If the folder cannot be written, or has no room.
     """
     check_writable(folder)
     folder.mkdir(parents=True, exist_ok=True)
     write_table(values_table(run.values), folder)
     write_machine(folder)
-    written, solution = [folder / "values.csv"], run.solution
+    solution = run.solution
+    for name in OF_SOLUTION:  # of a run before, which may have had what this one has not
+        with suppress(OSError):  # who writes the new one says what is wrong
+            (folder / name).unlink(missing_ok=True)
+    written = [folder / "values.csv"]
     if not len(solution.t):
         return written
-    written.append(solution.save(folder / "solution.npz"))
-    written.append(folder / "probes.csv")
-    solution.to_frame(run.case.probes).to_csv(written[-1])
-    written.append(folder / "plot.png")
-    solution.plot().savefig(written[-1], dpi=150)
-    if len(solution.t) > 1:
-        written.append(solution.animate(folder / "animation.html"))
+    written += [folder / name for name in OF_SOLUTION]
+    kept, table, plot, animation = written[1:]
+    solution.save(kept)
+    atomic_write(table, solution.to_frame(run.case.probes).to_csv())
+    picture = BytesIO()
+    solution.plot().savefig(picture, format="png", dpi=150)
+    atomic_write(plot, picture.getvalue())
+    if len(solution.t) < 2:
+        return written[:-1]
+    solution.animate(animation)
     return written
 
 

@@ -1,6 +1,7 @@
 """`anctmm run`: one run of a case, of a file or built in, and what it leaves behind."""
 
 import re
+import resource
 
 import numpy as np
 import pandas as pd
@@ -9,7 +10,7 @@ from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, PORTAL_FRAME, THROWN_CHAIN
 
 import anctmm as at
-from anctmm.errors import CaseError, StepError
+from anctmm.errors import CaseError, OutputError, StepError
 from studies.cases import find_case
 from studies.cli import app
 from studies.engine.runner import Runner
@@ -85,6 +86,27 @@ def test_a_run_that_fails_says_so_and_exits_with_1(tmp_path):
     assert code == 1
     assert "unsupported" in output
     assert (tmp_path / "made" / "values.csv").exists()
+
+
+def test_files_of_another_run_do_not_stay_beside_those_of_one_that_has_none(tmp_path):
+    assert told("run", THROWN_CHAIN, "--elements", "1", "--dt", "1e-2", "--out", "made")[0] == 0
+    assert (tmp_path / "made" / "solution.npz").exists()
+    assert told("run", THROWN_CHAIN, "--solvers", "pyelastica", "--out", "made")[0] == 1
+    names = {p.name for p in (tmp_path / "made").iterdir()}
+    assert names == {"values.csv", "values.md", "machine.json"}
+
+
+def test_a_file_that_has_no_room_is_named_and_not_left_in_part(tmp_path):
+    done = run(find_case(THROWN_CHAIN), mesh=(1,), dt=1e-2)
+    at_most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (30_000, at_most[1]))
+    try:
+        with pytest.raises(OutputError, match=r"plot\.png"):
+            write_run(done, tmp_path / "made")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, at_most)
+    assert {p.name for p in (tmp_path / "made").glob("*.np*")} == {"solution.npz"}
+    assert not list((tmp_path / "made").glob("*plot.png*"))
 
 
 @pytest.mark.parametrize(
