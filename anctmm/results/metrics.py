@@ -65,6 +65,11 @@ def history_error(u: Array, reference: Array, rounding: float = 0.0) -> float:
     return float(np.sqrt(np.mean(difference**2)) / scale) if scale > rounding else float(difference.max())
 
 
+def rounding_at(solution: Solution, probe: Probe) -> float:
+    """Displacement below which a probe of a solution rests, m."""
+    return ROUNDINGS * EPS * max(solution.scene.length, float(np.abs(solution.position(probe)).max()))
+
+
 def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) -> Comparison:
     """Compare two solutions of one scene at probes.
 
@@ -105,7 +110,6 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         )
     by_probe: dict[Probe, float] = {}
     moving = bool((mine > 0).any() and (theirs > 0).any())
-    length = solution.scene.length
     largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
     for probe in probes:
         place = solution.scene.probe(probe)
@@ -114,7 +118,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
             by_probe[key] = float("nan")
             continue
         u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
-        rounding = ROUNDINGS * EPS * max(length, float(np.abs(reference.position(*place)).max()))
+        rounding = rounding_at(reference, probe)
         by_probe[key] = history_error(u, v, rounding)
         largest = max(largest, float(np.linalg.norm(u - v, axis=-1).max()))
         scale, blur = max(scale, float(np.linalg.norm(v, axis=-1).max())), max(blur, rounding)

@@ -14,7 +14,7 @@ import pandas as pd
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
-from anctmm.results.metrics import history_error
+from anctmm.results.metrics import history_error, rounding_at
 from studies.engine.accuracy.dynamics import continuum_of, with_stretch
 from studies.engine.choices import read as read_own
 from studies.engine.measuring.timing import least, undisturbed
@@ -375,8 +375,9 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
     mine = of_scene[of_scene["element"] == continuum_of(element, of_scene["element"].unique())]
     errors = []
     for (body, key), path in mine.groupby(["body", "fraction"], sort=False):
-        u = solution.displacement(_place(solution.scene, str(body), key))
-        errors.append(history_error(u, path[["u_x", "u_y"]].to_numpy(float)))
+        place = _place(solution.scene, str(body), key)
+        known = path[["u_x", "u_y"]].to_numpy(float)
+        errors.append(history_error(solution.displacement(place), known, rounding_at(solution, place)))
     return max(errors)
 
 

@@ -9,14 +9,12 @@ from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite, isinf, nan
 from typing import Any
 
-import numpy as np
-
 from anctmm.discretise.discretisation import INTEGRATORS
 from anctmm.discretise.methods import METHODS
 from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.results.metrics import compare
+from anctmm.results.metrics import compare, history_error, rounding_at
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
@@ -389,7 +387,6 @@ def _parts(least: float) -> int:
 
 
 def _apart(one: Solution, other: Solution, probe: str | tuple[str, float]) -> float:
-    """Difference of the last displacements of two equilibria, relative to them."""
-    u, v = one.displacement(probe)[-1], other.displacement(probe)[-1]
-    size = float(np.linalg.norm(v))
-    return float(np.linalg.norm(u - v)) / (size if size > 0.0 else 1.0)
+    """Difference of the last displacements of two equilibria, relative to them; of a place that rests in m."""
+    u, v = one.displacement(probe)[-1:], other.displacement(probe)[-1:]
+    return history_error(u, v, rounding_at(other, probe))

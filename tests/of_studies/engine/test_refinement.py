@@ -233,6 +233,22 @@ def test_a_case_at_rest_has_no_step():
     )
 
 
+def test_a_place_that_rests_by_symmetry_has_no_error_of_its_own():
+    """Its displacement is rounding, and was what its difference is relative to: no mesh was fine enough."""
+    section, material = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1500.0)
+    halves = [
+        at.Beam("l", (-0.7, 0.0), (0.0, 0.3), section, material),
+        at.Beam("r", (0.0, 0.3), (0.7, 0.6), section, material),
+    ]
+    joints = [at.Clamp("l.start"), at.Weld("l.end", "r.start"), at.Clamp("r.end")]
+    loads = [at.Force(("l", 0.5), (3.0, 7.0)), at.Force(("r", 0.5), (-3.0, -7.0))]
+    case = at.Case(at.Scene("sym", halves, joints, loads=loads), ["l.end", ("l", 0.5)], t_end=None)
+    found = Refinement(case, Setup(), Runner(None, repeats=1)).refined(1e-2)
+    assert found.reached, found.reason
+    exact = at.solve_static(case.scene, mesh=128).displacement(("l", 0.5))[-1]
+    assert found.solution.displacement(("l", 0.5))[-1] == pytest.approx(exact, rel=1e-2)
+
+
 def test_rigid_bodies_and_point_masses_take_no_elements():
     plate = at.RigidBody(
         "plate", mass=0.5, inertia=3.3e-3, center=(0.6, 0.0), points={"a": (0.5, 0.0), "b": (0.7, 0.0)}

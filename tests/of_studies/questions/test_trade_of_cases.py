@@ -99,7 +99,7 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
     scene = at.Scene(
         "double", [upper, lower], [at.Pin("upper.o"), at.Pin("upper.e", "lower.o")], gravity=(0.0, -9.81)
     )
-    case = at.Case(scene, ["lower.center"], t_end=0.3, output_dt=0.02)
+    case = at.Case(scene, ["lower.center", "upper.o"], t_end=0.3, output_dt=0.02)  # the second rests
     runner = Runner(tmp_path, repeats=1, heading="trade, ")
     result = find("trade")(Options(quick=True, error=ERROR, cases=(case,)), runner)
     assert runner.heading == "trade, "
