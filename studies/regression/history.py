@@ -33,6 +33,8 @@ COUNTED = {
     "factorizations": "factorizations",
     "steps": "steps",
 }
+#: Between the factor of a tolerance and what it is made of; its digits are rounded.
+OF_CAUSES, ROUNDED = " times the largest of: ", 1.1
 #: Digits kept below the tolerance.
 SPARE_DIGITS = 2
 
@@ -279,4 +281,8 @@ def _tolerance(line: str) -> tuple[str, Tolerance]:
     value, _, reason = rest.partition(f" {UNITS[name]}, ")
     if not 0.0 < float(value) < float("inf"):
         raise ValueError(f"tolerance of {name} is {value}")
+    factor, _, causes = reason.partition(OF_CAUSES)
+    most = float(factor) * max(float(cause.rpartition(" ")[2]) for cause in causes.split(", "))
+    if float(value) > ROUNDED * most:  # it would hide what has changed
+        raise ValueError(f"tolerance of {name} is {value}, more than its causes make it, {most:.1e}")
     return name, Tolerance(float(value), reason)

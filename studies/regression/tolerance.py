@@ -31,7 +31,7 @@ from anctmm.solvers.registry import static_of
 from studies.engine.measuring.timing import undisturbed
 from studies.engine.other_numbers import Change
 from studies.engine.running.trial import guarded
-from studies.regression.history import LOAD_FACTOR, UNITS, Baseline, History, Tolerance
+from studies.regression.history import LOAD_FACTOR, OF_CAUSES, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, FromRest, Run, Static, Task
 
@@ -190,4 +190,4 @@ def _scales(task: Task, history: History) -> dict[str, float]:
 
 def _tolerance(causes: dict[str, float]) -> Tolerance:
     told = ", ".join(f"{cause} {distance:.1e}" for cause, distance in causes.items())
-    return Tolerance(MARGIN * max(causes.values()), f"{MARGIN:g} times the largest of: {told}")
+    return Tolerance(MARGIN * max(causes.values()), f"{MARGIN:g}{OF_CAUSES}{told}")

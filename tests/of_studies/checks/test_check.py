@@ -368,6 +368,7 @@ def test_a_file_cut_anywhere_is_refused(stored):
         ("0.25,", "a quarter,", "a quarter"),
         ("displacement bar", "displacment bar", "displacment bar"),
         ("# tolerance of displacement: ", "# tolerance of displacement: nan", "cannot be read"),
+        ("# tolerance of displacement: ", "# tolerance of displacement: 9", "more than its causes make it"),
         ("# tolerance of kinetic", "# tolerance of cinetic", "cannot be read"),
         ("# Newton corrections: 100", "# Newton corrections: ", "cannot be read"),
     ],
