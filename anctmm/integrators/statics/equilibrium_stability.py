@@ -60,6 +60,8 @@ def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
     """Stability of an equilibrium q, (rows, nodes), under a part of the load."""
     if _held(system, q, factor):
         return Stability("stable", 0, np.zeros_like(q))
+    if _forceless(system, q, factor):
+        return Stability("singular", 0, lowest_mode(system, q, factor)[1])
     motion, singular = _softest(system, q, factor)
     negative = system.factorize(q, factor)
     if not singular and not system.conservative:
@@ -82,6 +84,12 @@ def _held(system: StaticSystem, q: Array, factor: float) -> bool:
     system.factorize(q, factor, shift)
     answer = system.solve(system.inertia(noise))
     return bool(shift * system.size(answer) <= NO_MOTION * system.size(noise))
+
+
+def _forceless(system: StaticSystem, q: Array, factor: float) -> bool:
+    """Whether no force acts on rigid bodies: K_T is then 0 in all motions that joints leave, whatever rounding says."""
+    springs = system.loads.connectors is not None
+    return not (springs or element_bound(system.chain) > 0.0 or system.applied(q, factor).any())
 
 
 def _by_motions(system: StaticSystem, motion: Array) -> Stability:

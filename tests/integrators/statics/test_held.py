@@ -1,4 +1,6 @@
-"""Rigid bodies that joints leave no motion: supports whose reactions follow from equilibrium alone."""
+"""Rigid bodies that joints leave no motion, and such that joints leave one: what statics call them."""
+
+from math import cos, pi, sin
 
 import numpy as np
 import pytest
@@ -60,3 +62,34 @@ def test_constraints_that_repeat_each_other_leave_a_motion():
     joints = [at.Pin(f"k{i}.o") for i in range(3)] + [at.Pin(f"k{i}.e", f"rod.p{i}") for i in range(3)]
     rest = at.solve_static(at.Scene("parallel", [*cranks, rod], joints, gravity=(0, -1)))
     assert rest.status == "unstable"  # and would be stable were it held
+
+
+def linkage(angle, number, gravity=(0, 0)):
+    """A pendulum, or a four-bar that is no parallelogram, of rigid bars, turned by an angle."""
+    corners = [(0, 0), (0, 0.2), (0.5, 0.3), (0.45, 0)]
+    turned = [(cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y) for x, y in corners]
+    bars = [
+        at.RigidBody(
+            f"k{i}",
+            0.5,
+            3e-3,
+            np.mean(turned[i : i + 2], axis=0),
+            points={"a": turned[i], "b": turned[i + 1]},
+        )
+        for i in range(number)
+    ]
+    hinges = [at.Pin(f"k{i}.b", f"k{i + 1}.a") for i in range(number - 1)]
+    last = [at.Pin(f"k{number - 1}.b")] if number == 3 else []
+    return at.Scene("linkage", bars, [at.Pin("k0.a"), *hinges, *last], gravity=gravity)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+@pytest.mark.parametrize("angle", [0.0, 0.3, pi / 2])
+def test_a_linkage_that_nothing_acts_on_is_a_mechanism_however_it_lies(angle, number):
+    """It was called stable, unstable or singular by the angle it is drawn at: by rounding."""
+    rest = at.solve_static(linkage(angle, number))
+    assert rest.status == "singular"
+    assert not rest.stable.any()
+    hanging = at.solve_static(linkage(angle, 1, gravity=(9.81 * sin(-angle), 9.81 * cos(angle))))
+    assert hanging.status.ok  # its weight pulls along the bar, away from the hinge
+    assert hanging.stable.tolist() == [False, True]
