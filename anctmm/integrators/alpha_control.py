@@ -7,7 +7,7 @@ is filtered by (c_w M + K)⁻¹ c_w M, which leaves slow motion as it is (Hairer
 
 A step of another length has another lag. At a start it is found by a first try of the step. Constraints between rigid
 bodies or guides need no more than that: accelerations that were found anew at each change were five sixths of the work.
-Outputs are ends of steps.
+Outputs are ends of steps; accelerations there that break constraints are found anew at the end (`implicit.balanced`).
 
 The predictor of a fixed step keeps w. Here w goes on as in the last step, by the part of its change then that would
 have been best: near 1 in smooth motion, and near −1 where vibrations that steps do not resolve change its sign. So a
@@ -142,7 +142,7 @@ def integrate(chain: Chain) -> Solution:
     def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
         return int(advance(budget, outputs, system, control, lag, out))
 
-    return run_controlled(chain, Scheme(take, 2, len(PLACES)))
+    return run_controlled(chain, Scheme(take, 2, len(PLACES), drifts=True))
 
 
 @kernel

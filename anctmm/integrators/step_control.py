@@ -25,6 +25,7 @@ The steps themselves stand in `alpha_control` and `stage_control`.
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -37,9 +38,10 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
+from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton import ROUNDING, SLOW
 from anctmm.integrators.implicit.newton_failure import correction_size
-from anctmm.integrators.implicit.system import System, least_left, new_system
+from anctmm.integrators.implicit.system import Newton, System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     STEP,
@@ -56,6 +58,7 @@ from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: First step, of the interval of output, at a tolerance of LOOSE and at smaller ones in proportion to the root of the
 #: method's order; and smallest step, of the run.
@@ -154,12 +157,14 @@ class Scheme(NamedTuple):
     """A method whose steps an error drives.
 
     take: (most steps, last output, system, control, output) → how it ended. order: of the error of a run in its steps.
-    places: at which a step sees what acts.
+    places: at which a step sees what acts. drifts: whether accelerations along constraints do, which steps keep as
+    positions alone.
     """
 
     take: Callable[[int, int, System, Control, Output], int]
     order: int
     places: int
+    drifts: bool = False
 
 
 class March(NamedTuple):
@@ -221,6 +226,11 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         if done.error * most <= FOUND * _allowed(chain, system):
             break
         assumed, scale = done.moved, float(done.moved.max())
+    record.stop()
+    if scheme.drifts:
+        taken = system.newton.counts.copy()
+        settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
+        system.newton.counts[:] = taken
     return so_far(done.kept, Status() if done.whole else _stuck(chain, system, done.t))
 
 
@@ -347,6 +357,22 @@ def _march(
         int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(),
         float(progress[SPENT]),
     )  # fmt: skip
+
+
+def _from_outputs(
+    chain: Chain, scheme: Scheme, control: Control, outputs: Ints, system: System, out: Output
+) -> Callable[[int, Newton], int]:
+    """What starts a motion anew in the present state at the k-th of some outputs: for its accelerations alone."""
+    times, progress = chain.run.times(outputs), control.progress
+    aside = Output(*(np.empty_like(room[:1]) for room in out))
+
+    def start(k: int, newton: Newton) -> int:
+        progress[:] = 0.0
+        progress[TIME], progress[STARTS] = times[k], 1.0
+        here = control._replace(times=times[k : k + 1])
+        return int(scheme.take(0, 0, system._replace(newton=newton), here, aside))
+
+    return start
 
 
 def _stuck(chain: Chain, system: System, t: float) -> Status:
