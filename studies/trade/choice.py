@@ -12,6 +12,8 @@ from studies.engine.choices import NONE
 KIND = ["solver", "element", "stepping"]
 #: What is said of a kind of steps whose length an error drives.
 CONTROLLED = ", error-controlled"
+#: Errors of two settings, one over the other, that count as equal: those of solvers that agree differ by less.
+SAME = 1.05
 STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
 
 
@@ -30,6 +32,12 @@ def reaching(points: pd.DataFrame, target: float) -> pd.DataFrame:
     """Rows that surely meet a target error: with their reference's uncertainty added; cheapest first."""
     met = sure_errors(points) <= target
     return points[met & (points["cpu_s"] > 0.0)].sort_values("cpu_s", kind="stable")
+
+
+def nearest(points: pd.DataFrame) -> pd.DataFrame:
+    """Rows whose error is the smallest, as far as that can be told; cheapest first."""
+    errors = sure_errors(points)
+    return points[errors <= SAME * errors.min()].sort_values("cpu_s", kind="stable")
 
 
 def sure_errors(points: pd.DataFrame) -> pd.Series:

@@ -23,7 +23,7 @@ from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.engine.tables import milliseconds
 from studies.scenes import base_of, moving_scenes
-from studies.trade.choice import kinds_of, own_of, reaching, setting_of, stretch_of, sure_errors
+from studies.trade.choice import kinds_of, nearest, own_of, reaching, setting_of, stretch_of, sure_errors
 from studies.trade.snippet import snippet, snippet_of_file
 
 #: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.
@@ -224,12 +224,12 @@ def choose(
         remark = f"nothing measured is that cheap: the cheapest setting takes {first['cpu_s']:.2g} s"
         return Choice(first.to_dict(), _others(mine.iloc[1:], first), False, (remark,))
     if error is None:
-        best = affordable.sort_values(["sure", "cpu_s"]).iloc[0]
-        return Choice(best.to_dict(), _others(affordable.sort_values("sure").iloc[1:], best), True)
+        best = nearest(affordable).iloc[0]
+        return Choice(best.to_dict(), _others(affordable.drop(best.name).sort_values("sure"), best), True)
     able = reaching(affordable, error)
     if len(able):
         return Choice(able.iloc[0].to_dict(), _others(able.iloc[1:], able.iloc[0]), True, _luck(able, error))
-    best = affordable.sort_values(["sure", "cpu_s"]).iloc[0]
+    best = nearest(affordable).iloc[0]
     return Choice(best.to_dict(), _others(affordable.iloc[:0], best), False, _why_not(mine, error, budget_s))
 
 

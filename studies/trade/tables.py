@@ -21,7 +21,7 @@ from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import mesh_label
 from studies.engine.tables import BUILD, Table, failed, milliseconds, times
 from studies.trade import step_orders
-from studies.trade.choice import KIND, STEPPING, reaching, setting_of, stepping
+from studies.trade.choice import KIND, STEPPING, nearest, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 from studies.trade.second_road import Second
 
@@ -91,8 +91,8 @@ def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Tab
     for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
         for target in targets:
             able = reaching(mine, target)
-            line = (able if len(able) else mine.sort_values("robust_error")).iloc[0].to_dict()
-            status = "ok" if len(able) else "not reached: this is the smallest error measured"
+            line = (able if len(able) else nearest(mine)).iloc[0].to_dict()
+            status = "ok" if len(able) else "not reached: no smaller error was measured"
             about = {
                 "scene": scene,
                 "target_error": target,

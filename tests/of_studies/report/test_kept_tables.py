@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from studies.trade.recommend import choose, kept
+from studies.trade.tables import recommended
 
 ROOT = Path(__file__).parents[3]
 SCENES = "four-bar", "cantilever-fall"
@@ -94,3 +95,16 @@ def test_the_kept_trade_answers_whatever_is_asked(scene, error, budget):
     met = error is None or choice.line["error"] + choice.line["reference_error"] <= error
     assert choice.reached == (met and (budget is None or choice.line["cpu_s"] <= budget))
     assert choice.reached or choice.remarks
+
+
+def test_of_errors_that_count_as_equal_the_cheapest_is_told():
+    """A global DAE was told in place of the same steps at half the cost: their errors differed by rounding."""
+    points = kept().points.query("scene == 'four-bar' and solver == 'anctmm' and error > 0")
+    first = points.iloc[0]
+    twin = first.to_dict() | {"solver": "global-dae", "robust_error": 0.9999 * first["robust_error"]}
+    both = pd.DataFrame([twin | {"cpu_s": 2.0 * first["cpu_s"]}, first.to_dict()])
+    (line,) = recommended(both, [1e-300]).frame.to_dict("records")
+    assert line["status"] == "not reached: no smaller error was measured"
+    for told in (line, choose(both, "four-bar", 1e-300, None).line, choose(both, "four-bar", None, 1e3).line):
+        assert told["solver"] == first["solver"]
+        assert told["cpu_s"] == first["cpu_s"]
