@@ -227,11 +227,10 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             break
         assumed, scale = done.moved, float(done.moved.max())
     record.stop()
-    if scheme.drifts:
-        taken = system.newton.counts.copy()
+    status = Status() if done.whole else _stuck(chain, system, done.t)
+    if scheme.drifts:  # after the look at where it failed: it writes the state
         settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
-        system.newton.counts[:] = taken
-    return so_far(done.kept, Status() if done.whole else _stuck(chain, system, done.t))
+    return so_far(done.kept, status)
 
 
 def _assumed(chain: Chain, guesses: list[Array]) -> tuple[Array, float]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.integrators.implicit import balanced
+from anctmm.integrators.implicit import balanced, run
 
 ROD = at.Rectangle(0.02, 0.02)
 RUBBER = at.Material(E=5e6, density=1100.0, damping=2e-4)
@@ -16,11 +16,11 @@ BEAD, WAY = np.array([0.2, 0.05]), np.array([-1.0, 2.0]) / hypot(1.0, 2.0)
 POSITION = at.Quintic(0.3, 0.4)
 
 
-def bead():
+def bead(position=POSITION):
     """A bead that a drive moves along a chord of a disc, which turns freely."""
     disc = at.RigidBody("disc", mass=1.0, inertia=INERTIA, center=(0, 0), spin=SPIN)
     mass = at.PointMass("bead", MASS, BEAD, velocity=SPIN * np.array([-BEAD[1], BEAD[0]]))
-    guide = at.Slider("bead.center", WAY, body="disc", position=POSITION)
+    guide = at.Slider("bead.center", WAY, body="disc", position=position)
     return at.Scene("bead", [disc, mass], [at.Pin("disc.center"), guide])
 
 
@@ -107,3 +107,21 @@ def test_what_reactions_do_not_notice_costs_nothing(monkeypatch):
     found = at.solve(scene, dt=1e-3, **options).reaction(scene.joints[0])
     assert not anew
     assert (np.abs(found - explicit).max(axis=0) <= 0.02 * np.abs(explicit).max(axis=0)).all()
+
+
+def faster_and_faster(t):
+    phase, rate = 200.0 * t**3, 600.0 * t**2
+    return (
+        0.3 * np.sin(phase),
+        0.3 * rate * np.cos(phase),
+        0.3 * (1200.0 * t * np.cos(phase) - rate**2 * np.sin(phase)),
+    )
+
+
+def test_a_run_that_fails_says_what_it_says_without(monkeypatch):
+    """It told the gap in the state of the last output that was looked at: 2.8e5 for 1e-6."""
+    options = {"dt": 0.02, "t_end": 2.0, "newton_tolerance": 1e-6}
+    found = at.solve(bead(faster_and_faster), **options)
+    assert found.status == "failed"
+    monkeypatch.setattr(run, "settle", lambda *told: None)
+    assert str(at.solve(bead(faster_and_faster), **options).status) == str(found.status)

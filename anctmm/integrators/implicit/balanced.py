@@ -63,7 +63,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     ----------
     chain : Chain
     system : System
-        Of a run that has ended: its state is written.
+        Of a run that has ended: its state is written, and what Newton's iteration found last; its counts stay.
     record : Record
         Whose accelerations are written.
     kept : int
@@ -71,7 +71,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     again : callable
     """
     rows, clamps = rows_in(system.factors.loops), system.clamps
-    if rows is None and not len(clamps.nodes):
+    if not kept or (rows is None and not len(clamps.nodes)):
         return
     steps = chain.run.output_steps[:kept]
     drives = drive_table(chain, once(chain, actuation_of), chain.run.times(steps))
@@ -84,7 +84,8 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     if not off.any():
         return
     turned = _turned(chain, system, record, kept)
-    solve, state = again(steps[off], system, record.arrays()), system.state
+    solve, state, counts = again(steps[off], system, record.arrays()), system.state, system.newton.counts
+    before = counts.copy()
     for k, n in enumerate(np.flatnonzero(off)):
         state.q[:], state.v[:], state.w[:] = record.q[n], record.v[n], record.a[n]
         state.a[:] = state.w
@@ -93,6 +94,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
         balanced(system, drives[n], lambda newton, k=k: solve(k, newton))  # type: ignore[misc]
         if np.isfinite(state.w).all():
             record.a[n] = state.w
+    counts[:] = before
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:

@@ -92,20 +92,16 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
 
     failed = run_batches(chain, steps.width, one, so_far)
     record.stop()
-    if steps.again is not None:
-        kept = len(record.q) if failed < 0 else 1 + (failed - 1) // run.stride
-        counts = newton.counts.copy()
+    kept, status, taken = len(record.q), Status(), run.steps
+    if failed >= 0:
+        kept, taken = 1 + (failed - 1) // run.stride, failed
+        when = steps.failed_at(failed)
+        status = locked(chain, system.state.q, rows_in(system.factors.loops), when, failed) or stalled(
+            chain, failed, system.state, newton, when
+        )
+    if steps.again is not None:  # after the look at where it failed: it writes the state
         settle(chain, system, record, kept, steps.again)
-        newton.counts[:] = counts
-    if failed < 0:
-        return so_far(len(record.q), Status(), run.steps)
-    when = steps.failed_at(failed)
-    status = locked(chain, system.state.q, rows_in(system.factors.loops), when, failed)
-    return so_far(
-        1 + (failed - 1) // run.stride,
-        status or stalled(chain, failed, system.state, newton, when),
-        failed,
-    )
+    return so_far(kept, status, taken)
 
 
 def _coefficients(chain: Chain) -> Coefficients:
