@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.dead_centres import check_dead_centres
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.junctions.rigid_loops import check_rigid_loops
 from anctmm.discretise.junctions.segments import Segments
@@ -90,6 +91,7 @@ class Chain:
         refuse(self.scene, LACKING, "ANC-TMM")
         common(self, _check_welds)
         check_rigid_loops(self.parts, self.rigid)
+        check_dead_centres(self.kept)
 
     @cached_property
     def segments(self) -> Segments:

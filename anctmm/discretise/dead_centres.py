@@ -1,0 +1,108 @@
+"""Rigid bodies on guides or in hinges that stop a motion at once that they allow at first: dead centres.
+
+The second-order test of `anctmm.discretise.junctions.rigid_loops` with all constraints of the scene instead of the
+equations of its pins: a body that is hinged, and guided across the line to its hinge, can begin to turn, and cannot.
+Where beams take part they give way, so that their constraints are left out. Drives stand where they are at t = 0.
+"""
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
+from anctmm.discretise.junctions.rigid_loops import NONE, PARTING
+from anctmm.discretise.kept import KeptUnknowns
+from anctmm.errors import DiscretisationError, listed
+from anctmm.model.topology import Sets
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: Constraints that hang together up to which the test is made: it takes the time of their number's cube.
+MOST = 400
+
+
+def check_dead_centres(kept: KeptUnknowns) -> None:
+    """Refuse rigid bodies whose guides and hinges stop them where they stand.
+
+    Parameters
+    ----------
+    kept : KeptUnknowns
+        Of the scene.
+
+    Raises
+    ------
+    DiscretisationError
+        Naming the bodies.
+    """
+    chain = kept.chain
+    if not chain.rigid or not any(junction.guides or junction.hinges for junction in chain.junctions):
+        return
+    found = kept.constraints
+    meshes = chain.bodies.meshes
+    of_unknown = np.searchsorted(chain.bodies.first, kept.homes[1], side="right") - 1
+    solid = np.array([mesh.nodes == 1 for mesh in meshes])[of_unknown]
+    give = {term.row for term in found.terms for k in (term.one, term.two) if k != ONE and not solid[k]}
+    x = chain.bodies.reference()[tuple(kept.homes)]
+    scale = np.where(kept.homes[0] < 2, chain.length, 1.0)
+    for terms in _connected(term for term in _at_start(found) if term.row not in give):
+        stopped = _stopped(terms, x, scale)
+        if len(stopped):
+            names = dict.fromkeys(
+                n for n in (meshes[k].body.name for k in of_unknown[stopped]) if n in chain.rigid
+            )
+            raise DiscretisationError(
+                f"bodies {listed(names)} are rigid, and their joints and guides hold them at a dead centre: they "
+                f"cannot make a motion that is open to them at first; start from another position, or let one of "
+                f"them bend ('cable' or 'shear')"
+            )
+
+
+def _at_start(found: Constraints) -> Iterator[Term]:
+    """Terms of constraints, their factors times their signals at t = 0: 1, or the cosine of a drive's angle."""
+    ones = {ALWAYS}
+    at = 1
+    for drive in found.drives:
+        ones |= {at} if drive.turns else set()
+        at += 2 if drive.turns else 1
+    return (term for term in found.terms if term.signal in ones)
+
+
+def _connected(terms: Iterable[Term]) -> list[list[Term]]:
+    """Terms of constraints that hang together by their unknowns, of not too many constraints."""
+    every, sets = list(terms), Sets[tuple[str, int]]()
+    for term in every:
+        for k in (term.one, term.two):
+            if k != ONE:
+                sets.unite(("row", term.row), ("unknown", k))
+    groups: dict[tuple[str, int], list[Term]] = {}
+    for term in every:
+        groups.setdefault(sets.of(("row", term.row)), []).append(term)
+    return [group for group in groups.values() if len({term.row for term in group}) <= MOST]
+
+
+def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
+    """Unknowns at which constraints strain each other that part in second order; none where all can move on."""
+    rows = {row: k for k, row in enumerate(dict.fromkeys(term.row for term in terms))}
+    unknowns = sorted({k for term in terms for k in (term.one, term.two) if k != ONE})
+    number = {k: i for i, k in enumerate(unknowns)}
+    J, curved = np.zeros((len(rows), len(number))), np.zeros((len(rows), len(number), len(number)))
+    for term in terms:
+        row = rows[term.row]
+        for one, two in ((term.one, term.two), (term.two, term.one)):
+            if one != ONE:
+                J[row, number[one]] += term.factor * scale[one] * (1.0 if two == ONE else x[two])
+        if ONE not in (term.one, term.two):
+            i, j, size = number[term.one], number[term.two], term.factor * scale[term.one] * scale[term.two]
+            curved[row, i, j] += size
+            curved[row, j, i] += size
+    left, sizes, right = np.linalg.svd(J)
+    rank = int((sizes > NONE * sizes[0]).sum())
+    motions = right[rank:].T
+    for stress in left[:, rank:].T:
+        parting = motions.T @ np.tensordot(stress, curved, 1) @ motions
+        if parting.size and np.abs(parting).max() > PARTING:
+            strained = (np.abs(stress) @ np.abs(J)) > PARTING
+            return np.array(unknowns)[strained]
+    return np.empty(0, dtype=np.int64)
