@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.constraints import shape_of
 from anctmm.recursion.loops import Loops
 from anctmm.recursion.rows import KEPT, Rows
 from anctmm.results.solution import Status
@@ -30,9 +31,16 @@ def locked(chain: Chain, q: Array, rows: Rows | None, t: float, step: int | None
     what, body = chain.kept.constraints.names[rows.constraint[worst]]
     kind = "rigid body" if body in chain.rigid else "body"
     when = f"at t = {t:.6g} s" if step is None else f"at t = {t:.6g} s (step {step})"
+    if what == shape_of(body):
+        parts, why = (
+            f"change its shape by {error:.1e}",
+            "it turns too far in a step, which shorter ones mend, or joints",
+        )
+    else:
+        parts, why = f"part from {what} by {error:.1e}, of a length or of the scene's,", "joints"
     return Status(
         "failed",
-        f"{kind} {body!r} would part from {what} by {error:.1e}, of a length or of the scene's, {when}: joints and "
+        f"{kind} {body!r} would {parts} {when}: {why} and "
         f"drives leave the bodies no place there, as where a linkage locks; a flexible body, other lengths or another "
         f"drive may do, or, where the linkage can move, smaller steps",
         time=t,

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 DIFFERENCE = 1e-6
 #: Coordinates up to which a scene with constraints is linearised as a dense matrix.
 DENSE = 400
+#: Accelerations by springs, of those without joints, below which joints keep the places of springs where they are.
+HELD = 1e-9
 
 
 def zhai_limit(psi: float, phi: float) -> float:
@@ -99,7 +101,13 @@ def highest_frequency(
     if n == 0 or not (chain.scene.connectors or any(mesh.elements for mesh in bodies.meshes)):
         return 0.0
     if n < 3 or (constrained and n <= DENSE):  # few freedoms beside the coordinates may stop Lanczos early
-        A = np.stack([divided(stiffness(e)) for e in np.eye(n)])
+        K = np.stack([stiffness(e) for e in np.eye(n)])
+        A = np.stack([divided(row) for row in K])
+        free = np.linalg.pinv(np.stack([mass(e) for e in np.eye(n)]), hermitian=True) @ K
+        if (
+            np.abs(A).max() <= HELD * np.abs(free).max()
+        ):  # joints leave springs no motion: the rest is rounding
+            return 0.0
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
     operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
     start = np.random.default_rng(0).standard_normal(n)

@@ -166,7 +166,9 @@ def _take_steps(chain: Chain, system: System, record: Record, out: Output) -> So
     kept = 1 + (failed - 1) // run.stride
     before = record.q[kept - 1] if kept else chain.start_coordinates()
     t = float(run.times(np.array([failed]))[0])
-    status = locked(chain, q, system.rows, t, failed) or _diverged(chain, failed, q, before)
+    stuck = locked(chain, q, system.rows, t, failed)
+    limit = largest_step(chain, before) if chain.bodies.nodes <= EXAMINED else np.inf
+    status = stuck if stuck and run.dt <= limit else _diverged(chain, failed, q, limit, stuck)
     return record.solution(kept, status, failed)
 
 
@@ -262,16 +264,33 @@ def _with_factors(chain: Chain, block: BlockFactors | None) -> System:
     )
 
 
-def _diverged(chain: Chain, step: int, q: Array, before: Array) -> Status:
-    """What is known of a run that diverged at a step; `before` are the coordinates of the output before."""
-    body, element = worst_element(chain, gradient_size(q))
+def _diverged(chain: Chain, step: int, q: Array, limit: float, stuck: Status | None) -> Status:
+    """What is known of a run that diverged at a step.
+
+    Parameters
+    ----------
+    chain : Chain
+    step : int
+    q : ndarray, shape (rows, nodes)
+    limit : float
+        Largest stable step at the output before, s.
+    stuck : Status or None
+        What is known of constraints that were not kept then: large steps of bodies break them.
+    """
+    if stuck is not None and stuck.body is not None:
+        body, element = stuck.body, stuck.element
+    else:
+        body, element = worst_element(chain, gradient_size(q))
     t = float(chain.run.times(np.array([step]))[0])
-    limit = largest_step(chain, before) if chain.bodies.nodes <= EXAMINED else np.inf
-    why = f", to {limit:.3g} s at the output before" if limit < chain.run.dt else ""
+    now = f"{limit:.3g} s at the output before" if limit < chain.run.dt else ""
+    if any(mesh.elements for mesh in chain.bodies.meshes):
+        why = f": deformation lowers the largest stable step{f', to {now}' if now else ''}"
+    else:
+        why = f": the largest stable step is {now}" if now else ""
     return Status(
         "diverged",
         f"the motion diverged at t = {t:.6g} s (step {step}) in {part(body, element)}; "
-        f"a smaller dt than {chain.run.dt:g} s may do: deformation lowers the largest stable step{why}",
+        f"a smaller dt than {chain.run.dt:g} s may do{why}",
         time=t,
         step=step,
         body=body,

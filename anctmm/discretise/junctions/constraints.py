@@ -199,6 +199,11 @@ class Situated(Protocol):
         ...
 
 
+def shape_of(name: str) -> str:
+    """What the constraint |t|² = 1 of a rigid body holds, in words."""
+    return f"the shape of rigid body {name!r}"
+
+
 def constraints_of(chain: Situated, of_end: Callable[[End], Any], size: int) -> Constraints:
     """Constraints of a scene between its kept unknowns, `size` of them.
 
@@ -228,7 +233,7 @@ class _Writer:
         """|t|² = 1 of a rigid body."""
         _, t = self._unknowns(name)
         rows = {(ALWAYS, t, t): 0.5, (ALWAYS, t + 1, t + 1): 0.5, (ALWAYS, ONE, ONE): -0.5}
-        self.found.add(f"the shape of rigid body {name!r}", name, rows)
+        self.found.add(shape_of(name), name, rows)
 
     def junction(self, junction: Junction) -> None:
         """All that a junction asks for."""
