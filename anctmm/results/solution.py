@@ -17,7 +17,7 @@ from anctmm.model.bodies import beam_of
 from anctmm.model.connectors import Connector
 from anctmm.model.joints import Joint
 from anctmm.model.rigid_bodies import CENTER
-from anctmm.model.scene import Beam, Probe, RigidBody, Scene
+from anctmm.model.scene import Beam, PointMass, Probe, RigidBody, Scene
 from anctmm.results.export import saving
 from anctmm.results.export.pictures import animate, plot
 from anctmm.results.export.saving import save
@@ -227,17 +227,19 @@ class Solution:
         Raises
         ------
         ResultError
-            If the solver keeps no angles.
+            If the solver keeps no angles, or the place is that of a point mass, which has none.
         """
         turning = self._turning(place, fraction)
-        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t))
+        return self._each(
+            turning, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t), turns=True
+        )
 
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
         `velocity`.
         """
         turning = self._turning(place, fraction)
-        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).spin(at))
+        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).spin(at), turns=True)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """N, Q, M of the part of a beam beyond a section on the part before it, (n, 3), N, N, N m; of k fractions
@@ -309,16 +311,26 @@ class Solution:
         return animate(self, path, fps)
 
     def _each(
-        self, place: Probe, fraction: Fractions | None, read: Callable[[Field, Any], Array], *width: int
+        self,
+        place: Probe,
+        fraction: Fractions | None,
+        read: Callable[[Field, Any], Array],
+        *width: int,
+        turns: bool = False,
     ) -> Array:
-        """What is read of a field at a place, or at each of several fractions."""
+        """What is read of a field at a place, or at each of several fractions; turns: of places that have an angle."""
         if _several(fraction):
-            parts = [self._read(self._given(place, x), read, *width) for x in fraction]
+            parts = [self._read(self._given(place, x), read, *width, turns=turns) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
-        return self._read(place if fraction is None else self._given(place, fraction), read, *width)
+        at = place if fraction is None else self._given(place, fraction)
+        return self._read(at, read, *width, turns=turns)
 
-    def _read(self, place: Probe, read: Callable[[Field, Any], Array], *width: int) -> Array:
+    def _read(
+        self, place: Probe, read: Callable[[Field, Any], Array], *width: int, turns: bool = False
+    ) -> Array:
         name, at = self.scene.probe(place)
+        if turns and isinstance(self.scene.body(name), PointMass):
+            raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
         return read(self.fields[name], at) if self.fields else np.empty((0, *width))
 
     def _given(self, place: Probe, fraction: Any) -> Probe:

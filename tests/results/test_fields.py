@@ -135,6 +135,22 @@ def test_the_turn_of_a_rigid_body_is_asked_for_by_its_name(swung, name):
     assert abs(swung.angle(name)[-1]) > 1e-4
 
 
+def test_a_point_mass_has_no_angle(swung):
+    """It was 0 in tables and data sets, as if it were known not to turn."""
+    for read in (swung.angle, swung.spin):
+        with pytest.raises(ResultError, match="point mass 'load' has no angle"):
+            read("load.center")
+        with pytest.raises(ResultError, match="point mass 'load' has no angle"):
+            read("load", ["center"])
+    columns = swung.to_frame(["load.center", "plate.center"]).columns
+    assert [name for name in columns if "angle" in name] == ["plate.center angle (rad)"]
+    assert "load.center vx (m/s)" in columns
+    found = swung.to_dataset()
+    assert "angle_plate" in found
+    assert "velocity_load" in found
+    assert "angle_load" not in found
+
+
 @pytest.mark.parametrize("read", ["position", "velocity", "angle", "spin", "section_force"])
 @pytest.mark.parametrize(
     ("body", "places"),

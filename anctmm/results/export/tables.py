@@ -51,7 +51,7 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     -------
     pandas.DataFrame
         Index "t (s)", of a static solution "load factor". Velocities and angles are left out where the solver keeps
-        none; at the end stand the energies, J.
+        none, and angles of point masses, which have none; at the end stand the energies, J.
 
     Raises
     ------
