@@ -7,7 +7,6 @@ from studies.convergence.joint_forces import at_joints
 from studies.engine.accuracy.digits import Value, values_of
 from studies.engine.accuracy.refinement import Refined
 from studies.engine.answers import Answer
-from studies.engine.running.trial import mesh_label
 
 
 def answers(found: Iterable[Refined]) -> tuple[Answer, ...]:
@@ -32,7 +31,8 @@ def _digits(found: Refined, value: Value) -> Answer:
     parts += [f"step {found.step.error:.1g}"] if found.levels.refines_step else []
     trial = found.trial
     step = "at rest" if found.levels.case.static else f"{trial.integrator}, Δt = {1e3 * trial.dt:.3g} ms"
-    run = f"{trial.solver}, {mesh_label(trial.mesh)} {trial.element} elements, {step}"
+    beams = f", {trial.cut} {trial.element} elements" if trial.scene.beams else ""
+    run = f"{trial.solver}{beams}, {step}"
     known = f"{_held(value)}{value.probe}, {value.quantity}. By {run}: "
     error = f"estimated error {found.error:.1g} ({', '.join(parts)})"
     short = "" if found.reached else f"; above the target {found.target:g}, as {found.reason}"

@@ -19,7 +19,6 @@ from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.accuracy.richardson import Part
 from studies.engine.pictures import Film, Picture
 from studies.engine.runner import Runner
-from studies.engine.running.trial import mesh_label
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
@@ -167,7 +166,7 @@ def _levels(
         solution, trial, part = levels.solution(i, j), levels.trial(i, j), part_of(i, j)
         error = rest if (i, j) == runs[-1] else rest + levels.difference(solution, finest.solution)
         yield {
-            **_about(finest), "elements": mesh_label(trial.mesh), "dofs": solution.dofs, "dt": trial.dt,
+            **_about(finest), "elements": trial.cut, "dofs": solution.dofs, "dt": trial.dt,
             "error": error if isfinite(error) else nan, "order": part.order, "status": str(solution.status),
         }  # fmt: skip
 

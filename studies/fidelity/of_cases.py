@@ -71,21 +71,30 @@ class Studied:
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study of cases.
+    """Run the study of the cases that have beams; a finding names the others.
 
     Raises
     ------
     StudyError
-        If a case has no beam.
+        If no case has a beam.
     """
-    cases = options.cases or ()
-    for case in cases:
-        if not case.scene.beams:
-            raise StudyError(f"case {case.name!r} has no beam; at least one is needed to choose its element")
+    given = options.cases or ()
+    cases = [case for case in given if case.scene.beams]
+    if not cases:
+        names = ", ".join(repr(case.name) for case in given)
+        raise StudyError(
+            f"{'case' if len(given) == 1 else 'cases'} {names} {'has' if len(given) == 1 else 'have'} no beam; at "
+            f"least one is needed to choose its element"
+        )
+    left_out = (
+        f"{case.name}: left out, as it has no beam to choose an element for."
+        for case in given
+        if not case.scene.beams
+    )
     studied = [_Study(case, options, runner).studied() for case in cases]
     frame = pd.concat([s.frame for s in studied], ignore_index=True)
     cheapest = pd.DataFrame([line for s in studied for line in cheapest_lines(s)]).infer_objects()
-    findings = tuple(text for s in studied for text in _findings(s, cheapest))
+    findings = (*(text for s in studied for text in _findings(s, cheapest)), *left_out)
     times: Any = frame.drop(columns=["model", "stable_dt", "gain"]).to_dict("records")
     tables = (
         Table("cheapest", "The cheapest model under a target error", cheapest, _cheapest_notes()),

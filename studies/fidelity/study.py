@@ -17,7 +17,7 @@ def run(options: Options, runner: Runner) -> Result:
     Raises
     ------
     StudyError
-        If meshes, steps or solvers are asked for, which are its own, or a case has no beam.
+        If meshes, steps or solvers are asked for, which are its own, or no case has a beam.
     """
     check_taken(options, "fidelity")
     if options.cases is None:

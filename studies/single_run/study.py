@@ -15,7 +15,7 @@ from studies.engine.accuracy.digits import Value, values_of, values_table
 from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
-from studies.engine.running.trial import Mesh, mesh_label
+from studies.engine.running.trial import Mesh
 from studies.engine.storage.files import atomic_write, check_writable
 from studies.engine.tables import write_machine, write_table
 
@@ -75,7 +75,7 @@ class SingleRun:
         """Mesh and step in words."""
         trial, case = self.found.trial, self.case
         step = "static equilibrium" if case.static else f"{trial.integrator}, Δt = {trial.dt:.4g} s"
-        beams = f", {mesh_label(trial.mesh)} {trial.element} elements" if case.scene.beams else ""
+        beams = f", {trial.cut} {trial.element} elements" if case.scene.beams else ""
         return f"{trial.solver}{beams}, {step}"
 
     @property

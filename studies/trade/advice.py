@@ -6,6 +6,7 @@ from typing import Any
 import pandas as pd
 
 from studies.engine.measuring.clock import records
+from studies.engine.running.trial import NO_BEAMS
 from studies.engine.tables import Table, times
 from studies.trade.choice import CONTROLLED, stepping
 
@@ -50,10 +51,10 @@ def _rows(best: pd.DataFrame, rivals: pd.DataFrame) -> list[dict[str, Any]]:
     for line in records(best):
         rule = "" if line["quadrature"] in ("full", "-") else f", {line['quadrature']}"
         step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"{1e3 * line['dt']:.3g} ms"
-        kind = _stepping(line)
+        kind, no_beams = _stepping(line), line["elements"] == NO_BEAMS
         rows.append({
             "scene": line["scene"], "target_error": line["target_error"], "solver": line["solver"],
-            "element": line["element"] + rule, "elements": line["elements"],
+            "element": NO_BEAMS if no_beams else line["element"] + rule, "elements": line["elements"],
             "step": f"{kind.removesuffix(CONTROLLED)}, {step}",
             "error": _rounded(line["error"]), "cpu_ms": _rounded(1e3 * line["cpu_s"]),
             "why": _why(line, kind, rivals) if line["status"] == "ok" else line["status"],

@@ -7,6 +7,7 @@ import pandas as pd
 
 from studies.engine.accuracy.dynamics import AS_GIVEN
 from studies.engine.choices import NONE
+from studies.engine.running.trial import NO_BEAMS
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
@@ -52,7 +53,10 @@ def setting_of(line: Mapping[Any, Any]) -> str:
     kind = STEPPING.get(line["integrator"], line["integrator"])
     own = "" if (said := own_of(line)) == NONE else f", {said}"
     free = ", clamps free the stretch" if stretch_of(line) == "free" else ""
-    return f"{line['solver']}, {kind}, {line['elements']} {line['element']} elements{rule}{free}, {step}{own}"
+    beams = (
+        "" if line["elements"] == NO_BEAMS else f", {line['elements']} {line['element']} elements{rule}{free}"
+    )
+    return f"{line['solver']}, {kind}{beams}, {step}{own}"
 
 
 def own_of(line: Mapping[Any, Any]) -> str:

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
+from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
 from studies.engine.tables import text
 from studies.report.error_pictures import ELEMENT_TITLES, RULE_COLOURS, SHORT
@@ -107,8 +108,9 @@ def _styled(sound: pd.DataFrame) -> pd.DataFrame:
 def _tip(line: Mapping[Any, Any], rule: str) -> str:
     step = f"Δt {text(line['dt'])} s" if line["dt"] == line["dt"] else f"tolerance {text(line['tolerance'])}"
     element = " ".join(p for p in (str(line["element"]), rule) if p)
+    beams = "" if line["elements"] == NO_BEAMS else f", {line['elements']} {element}"
     return (
-        f"{line['solver']}, {SHORT.get(str(line['integrator']))}, {line['elements']} {element}, {step}: "
+        f"{line['solver']}, {SHORT.get(str(line['integrator']))}{beams}, {step}: "
         f"error {line['error']:.2g} (from {line['error_from']}), {1e3 * float(str(line['cpu_s'])):.3g} ms"
     )
 

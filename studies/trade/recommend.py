@@ -18,7 +18,7 @@ from anctmm.results.metrics import history_error, rounding_at
 from studies.engine.accuracy.dynamics import continuum_of, with_stretch
 from studies.engine.choices import read as read_own
 from studies.engine.measuring.timing import least, undisturbed
-from studies.engine.running.trial import Trial, mesh_label
+from studies.engine.running.trial import NO_BEAMS, Trial, mesh_label
 from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.engine.tables import milliseconds
@@ -103,7 +103,7 @@ def read(folder: Path) -> Measured:
         if path.exists() and not path.is_file():
             raise RecommendError(f"table {path} is no file; `anctmm study trade` writes it")
         try:
-            frames[name] = pd.read_csv(path)
+            frames[name] = pd.read_csv(path, dtype={"elements": str})
         except (OSError, ValueError, OverflowError) as error:
             raise RecommendError(
                 f"table {path} cannot be read ({error}); `anctmm study trade` writes it"
@@ -312,12 +312,12 @@ class Origin:
 def case_of(line: Mapping[Any, Any], base: Case) -> Trial:
     """The run of a row of the points."""
     options = tuple((k, float(line[k])) for k in ("tolerance", "newton_tolerance") if line[k] > 0)
-    dt = float(line["dt"])
+    dt, elements = float(line["dt"]), "1" if line["elements"] == NO_BEAMS else str(line["elements"])
     # a table keeps nine digits; a run of a million steps needs them all
     step = base.interval / round(base.interval / dt) if dt > 0 else dt
     return Trial(
         with_stretch(base.scene, stretch_of(line)), str(line["solver"]),
-        tuple(int(n) for n in str(line["elements"]).split("/")),
+        tuple(int(n) for n in elements.split("/")),
         element=str(line["family"]), quadrature="full" if line["quadrature"] == "-" else str(line["quadrature"]),
         integrator=str(line["integrator"]), dt=step, t_end=base.duration, output_dt=base.interval, options=options,
         own=read_own(own_of(line)),

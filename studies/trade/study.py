@@ -81,14 +81,17 @@ def trials(options: Options) -> list[Trial]:
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study: of cases, or else of the two moving base scenes.
+    """Run the study: of the cases that move, a finding names the others; or else of the two moving base scenes.
 
     Raises
     ------
     StudyError
-        If a case is static, or a mesh asked for fits no scene.
+        If all cases are static, or a mesh asked for fits no scene.
     """
     check_taken(options, "trade")
+    resting = [case for case in options.cases or () if case.static]
+    if len(resting) < len(options.cases or ()):
+        options = replace(options, cases=tuple(c for c in options.cases or () if not c.static))
     every = _ladders(options, runner)
     _check_meshes(every, options)
     runner.prepare(trials(options))
@@ -102,7 +105,10 @@ def run(options: Options, runner: Runner) -> Result:
         title="Which setting for which error",
         question="Solver, element, quadrature, integrator, mesh and step: what does an error cost, and where does it "
         "come from?",
-        findings=(*findings(points, best, rivals, known), *(text for t in traded for text in t.said)),
+        findings=(
+            *findings(points, best, rivals, known), *(text for t in traded for text in t.said),
+            *map(_left_out, resting),
+        ),
         assumptions=tuple(dict.fromkeys(a for t in traded for a in assumptions_of(t.base))),
         tables=(
             advice(best.frame, rivals.frame), best, rivals,
@@ -115,6 +121,11 @@ def run(options: Options, runner: Runner) -> Result:
         answers=tuple(answers(best.frame, rivals.frame)) if len(best.frame) else (),
         left_out=_not_tried(every, options),
     )  # fmt: skip
+
+
+def _left_out(case: Case) -> str:
+    """That a case is none of those studied, and why."""
+    return f"{case.name}: left out, as it is a static equilibrium, which has no step to trade error for time."
 
 
 def _not_tried(every: Sequence[Ladder], options: Options) -> str:

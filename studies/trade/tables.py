@@ -18,7 +18,7 @@ from studies.engine.answers import Answer
 from studies.engine.measuring.clock import records
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.running.outcomes import Reference
-from studies.engine.running.trial import mesh_label
+from studies.engine.running.trial import NO_BEAMS, mesh_label
 from studies.engine.tables import BUILD, Table, failed, milliseconds, times
 from studies.trade import step_orders
 from studies.trade.choice import KIND, STEPPING, nearest, reaching, setting_of, stepping
@@ -207,11 +207,11 @@ def _found_with(reference: Reference) -> dict[str, Any]:
         return {"with": "-", "integrator": "-", "elements": "-", "dt": nan}
     meshes = solution.run.of(solution.scene).values()
     free = any(feature == "free-stretch" for feature, _ in needs(solution.scene))
-    kinds = "/".join(dict.fromkeys(kind for _, kind in meshes))
+    kinds = "/".join(dict.fromkeys(kind for _, kind in meshes)) or NO_BEAMS
     return {
         "with": f"{kinds}, stretch free" if free else kinds,
         "integrator": solution.run.integrator,
-        "elements": mesh_label(tuple(n for n, _ in meshes)),
+        "elements": mesh_label(tuple(n for n, _ in meshes)) or NO_BEAMS,
         "dt": solution.run.dt,
     }
 

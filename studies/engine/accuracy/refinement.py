@@ -23,7 +23,7 @@ from studies.engine.accuracy.richardson import Part, Spacing, part_of
 from studies.engine.measuring.setting import stable_step
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
-from studies.engine.running.trial import STATIC, Mesh, Trial, mesh_label
+from studies.engine.running.trial import STATIC, Mesh, Trial
 
 #: Of the longest beam on the coarsest mesh: of elements of fourth order, and of others.
 COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
@@ -351,7 +351,8 @@ class Refined:
         """The run in words."""
         trial = self.trial
         step = "" if self.levels.case.static else f" dt={trial.dt:.4g}"
-        return f"{trial.solver} {trial.integrator} {mesh_label(trial.mesh)}{step}"
+        mesh = f" {trial.cut}" if trial.scene.beams else ""
+        return f"{trial.solver} {trial.integrator}{mesh}{step}"
 
     @property
     def reference(self) -> Reference:

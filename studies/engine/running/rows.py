@@ -10,7 +10,7 @@ from anctmm.errors import AnctmmError
 from anctmm.solvers import registry
 from studies.engine.measuring.timing import summarise
 from studies.engine.running.outcomes import Outcome, Reference
-from studies.engine.running.trial import STATIC, Trial, mesh_label
+from studies.engine.running.trial import STATIC, Trial
 
 #: Of a run's row.
 COLUMNS = (
@@ -44,7 +44,7 @@ def row(outcome: Outcome, reference: Reference) -> dict[str, Any]:
         "element": element_of(case.solver, case.element),
         "quadrature": _quadrature_shown(case),
         "integrator": case.integrator,
-        "elements": mesh_label(case.mesh),
+        "elements": case.cut,
         "dofs": solution.dofs,
         "dt": case.dt,
         "t_end": case.t_end if case.integrator != STATIC else float("nan"),
@@ -77,7 +77,7 @@ def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
     case = outcome.case
     names = ("solver", "element", "quadrature", "integrator")
     about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
-    about |= {"elements": mesh_label(case.mesh), "dt": case.dt}
+    about |= {"elements": case.cut, "dt": case.dt}
     times = ("cpu_s", "build_s", "wall_s")
     return [
         {

@@ -15,6 +15,8 @@ from anctmm.solvers.registry import Solver, static_of
 from studies.engine.measuring.timing import undisturbed
 
 STATIC = "static"
+#: What tables say of the elements of a scene without beams.
+NO_BEAMS = "-"
 Mesh = tuple[int, ...]
 
 
@@ -51,6 +53,11 @@ class Trial:
     output_dt: float = 0.0
     options: tuple[tuple[str, Any], ...] = ()
     own: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def cut(self) -> str:
+        """Elements of each beam as tables tell them, 2/8/2; "-" without beams."""
+        return mesh_label(self.mesh) if self.scene.beams else NO_BEAMS
 
     @property
     def by_body(self) -> int | dict[str, int]:
@@ -152,8 +159,8 @@ def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solutio
 def label_of(case: Trial) -> str:
     """A run in a few words, for whoever waits for it."""
     kinds = [case.element] if isinstance(case.element, str) else list(case.element.values())
-    mesh = f"{mesh_label(case.mesh)} {'/'.join(kinds)}"
-    return f"{case.scene.name} · {case.solver} {mesh} {case.integrator}"
+    mesh = f" {case.cut} {'/'.join(kinds)}" if case.scene.beams else ""
+    return f"{case.scene.name} · {case.solver}{mesh} {case.integrator}"
 
 
 def mesh_label(mesh: Mesh) -> str:

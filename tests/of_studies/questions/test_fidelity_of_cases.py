@@ -1,6 +1,7 @@
 """The study of fidelity on scenes of a user's: which beam may be a cable or rigid, and how sure that is."""
 
 import re
+from dataclasses import replace
 from math import pi
 
 import numpy as np
@@ -184,7 +185,24 @@ def test_what_is_wrong_is_named(arguments, words):
     assert (done.exit_code, words in " ".join(done.output.split())) == (2, True), done.output
 
 
-def test_a_scene_without_beams_is_refused():
-    ball = at.Scene("ball", [at.PointMass("ball", mass=1.0, position=(0, 0))], [], gravity=(0, -9.81))
-    with pytest.raises(StudyError, match="has no beam"):
-        study(at.Case(ball, ["ball.center"], t_end=0.1))
+BALL = at.Case(
+    at.Scene("ball", [at.PointMass("ball", mass=1.0, position=(0, 0))], [], gravity=(0, -9.81)),
+    ["ball.center"],
+    t_end=0.1,
+)
+
+
+def test_cases_without_beams_alone_are_refused():
+    with pytest.raises(StudyError, match="case 'ball' has no beam"):
+        study(BALL)
+    with pytest.raises(StudyError, match="cases 'ball', 'other' have no beam"):
+        study(BALL, replace(BALL, scene=replace(BALL.scene, name="other")))
+
+
+def test_a_case_without_beams_is_left_out_by_name_and_the_others_are_studied():
+    bar = at.Beam("bar", (0, 0), (0.3, 0), at.Rectangle(0.02, 0.02), RUBBER)
+    scene = at.Scene("bar", [bar], [at.Clamp("bar.start")], gravity=(0.0, -1.0))
+    result = study(BALL, at.Case(scene, ["bar.end"], t_end=None), error=0.1)
+    assert result.name == "fidelity-bar"
+    assert set(result.table("choices").frame["scene"]) == {"bar"}
+    assert result.findings[-1].startswith("ball: left out")

@@ -1,9 +1,12 @@
 """The trade of error for time on scenes that nobody tuned for: references, recommendations, and what cannot run."""
 
 import re
+from dataclasses import replace
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, SLIDER_CRANK, THROWN_CHAIN
@@ -15,6 +18,7 @@ from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError, find
 from studies.report.folder import write
 from studies.trade import recommend
+from studies.trade.choice import setting_of
 from studies.trade.own_ladder import SHARE, worth_trying
 
 ERROR = 1e-2
@@ -92,7 +96,7 @@ def test_recommend_takes_a_file(tmp_path, monkeypatch):
 
 
 def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_path):
-    """Nothing vibrates: the largest stable step is infinite, and no step was left; elements do not matter."""
+    """Nothing vibrates: the largest stable step is infinite, and no step was left; no text tells of elements."""
     points = {"o": (0.0, 0.0), "e": (0.5, 0.0)}
     upper = at.RigidBody("upper", mass=1.0, inertia=0.02, center=(0.25, 0.0), points=points)
     lower = at.RigidBody("lower", mass=0.5, inertia=0.01, center=(0.7, 0.0), points={"o": (0.5, 0.0)})
@@ -101,10 +105,18 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
     )
     case = at.Case(scene, ["lower.center", "upper.o"], t_end=0.3, output_dt=0.02)  # the second rests
     runner = Runner(tmp_path, repeats=1, heading="trade, ")
-    result = find("trade")(Options(quick=True, error=ERROR, cases=(case,)), runner)
+    rest = at.Case(replace(scene, name="at-rest"), ["lower.center"], t_end=None)
+    result = find("trade")(Options(quick=True, error=ERROR, cases=(case, rest)), runner)
     assert runner.heading == "trade, "
+    assert result.name == "trade-double"
+    assert [text for text in result.findings if "at-rest" in text] == [result.findings[-1]]
+    assert "static equilibrium" in result.findings[-1]
     points = result.table("points").frame
     assert set(points["element"]) == {"cable"}
+    assert set(points["elements"]) == {"-"}
+    texts = [setting_of(line) for line in points.to_dict("records")]
+    texts += [*result.findings, *map(str, result.answers), *points["reference"], *advised(result)]
+    assert not [text for text in texts if re.search("elements|(?<!exudyn-)cable", text)]
     explicit = points[points["integrator"] == "zhai"]
     assert len(explicit) > 1
     assert (explicit["status"] == "ok").all()
@@ -119,6 +131,26 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
     assert at.compare(again, fine, case.probes).error < ERROR
     convergence = find("convergence")(Options(error=ERROR, cases=(case,)), runner)
     assert set(convergence.table("step").frame["element"]) == {"cable"}
+
+
+def advised(result):
+    return result.table("advice").frame[["element", "elements"]].to_numpy(str).ravel()
+
+
+def test_meshes_of_one_number_are_found_in_a_table_again(tmp_path):
+    """As a table without 2/8/2 they were read as numbers, none of which was what --elements asks for."""
+    frames = {
+        name: pd.DataFrame({column: ["s"] for column in columns})
+        for name, columns in recommend.NEEDED.items()
+    }
+    frames["points"]["elements"] = [8]
+    for name, frame in frames.items():
+        frame.to_csv(tmp_path / f"{name}.csv", index=False)
+    (tmp_path / "SHA256SUMS").write_text(
+        "".join(f"{sha256((tmp_path / f'{n}.csv').read_bytes()).hexdigest()}  {n}.csv\n" for n in frames)
+    )
+    points = recommend.read(tmp_path).points
+    assert len(recommend.narrowed(points, "s", Options(meshes=((8,),)), None)) == 1
 
 
 def test_a_static_case_has_no_trade():
