@@ -77,7 +77,9 @@ class Discretisation:
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).
     spectral_radius : float
-        ρ∞ of generalized-α, in [0, 1].
+        ρ∞ of generalized-α, in [0, 1]. Parameters of other methods than the one named are checked and kept, and
+        nothing is done with them, so that `dataclasses.replace(run, integrator="zhai")` chooses another method and
+        back; a method given whole, such as `Esdirk()`, names its own.
     newton_tolerance : float
         Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute. With a
         `tolerance` what a step may be wrong by bounds it, and this one, where it is given, if it is smaller.
