@@ -58,17 +58,17 @@ SLOW = {
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
-#: took most of their time. Their tests marked `compiled` are left out; `jit/test_interpreting.py` holds that both give
-#: the same.
+#: took most of their time. Their tests marked `compiled` are left out, and of other modules those marked `interpreted`
+#: are run so, too; `jit/test_interpreting.py` holds that both give the same.
 INTERPRETED = {
-    "discretise": ["kept_chains", "rigid_loops", "structure"],
+    "discretise": ["rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["balanced", "esdirk"],
+    "integrators": ["balanced", "esdirk", "implicit_run"],
     "model": ["inputs", "mechanisms", "scene"],
-    "modes": ["growth", "modes_of_motions"],
-    "of_reference": ["acting_against_dae"],
-    "recursion": ["constrained", "low_rank", "tip_mass"],
-    "results": ["constraint_check", "drive_check", "drive_turns", "internal_forces", "pictures"],
+    "modes": ["growth"],
+    "of_reference": ["acting_against_dae", "random_scenes"],
+    "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
+    "results": ["constraint_check", "drive_check", "drive_turns", "pictures"],
     "statics": ["held", "static_start"],
     "step_control": ["stage_control", "step_choice"],
 }  # fmt: skip
@@ -76,8 +76,9 @@ INTERPRETED = {
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
-    "random_scenes", "interpreting", "acting", "histories", "gallery", "kept_motions", "implicit", "transfer",
-    "growth", "inputs", "explicit", "failures", "exact", "second_process", "ahead",
+    "implicit", "esdirk", "stage_control", "second_process", "agreement", "exact_mechanisms", "adaptive", "growth",
+    "dae_mechanisms", "transfer", "kept_motions", "inputs", "laws", "explicit", "pictures", "histories", "gallery",
+    "exact", "failures", "ahead",
 )  # fmt: skip
 
 
@@ -89,11 +90,9 @@ def listed(item, table):
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
     """Run kernels by Python where that takes less time."""
-    with (
-        interpreted()
-        if listed(item, INTERPRETED) and not item.get_closest_marker("compiled")
-        else nullcontext()
-    ):
+    by_python = "compiled" if listed(item, INTERPRETED) else "interpreted"
+    marked = item.get_closest_marker(by_python) is not None
+    with interpreted() if marked == (by_python == "interpreted") else nullcontext():
         return (yield)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from marks import interpreted_where
 from samples import SOFT, SQUARE, beam
 
 import anctmm as at
@@ -34,6 +35,8 @@ SCENES = {
         gravity=(0.0, -1.0),
     ),
 }  # fmt: skip
+#: No other scene of the suite or of `anctmm check` needs the kernels of this loop.
+every_scene = pytest.mark.parametrize("name", interpreted_where(lambda name: name == "loop", SCENES))
 RUNS = {
     "zhai": at.Discretisation(mesh=2, integrator="zhai", dt=1e-4, t_end=2e-3),
     "shear": at.Discretisation(mesh=2, element="shear", dt=1e-3, t_end=2e-2),
@@ -58,7 +61,7 @@ def numbers(solution):
     )
 
 
-@pytest.mark.parametrize("name", SCENES)
+@every_scene
 @pytest.mark.parametrize("run", RUNS)
 def test_a_second_run_is_the_first_one_again(name, run):
     first = at.solve(SCENES[name], RUNS[run])
@@ -75,7 +78,7 @@ def test_a_second_run_is_the_first_one_again(name, run):
     assert numbers(at.solve(SCENES[name], RUNS[run])) == said
 
 
-@pytest.mark.parametrize("name", SCENES)
+@every_scene
 @pytest.mark.parametrize("run", RUNS)
 def test_a_scene_after_another_of_its_structure_gives_what_it_gives_alone(name, run):
     scene = SCENES[name]
@@ -88,7 +91,7 @@ def test_a_scene_after_another_of_its_structure_gives_what_it_gives_alone(name, 
     assert numbers(at.solve(other, RUNS[run])) == after
 
 
-@pytest.mark.parametrize("name", SCENES)
+@every_scene
 @pytest.mark.parametrize(
     ("run", "system"), [("zhai", zhai._system), ("generalized-alpha", implicit_system.new_system)]
 )

@@ -5,4 +5,13 @@ import pytest
 
 def exhaustive_where(long, cases):
     """Cases of `parametrize`, those marked exhaustive of which a function says so."""
-    return [pytest.param(case, marks=pytest.mark.exhaustive) if long(case) else case for case in cases]
+    return _marked(pytest.mark.exhaustive, long, cases)
+
+
+def interpreted_where(rare, cases):
+    """Cases of `parametrize`, those marked interpreted of which a function says so."""
+    return _marked(pytest.mark.interpreted, rare, cases)
+
+
+def _marked(mark, chosen, cases):
+    return [pytest.param(case, marks=mark) if chosen(case) else case for case in cases]

@@ -611,7 +611,10 @@ DUBIOUS = {
 
 
 @pytest.mark.parametrize("what", DUBIOUS)
-@pytest.mark.parametrize("road", [*ROADS, "statics", "statics, global-dae", "statics, exudyn"])
+@pytest.mark.parametrize(
+    "road",
+    [*ROADS, pytest.param("statics", marks=pytest.mark.compiled), "statics, global-dae", "statics, exudyn"],
+)
 def test_dubious_scenes_run_or_say_why_not(what, road):
     static = {
         "statics": at.solve_static,

@@ -155,10 +155,16 @@ def test_the_reference_keeps_all_constraints():
 
 @pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
 def test_energy_balance_closes_with_the_square_of_the_step(integrator):
-    dt = {"zhai": 4e-5, "generalized-alpha": 1e-3}[integrator]
+    dt = {"zhai": 5e-5, "generalized-alpha": 1e-3}[integrator]
     runs = [
         global_dae.solve(
-            everything(), mesh=1, integrator=integrator, spectral_radius=1.0, dt=h, t_end=0.04, output_dt=0.01
+            everything(),
+            mesh=1,
+            integrator=integrator,
+            spectral_radius=1.0,
+            dt=h,
+            t_end=0.02,
+            output_dt=0.005,
         )
         for h in (dt, dt / 2)
     ]
@@ -179,8 +185,8 @@ def test_explicit_and_implicit_steps_tend_to_one_motion():
         "two.end",
         ("one", 0.4),
     ]
-    scene, span = everything(), {"t_end": 0.06, "output_dt": 0.01}
-    fine = global_dae.solve(scene, mesh=1, integrator="zhai", dt=4e-5, **span)
+    scene, span = everything(), {"t_end": 0.03, "output_dt": 0.01}
+    fine = global_dae.solve(scene, mesh=1, integrator="zhai", dt=5e-5, **span)
     far, near = (global_dae.solve(scene, mesh=1, spectral_radius=1.0, dt=h, **span) for h in (1e-3, 5e-4))
     errors = [at.compare(s, fine, probes).error for s in (far, near)]
     assert errors[1] < 2e-4
@@ -213,7 +219,7 @@ def parallelogram(cranks):
 
 @pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
 def test_a_third_crank_may_hold_what_two_hold_already(integrator):
-    run = {"mesh": 1, "integrator": integrator, "dt": 2e-3, "t_end": 2.0, "output_dt": 0.1}
+    run = {"mesh": 1, "integrator": integrator, "dt": 2e-3, "t_end": 1.0, "output_dt": 0.1}
     three = global_dae.solve(parallelogram(3), **run)
     assert three.status.ok, three.status
     reference = global_dae.solve(_with_mass_of_three(), **run)

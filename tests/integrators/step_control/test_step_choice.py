@@ -8,6 +8,7 @@ from studies.engine.other_numbers import Change
 from studies.regression import small_scenes
 
 
+@pytest.mark.compiled
 @pytest.mark.parametrize(
     ("make", "t_end", "bounds"),
     [
@@ -36,6 +37,7 @@ def test_where_newtons_iteration_stops_does_not_choose_the_steps(make, t_end, bo
     )
 
 
+@pytest.mark.compiled
 def test_a_turned_scene_takes_the_same_steps():
     """What a force does beside its straight line was taken by components, which depend on the axes."""
     scene = small_scenes.pulse()
