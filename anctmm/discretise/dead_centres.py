@@ -87,22 +87,24 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
     rows = {row: k for k, row in enumerate(dict.fromkeys(term.row for term in terms))}
     unknowns = sorted({k for term in terms for k in (term.one, term.two) if k != ONE})
     number = {k: i for i, k in enumerate(unknowns)}
-    J, curved = np.zeros((len(rows), len(number))), np.zeros((len(rows), len(number), len(number)))
+    J = np.zeros((len(rows), len(number)))
     for term in terms:
-        row = rows[term.row]
         for one, two in ((term.one, term.two), (term.two, term.one)):
             if one != ONE:
-                J[row, number[one]] += term.factor * scale[one] * (1.0 if two == ONE else x[two])
-        if ONE not in (term.one, term.two):
-            i, j, size = number[term.one], number[term.two], term.factor * scale[term.one] * scale[term.two]
-            curved[row, i, j] += size
-            curved[row, j, i] += size
+                value = 1.0 if two == ONE else x[two]
+                J[rows[term.row], number[one]] += term.factor * scale[one] * value
     left, sizes, right = np.linalg.svd(J)
     rank = int((sizes > NONE * sizes[0]).sum())
     motions = right[rank:].T
+    if rank == len(rows) or not motions.size:  # no equations that depend on each other, or nothing that moves
+        return np.empty(0, dtype=np.int64)
+    curved = [term for term in terms if ONE not in (term.one, term.two)]
+    row, i, j = (
+        np.array([(rows[c.row], number[c.one], number[c.two]) for c in curved], np.int64).reshape(-1, 3).T
+    )
+    size = np.array([c.factor * scale[c.one] * scale[c.two] for c in curved])
     for stress in left[:, rank:].T:
-        parting = motions.T @ np.tensordot(stress, curved, 1) @ motions
-        if parting.size and np.abs(parting).max() > PARTING:
-            strained = (np.abs(stress) @ np.abs(J)) > PARTING
-            return np.array(unknowns)[strained]
+        half = motions[i].T @ ((stress[row] * size)[:, None] * motions[j])
+        if np.abs(half + half.T).max() > PARTING:
+            return np.array(unknowns)[(np.abs(stress) @ np.abs(J)) > PARTING]
     return np.empty(0, dtype=np.int64)
