@@ -44,7 +44,7 @@ SLOW = {
     "elements": ["kinds", "quintic"],
     "engine": ["processes"],
     "forces": ["acting", "histories", "laws"],
-    "integrators": ["esdirk", "implicit", "implicit_run"],
+    "integrators": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
     "jit": ["announcing", "kernel_files", "one_compiler", "second_process"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
@@ -63,7 +63,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["balanced", "esdirk", "implicit_run"],
+    "integrators": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth"],
     "of_reference": ["acting_against_dae", "random_scenes"],

@@ -1,6 +1,6 @@
 """What ANC-TMM cannot do, by feature of `anctmm.model.needs.MECHANISMS`: it refuses scenes that need it."""
 
-from anctmm.model.needs import MECHANISMS, WITH
+from anctmm.model.needs import MECHANISMS
 
 #: What it does.
 DONE = {
@@ -22,6 +22,4 @@ DONE = {
     "free-stretch",
     "free-welds",
 }
-#: What brings constraints that are driven or not linear: the method of fourth order would be one of second there.
-CONSTRAINED = ("rigid-bodies", "driven-guides", "moving-guides", "driven-welds", "free-welds")
-LACKING = frozenset(MECHANISMS) - DONE | {WITH.join(("esdirk", feature)) for feature in CONSTRAINED}
+LACKING = frozenset(MECHANISMS) - DONE

@@ -91,13 +91,14 @@ class GeneralizedAlpha:
     def of_step(self, h: float) -> "Coefficients":
         """Coefficients of a step of h (s)."""
         am, af, b, g = self.alpha_m, self.alpha_f, self.beta, self.gamma
-        return Coefficients(h, am, af, b, g, (1 - am) / (b * h * h * (1 - af)), 1.0)
+        return Coefficients(h, am, af, b, g, (1 - am) / (b * h * h * (1 - af)), 1.0, 0.0)
 
 
 class Coefficients(NamedTuple):
     """Step h (s), αm, αf, β, γ, and what a correction x adds: to_w x to w, to_q x to q.
 
-    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case.
+    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case. Of constraints Newton's
+    iteration keeps the derivative in time of this `level`: 0, positions, or 2, accelerations.
     """
 
     h: float
@@ -107,10 +108,11 @@ class Coefficients(NamedTuple):
     gamma: float
     to_w: float
     to_q: float
+    level: float
 
 
 #: A step of no length: q and v stay as they are, and the accelerations w = a with M w = F are found.
-NO_STEP = Coefficients(h=0.0, alpha_m=0.0, alpha_f=0.0, beta=0.0, gamma=0.0, to_w=1.0, to_q=0.0)
+NO_STEP = Coefficients(h=0.0, alpha_m=0.0, alpha_f=0.0, beta=0.0, gamma=0.0, to_w=1.0, to_q=0.0, level=2.0)
 
 
 @dataclass(frozen=True)
@@ -129,7 +131,7 @@ class Esdirk:
     def of_step(self, h: float) -> "Coefficients":
         """Coefficients of each stage of a step of h (s): a step of γh by the implicit Euler method."""
         part = float(_DIAGONAL) * h
-        return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0)
+        return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0, 0.0)
 
 
 class Stages(NamedTuple):

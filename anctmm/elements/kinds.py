@@ -169,7 +169,7 @@ _QUINTIC = ElementKind(
 )  # fmt: skip
 _RIGID = ElementKind(
     "rigid", "rigid bodies", RigidElement, cable_kernel, ("r", "r_x"), "r_x",
-    rigid=True, optional=True, integrators=("zhai", "generalized-alpha"),
+    rigid=True, optional=True,
 )  # fmt: skip
 
 #: All kinds, by name.

@@ -87,6 +87,9 @@ from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 
+#: Share of the tolerance that the sum of the errors of the steps may take, with constraints between rigid bodies or
+#: guides: Andrews' squeezer amplifies errors of its steps 6 times.
+CONSTRAINED = 0.2
 #: Part of the error allowed in a step that Newton's iteration may leave.
 NEWTON_PART = 0.01
 #: Relative change of the step beyond which the iteration matrix is renewed.
@@ -150,7 +153,7 @@ def integrate(chain: Chain) -> Solution:
     def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
         return int(advance(budget, outputs, system, control, lag, out))
 
-    return run_controlled(chain, Scheme(take, 2, len(PLACES), drifts=True))
+    return run_controlled(chain, Scheme(take, 2, len(PLACES), CONSTRAINED))
 
 
 @kernel
@@ -350,7 +353,7 @@ def _refuse(solved, h, error, allowed, system, control, lag):  # type: ignore[no
 def _coefficients(h, method):  # type: ignore[no-untyped-def]
     """Coefficients of a step of h, as `GeneralizedAlpha.of_step` gives them."""
     am, af, b, g = method
-    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)), 1.0)
+    return Coefficients(h, am, af, b, g, (1.0 - am) / (b * h * h * (1.0 - af)), 1.0, 0.0)
 
 
 @inlined

@@ -15,8 +15,8 @@ The same quintic is the motion at the outputs: steps end where the error bounds 
 
 from anctmm.forces.actuation import place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
-from anctmm.forces.drive_frames import put_directions
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.stage_constraints import project
 from anctmm.integrators.step_error import filtered_error, largest_error
 from anctmm.jit.compiling import inlined
 
@@ -67,7 +67,7 @@ def motion_within(x, h, state, start, found):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def put_actions(t, row, system, frames, control, found):  # type: ignore[no-untyped-def]
+def put_actions(t, row, projected, system, control, found):  # type: ignore[no-untyped-def]
     """Put the motion of drives at t in `found`, and find energies of connectors; a row takes the values."""
     clamps, angles, values = system.clamps, control.angles[row], control.values[row]
     set_actions(control.actions.pieces, t, False, angles, values)
@@ -76,5 +76,5 @@ def put_actions(t, row, system, frames, control, found):  # type: ignore[no-unty
     for h in range(len(clamps.nodes)):
         for k in range(clamps.held[h]):
             found[2, k, clamps.nodes[h]] = clamps.motion[2, h, k]
-    put_directions(frames, angles, found[0], found[1], found[2])
+    project(projected, system, angles, found[0], found[1])
     add_connectors(system.loads.connectors, found[0], found[1], values, control.load)

@@ -66,8 +66,6 @@ FIRST, LOOSE, SMALLEST = 0.5, 1e-2, 1e-9
 #: Share of the tolerance that the sum of the errors of the steps may take. With it the largest error of 583 runs of 250
 #: scenes drawn at random was 2.2 times the one asked for at any time, by either method; 1 and 1.2 gave 8.
 SHARE = 0.7
-#: The same with constraints between rigid bodies or guides: Andrews' squeezer amplifies errors of its steps 6 times.
-CONSTRAINED = 0.2
 #: Changes of the step below which it stays: each costs a factorization.
 SHORTER, LONGER = 0.87, 1.15
 #: Part of the run over which the mean of the errors is taken, and steps at most: what is over, as a start that dies out
@@ -157,14 +155,16 @@ class Scheme(NamedTuple):
     """A method whose steps an error drives.
 
     take: (most steps, last output, system, control, output) → how it ended. order: of the error of a run in its steps.
-    places: at which a step sees what acts. drifts: whether accelerations along constraints do, which steps keep as
-    positions alone.
+    places: at which a step sees what acts. constrained: the `SHARE` of scenes with constraints between rigid bodies or
+    guides. look: (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep
+    positions.
     """
 
     take: Callable[[int, int, System, Control, Output], int]
     order: int
     places: int
-    drifts: bool = False
+    constrained: float
+    look: Callable[[Chain, System, float], None] | None = None
 
 
 class March(NamedTuple):
@@ -223,13 +223,13 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             break
         used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
         most = (used / np.maximum(done.moved, SMALL * done.moved.max())).max()
-        if done.error * most <= FOUND * _allowed(chain, system):
+        if done.error * most <= FOUND * _allowed(chain, scheme, system):
             break
         assumed, scale = done.moved, float(done.moved.max())
     record.stop()
-    status = Status() if done.whole else _stuck(chain, system, done.t)
-    if scheme.drifts:  # after the look at where it failed: it writes the state
-        settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
+    status = Status() if done.whole else _stuck(chain, scheme, system, done.t)
+    # after the look at where it failed: it writes the state
+    settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
     return so_far(done.kept, status)
 
 
@@ -258,9 +258,9 @@ def _acted(chain: Chain, guess: March) -> float:
     return min(max(found, AT_REST * chain.length), FAR * chain.length)
 
 
-def _allowed(chain: Chain, system: System) -> float:
+def _allowed(chain: Chain, scheme: Scheme, system: System) -> float:
     """Sum of local errors that is allowed."""
-    share = SHARE if rows_in(system.factors.loops) is None else CONSTRAINED
+    share = SHARE if rows_in(system.factors.loops) is None else scheme.constrained
     return share * float(chain.run.tolerance or 0.0)
 
 
@@ -339,7 +339,7 @@ def _march(
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = times[-1] if guess else first, 1.0
     control.progress[CAP] = np.inf
-    control = control._replace(allowed=np.inf if guess else _allowed(chain, system), times=times)
+    control = control._replace(allowed=np.inf if guess else _allowed(chain, scheme, system), times=times)
     system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     if newton.expected is not None:
         newton.expected[0] = 1.0
@@ -374,9 +374,11 @@ def _from_outputs(
     return start
 
 
-def _stuck(chain: Chain, system: System, t: float) -> Status:
+def _stuck(chain: Chain, scheme: Scheme, system: System, t: float) -> Status:
     """What is known of a run that ended early."""
     state, history = system.state, system.newton.history
+    if scheme.look is not None:
+        scheme.look(chain, system, t)
     if (found := locked(chain, state.q, rows_in(system.factors.loops), t)) is not None:
         return found
     if history.any():

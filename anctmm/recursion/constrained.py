@@ -201,21 +201,25 @@ def end_newton(loops):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def ask_correction(loops, moves, q, v, w):  # type: ignore[no-untyped-def]
-    """Ask the next solution for a correction of q or, unless it `moves`, of the accelerations w alone.
+def ask_correction(loops, c, q, v, w):  # type: ignore[no-untyped-def]
+    """Ask the next solution for a correction of what the step keeps of constraints; v is short of c.h w.
 
-    Returns the largest error of the constraints' positions.
+    Returns the largest error of the constraints' positions; 0 where the step keeps accelerations.
     """
     largest = 0.0
     if loops is not None:
         rows = loops.rows
         gather(rows, 0, q)
-        if moves:
+        if c.level == 0.0:
             largest = evaluate(rows, 0)
         else:
             gather(rows, 1, v)
             gather(rows, 2, w)
+            for n in range(len(rows.used)):
+                rows.x[1, rows.used[n]] += c.h * rows.x[2, rows.used[n]]
             evaluate(rows, 2)
+            for k in range(len(rows.value)):
+                rows.value[k] /= c.to_w
         push(rows, loops.load)
         ask(rows, loops.load)
     return largest

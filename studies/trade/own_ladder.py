@@ -12,7 +12,7 @@ from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
-from studies.trade.plan import EXPLICIT, HIGH, IMPLICIT, NEWTON, TARGETS, Ladder, lacks_of_high_order
+from studies.trade.plan import HIGH, NEWTON, TARGETS, Ladder
 
 #: Smallest target error where none is asked for; by whether the run is quick.
 SMALLEST = {False: 1e-5, True: 1e-3}
@@ -62,7 +62,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     _check_kinds(case, options)
     smallest = options.error or SMALLEST[options.quick]
     outer, runner.heading = runner.heading, f"{case.name}, reference: "
-    high = smallest < HIGH_BELOW and not lacks_of_high_order(case) and not _jointed_inside(case)
+    high = smallest < HIGH_BELOW and not _jointed_inside(case)
     found = {
         element: Refinement(case, Setup(element=element), runner).refined(
             SHARE * (HIGH_BELOW if high and element == "cable" else smallest)
@@ -104,11 +104,6 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
 
 def _check_kinds(case: Case, options: Options) -> None:
     """Refuse an element and an integrator that nothing will be run with, before any reference is refined."""
-    if options.integrator == HIGH and (lacks := lacks_of_high_order(case)):
-        raise StudyError(
-            f"--integrator is {HIGH!r}; case {case.name!r} has {', '.join(lacks)}, which steps of fourth order do not "
-            f"take: {IMPLICIT!r} or {EXPLICIT!r} is allowed"
-        )
     mesh = ((1,),)
     outline = Ladder(
         case, mesh, _of_high_order(case, mesh), mesh, (), (), {},

@@ -7,9 +7,7 @@ from math import ceil, isinf
 from anctmm.elements.kinds import QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.model.needs import MECHANISMS, needs
-from anctmm.solvers import registry
-from anctmm.solvers.capabilities import NEWTON_TOLERANCES, features_of
+from anctmm.solvers.capabilities import NEWTON_TOLERANCES
 from studies.engine.accuracy.dynamics import Fine, Plan, Scheme
 from studies.engine.choices import choices_of
 from studies.engine.measuring.setting import stable_step
@@ -133,9 +131,7 @@ class Ladder:
     def _high(
         self, element: str, quadrature: str, meshes: tuple[Mesh, ...], steps: tuple[float, ...]
     ) -> list[Scheme]:
-        """Steps of fourth order, where our solver has them for the scene."""
-        if lacks_of_high_order(self.base):
-            return []
+        """Our steps of fourth order."""
         steps = tuple(step for step in steps if step <= self.base.interval)
         return [
             Scheme(element, quadrature, HIGH, ("anctmm",), meshes, lambda mesh: steps, shared, own)
@@ -143,11 +139,10 @@ class Ladder:
         ]
 
     def _finest(self) -> list[Scheme]:
-        """What meets the smallest target errors, where our solver has steps of fourth order for the scene."""
-        steps = {} if lacks_of_high_order(self.base) else FINEST_STEPS
+        """What meets the smallest target errors."""
         return [
             replace(scheme, integrator=integrator, stretch="free")
-            for integrator, of in steps.items()
+            for integrator, of in FINEST_STEPS.items()
             for scheme in self._implicit("quintic", "full", self.finest, ("anctmm",), of)
         ]
 
@@ -156,13 +151,12 @@ class Ladder:
         integrators: tuple[str, ...] = (IMPLICIT, HIGH),
     ) -> list[Scheme]:  # fmt: skip
         """Steps that an error drives, by each method that also makes steps of one length with the element here."""
-        second = element == "shear" or lacks_of_high_order(self.base)
         return [
             Scheme(
                 element, quadrature, integrator, ("anctmm",), meshes, lambda mesh: (),
                 (("tolerance", tolerance), ("newton_tolerance", LOOSE)),
             )
-            for integrator in ((IMPLICIT,) if second else integrators)
+            for integrator in ((IMPLICIT,) if element == "shear" else integrators)
             for tolerance in tolerances
         ]  # fmt: skip
 
@@ -245,19 +239,6 @@ def _scheme(
     return Scheme(
         element, quadrature, integrator, solvers, meshes, lambda mesh: steps, (("newton_tolerance", newton),)
     )
-
-
-def lacks_of_high_order(case: Case) -> list[str]:
-    """What of a case our steps of fourth order do not take, in words."""
-    lacking = registry.offer_of(registry.load("anctmm")).lacking(
-        [*(feature for feature, _ in needs(case.scene)), HIGH]
-    )
-    return [
-        MECHANISMS.get(feature, feature)
-        for lack in lacking
-        for feature in features_of(lack)
-        if feature != HIGH
-    ]
 
 
 def ladders(quick: bool) -> list[Ladder]:

@@ -73,7 +73,8 @@ SCENES = {
     "linkage, quintic": (partial(linkage, 0.4), 1, "quintic"),
     "fan, quintic": (fan, 1, "quintic"),
 }
-every_scene = pytest.mark.parametrize("name", SCENES)
+#: Those whose steps are the method's, applied to independent coordinates.
+INDEPENDENT = [name for name in SCENES if name.partition(",")[0] not in ("freed", "fan")]
 
 
 def of_quintics(name):
@@ -179,9 +180,9 @@ def test_it_is_l_stable_and_hardly_damps_what_it_resolves():
 # --- motion ------------------------------------------------------------------------------------------------
 
 
-@every_scene
+@pytest.mark.parametrize("name", INDEPENDENT)
 def test_steps_are_those_of_the_method_written_out_densely(name):
-    """Newton's iteration, recursion, driven coordinates: to rounding, whatever the step."""
+    """Newton's iteration, recursion, known coordinates: to rounding, whatever the step."""
     make, mesh, element = SCENES[name]
     scene = make()
     run = Discretisation(
@@ -280,30 +281,7 @@ def test_energy_of_a_long_swing_stays():
 # --- what is refused, and how runs end ---------------------------------------------------------------------
 
 
-RIGID = at.RigidBody("plate", 1.0, 0.1, (1.0, 0.0), {"a": (0.6, 0.8)})
-REFUSED = {
-    "rigid-bodies": lambda s: at.Scene("s", [*s.bodies, RIGID], [*s.joints, at.Pin("bar.end", "plate.a")]),
-    "driven-guides": lambda s: at.Scene(
-        "s", s.bodies, [at.Slider("bar.end", (1.0, 0.0), position=lambda t: (0.1 * t * t, 0.2 * t, 0.2))]
-    ),
-    "free-welds": lambda s: at.Scene(
-        "s",
-        [*s.bodies, beam("last", (0.6, 0.8), (0.9, 0.8))],
-        [*s.joints, at.Weld("bar.end", "last.start", stretch="free")],
-    ),
-}
-
-
-@pytest.mark.parametrize("feature", REFUSED)
-def test_what_would_lose_the_order_is_refused_by_name(feature):
-    scene = REFUSED[feature](falling())
-    with pytest.raises(UnsupportedError, match="with esdirk"):
-        at.solve(scene, mesh=1, integrator="esdirk", dt=1e-3, t_end=1e-2)
-
-
-def test_rigid_elements_tolerances_and_what_the_other_road_lacks_are_refused_by_name():
-    with pytest.raises(at.errors.DiscretisationError, match="integrator 'esdirk' needs 'cable' or 'shear'"):
-        at.solve(falling(), mesh=1, element="rigid", integrator="esdirk", dt=1e-3, t_end=1e-2)
+def test_explicit_tolerances_and_what_the_other_road_lacks_are_refused_by_name():
     with pytest.raises(
         StepError, match="'zhai'; 'esdirk' or 'generalized-alpha' is needed: stability bounds"
     ):

@@ -156,9 +156,9 @@ SCENES = {
 )
 def test_what_a_second_process_is_given_is_what_the_steps_call(kind, name, integrator, module, monkeypatch):
     """Else it would work in vain, and in every process again."""
-    joints, loads = SCENES[name]
     if integrator == "esdirk" and name == "plate":
-        pytest.skip("esdirk takes no rigid bodies")
+        pytest.skip("what is asked for is that of generalized-alpha there, and its steps compile for long")
+    joints, loads = SCENES[name]
     bodies = [beam(), beam("b", (1.0, 0.0), (1.0, 1.0))]
     bodies += [beam("c", (1.0, 1.0), (0.0, 0.0))] if name == "triangle" else []
     plate = at.RigidBody("plate", mass=1.0, inertia=0.1, center=(1.0, 1.5), points={"corner": (1.0, 1.0)})

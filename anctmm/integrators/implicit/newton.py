@@ -106,7 +106,7 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
             _forget(expected)
         damp_at_end(damping, state, coefficients, tables, loads, load_values)
         add_connectors_at_end(loads.connectors, q, load_values, f)
-        off = ask_correction(factors.loops, coefficients.to_q != 0.0, q, v, w)
+        off = ask_correction(factors.loops, coefficients, q, v, w)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
         take_correction(factors.loops)
         size = _backward(q, w, coefficients, scale, factors, factors.loops, arrived)

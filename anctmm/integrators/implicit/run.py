@@ -55,6 +55,8 @@ class Steps:
         What `advance` calls beside Newton's iteration and the output, for compilation in a second process.
     again : callable, optional
         Finds accelerations of outputs anew, where the method lets those along constraints drift.
+    look : callable, optional
+        Sees whether constraints can be kept after a time of failure, s, where the method does not keep positions.
     """
 
     advance: Any
@@ -63,6 +65,7 @@ class Steps:
     failed_at: Callable[[int], float]
     parts: tuple[Task, ...] = ()
     again: Again | None = None
+    look: Callable[[float], None] | None = None
 
 
 def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
@@ -96,6 +99,8 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
     if failed >= 0:
         kept, taken = 1 + (failed - 1) // run.stride, failed
         when = steps.failed_at(failed)
+        if steps.look is not None:
+            steps.look(when)
         status = locked(chain, system.state.q, rows_in(system.factors.loops), when, failed) or stalled(
             chain, failed, system.state, newton, when
         )

@@ -7,7 +7,6 @@ import pytest
 from samples import acted_on, bar, linkage
 
 import anctmm as at
-from anctmm.errors import UnsupportedError
 from anctmm.model.drives import Quintic
 from studies import scenes
 
@@ -91,13 +90,6 @@ def test_a_history_saved_and_loaded_says_what_drove_its_steps(tmp_path):
     assert (again.run.integrator, again.run.tolerance) == ("esdirk", 1e-3)
     assert again.cost.steps == run.cost.steps
     assert np.array_equal(again.position("bar.end"), run.position("bar.end"))
-
-
-def test_what_it_cannot_do_is_refused_by_name():
-    plate = at.RigidBody("plate", 1.0, 0.1, (1.0, 0.0), {"a": (0.6, 0.8)})
-    scene = at.Scene("s", [*falling().bodies, plate], [at.Clamp("bar.start"), at.Pin("bar.end", "plate.a")])
-    with pytest.raises(UnsupportedError, match="with esdirk"):
-        at.solve(scene, mesh=1, tolerance=1e-3, **RUN)
 
 
 def test_a_motion_that_blows_up_is_named_and_its_history_kept():

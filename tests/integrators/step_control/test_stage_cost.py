@@ -4,19 +4,20 @@ The constants of the step control were chosen by the first seven cases; nothing 
 """
 
 import pytest
-from control_costs import CHOSEN_BY, OTHERS, costs, work
+from control_costs import CHOSEN_BY, CONSTRAINED, OTHERS, costs, work
 
 import anctmm as at
 
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
 PARTS, BOUNDS = (1, 2, 3, 5, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-#: Cost allowed over that of the best fixed step of the same error, the best of 50, and in up to two runs of some cases;
-#: why these cost more, is told in `anctmm.integrators.stage_control`.
-DEARER, DEAREST = 1.3, 2.0
-TWO_DEARER = {"three_supports", "portal_frame", "thrown_chain", "straight_line", "fall-shear"}
+#: Cost allowed over that of the best fixed step of the same error, the best of 50, in up to two runs of some cases,
+#: and in all of others; why these cost more, is told in `anctmm.integrators.stage_control`.
+DEARER, DEAREST = 1.3, 2.2
+TWO_DEARER = {"three_supports", "portal_frame", "thrown_chain", "straight_line", "fall-shear", "gantry_crane"}
+ALL_DEARER = {"squeezer": 1.5}
 
 
-@pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS)
+@pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS | CONSTRAINED)
 def measured(request):
     return costs(request.param, "esdirk", PARTS, BOUNDS, ("esdirk", 128))
 
@@ -27,8 +28,9 @@ def test_the_error_is_at_most_three_times_the_one_asked_for(measured):
 
 def test_the_work_is_that_of_the_best_fixed_step_of_the_same_error(measured):
     ratios = sorted(measured.ratios)
-    assert ratios[-1] <= (DEAREST if measured.name in TWO_DEARER else DEARER), measured.ratios
-    assert ratios[1] <= DEARER, measured.ratios
+    usual = ALL_DEARER.get(measured.name, DEARER)
+    assert ratios[-1] <= (DEAREST if measured.name in TWO_DEARER else usual), measured.ratios
+    assert ratios[1] <= usual, measured.ratios
 
 
 @pytest.mark.parametrize("name", CHOSEN_BY)

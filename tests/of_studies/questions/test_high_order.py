@@ -19,7 +19,7 @@ from studies.trade import recommend
 from studies.trade.advice import advice
 from studies.trade.choice import setting_of
 from studies.trade.own_ladder import own_ladder
-from studies.trade.plan import lacks_of_high_order, ladders
+from studies.trade.plan import ladders
 from studies.trade.second_road import second_roads
 from studies.trade.step_orders import COLUMNS, step_orders
 from studies.trade.tables import where_high_order_pays
@@ -87,9 +87,6 @@ def test_the_trade_has_references_and_settings_of_fourth_order():
             high = [s for s in ladder.plan(quick).schemes if s.integrator == "esdirk"]
             assert {s.solvers for s in high} == {("anctmm",)}
             assert {dict(s.options)["newton_tolerance"] for s in high} == {1e-3, 1e-5, 1e-7}
-    plate = at.RigidBody("plate", 1.0, 0.1, (1.0, 0.0))
-    rigid = at.Case(at.Scene("rigid", [plate], gravity=(0.0, -9.81)), probes=["plate.center"], t_end=1.0)
-    assert lacks_of_high_order(rigid) == ["rigid bodies of any mass, inertia and points"]
 
 
 @pytest.mark.parametrize(("place", "uncertainty", "apart"), [(0, 1e-9, 2e-9), (1, 6e-9, 6e-9)])

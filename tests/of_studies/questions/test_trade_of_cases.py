@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from typer.testing import CliRunner
-from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, SLIDER_CRANK, THROWN_CHAIN
+from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 
 import anctmm as at
 from studies.cases import cases_in, find_case
@@ -193,11 +193,6 @@ class NothingRuns:
 @pytest.mark.parametrize(
     ("file", "asked", "words"),
     [
-        (
-            SLIDER_CRANK,
-            {"integrator": "esdirk"},
-            "case 'slider-crank' has .*rigid bodies.*fourth order do not take",
-        ),
         (
             THROWN_CHAIN,
             {"element": "shear", "integrator": "esdirk"},
