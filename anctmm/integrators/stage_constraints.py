@@ -6,7 +6,8 @@ Kept as positions, they are of index 3, and the order falls to 2. What truncatio
 taken off at its end, by the nearest positions and velocities in the metric of Newton's matrix (Eich 1993, SIAM J.
 Numer. Anal. 30: coordinate projection keeps the order).
 
-Constraints that are linear and constant, pins above all, are kept by stages as positions: these are of both kinds.
+Constraints that are linear and constant, pins above all, stages keep as positions: that is the same for them, and
+nothing is to be projected.
 """
 
 import numpy as np
@@ -21,7 +22,6 @@ from anctmm.integrators.implicit.system import System
 from anctmm.integrators.locking import rows_in
 from anctmm.integrators.output import actuation_of
 from anctmm.jit.compiling import embedded, inlined
-from anctmm.jit.interpreting import interpreted
 from anctmm.recursion.constrained import constrain_motion
 
 Array = NDArray[np.float64]
@@ -59,12 +59,13 @@ def project(scratch, system, drives, q, v):  # type: ignore[no-untyped-def]
 
 @inlined
 def end_step(solved, room, system, drives):  # type: ignore[no-untyped-def]
-    """Project the end of a step, or go back to its start where a stage was not solved; whether the step is one."""
+    """Project the end of a step, or go back to its start where a stage was not solved; whether the step is taken."""
     state = system.state
     flat_q, flat_v, _, _, _, _ = state.flat
     if not solved:
-        copy(room.q, flat_q)
-        copy(room.v, flat_v)
+        if room.projected is not None:
+            copy(room.q, flat_q)
+            copy(room.v, flat_v)
         return False
     return project(room.projected, system, drives, state.q, state.v)
 
@@ -76,15 +77,11 @@ def look_ahead(chain: Chain, system: System, t: float) -> None:
     bounds, which does not tell why.
     """
     rows = rows_in(system.factors.loops)
-    if rows is None:
+    if rows is None or projected(chain) is None:
         return
     state, factors, actuation = system.state, system.factors, once(chain, actuation_of)
     later = np.array([min(t + chain.run.exact_dt, chain.run.t_end)])
     drives = drive_table(chain, actuation, later)[0]
-    scratch = np.zeros_like(state.q)
-    with interpreted(), np.errstate(all="ignore"):
-        kept = constrain_motion(
-            factors, factors.loops, len(system.clamps.nodes), drives, state.q.copy(), state.v.copy(), scratch
-        )
-    if kept:
+    q, v, scratch = state.q.copy(), state.v.copy(), np.zeros_like(state.q)
+    if constrain_motion(factors, factors.loops, len(system.clamps.nodes), drives, q, v, scratch):
         rows.value[:] = 0.0
