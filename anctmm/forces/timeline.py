@@ -87,7 +87,8 @@ def timeline(
         found.append(represent(name, free_of(connector), 2, calendar))
     jumps = [history.breaks[(history.jumps() > JUMP).any(axis=1)] for history in found]
     anew = np.unique(np.concatenate([np.empty(0), *jumps]))
-    stops = np.unique(np.concatenate([calendar.breaks, anew, [np.inf]]))
+    # those at outputs too, which the calendar does not list: steps of fourth order pass outputs
+    stops = np.unique(np.concatenate([*(history.breaks for history in found), anew, [np.inf]]))
     return Timeline(pieces_of(found), stops, np.isin(stops, anew))
 
 

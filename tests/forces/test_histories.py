@@ -7,7 +7,9 @@ from hypothesis import strategies as st
 from numpy.polynomial import chebyshev
 
 from anctmm.forces.histories import SUP, TERMS, Calendar, represent
+from anctmm.forces.timeline import timeline
 from anctmm.model.drives import History, Pulse, Quintic, tabulate
+from anctmm.model.loads import Torque
 
 T_END, OUTPUTS = 10.0, 200
 
@@ -88,3 +90,12 @@ def test_data_between_which_straight_lines_run_is_followed():
     assert np.abs(values(found, t)[:, 0] - np.interp(t, places, sizes)).max() < 1e-8
     unsaid = followed(lambda t: np.interp(t, places, sizes))
     assert np.abs(values(unsaid, t)[:, 0] - np.interp(t, places, sizes)).mean() < 1e-6
+
+
+def test_steps_end_at_kinks_that_are_outputs():
+    """Steps of fourth order pass outputs; across a kink they would be no better than steps of second order."""
+    kinks, jump = Pulse(2.0, 2.0), History(lambda t: np.where(t < 3.0, 0.0, 1.0), [3.0])
+    found = timeline([], [Torque("a.end", kinks), Torque("b.end", jump)], [], T_END, OUTPUTS)
+    assert 2.0 * OUTPUTS / T_END == 40.0
+    assert found.stops.tolist() == [2.0, 3.0, np.inf]
+    assert found.anew.tolist() == [False, True, False]
