@@ -24,6 +24,10 @@ in 14 runs, most of them at 1e-2.
 The rms error was 0.003 to 0.74 of the tolerance on these, the squeezer's up to 1.7 times it, and its peak up to 2.2 on
 scenes drawn at random. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
 some motions and 64 times that of others, as they cancel or not.
+
+Where bodies turn freely many times that is no bound: an error d of a position has one of the rate beside it, ω d, which
+nothing brings back, so that the end is wrong by the sum of d times ω t_end / 2. A pinned bar at 100 rad/s missed by 8
+times the tolerance after 4 turns, and by 31 and 82 times after 16.
 """
 
 from typing import NamedTuple
