@@ -201,3 +201,40 @@ def test_what_cannot_be_known_is_refused_by_name():
     with pytest.raises(ResultError, match="not known by solver 'exudyn-reissner': ANCF elements are needed"):
         reissner.section_force("arm.end")
     assert found.section_force("arm", [0.0, 0.5, 1.0]).shape == (len(found.t), 3, 3)
+
+
+def bar_in_a_mechanism(element):
+    """A crank as a beam of element "rigid", or as the rigid body that it is; joints, loads and springs act on it."""
+    rod = at.Beam("rod", (0.3, 0.4), (0.8, 0.4), ROD, RUBBER)
+    bead = at.PointMass("bead", 0.1, (0.075, 0.1))
+    crank = at.Beam("crank", (0, 0), (0.3, 0.4), ROD, RUBBER)
+    place, along = ("crank", 0.25), at.LineLoad("crank", (0.3, 0.1))
+    if not element:
+        m = 1100.0 * ROD.area * 0.5
+        points = {"start": (0, 0), "end": (0.3, 0.4), "q": (0.075, 0.1)}
+        crank = at.RigidBody("crank", m, m * 0.5**2 / 12.0, (0.15, 0.2), points=points)
+        place, along = "crank.q", at.Force("crank.center", (0.15, 0.05))
+    joints = [at.Pin("crank.start"), at.Weld("crank.end", "rod.start"), at.Slider("rod.end")]
+    joints.append(at.Pin(place, "bead.center"))
+    loads = [at.Force(place, (0.1, 0.2), follower=True), at.Torque("crank.end", 0.05), along]
+    springs = [at.Spring("crank.end", (0, 0.8), 20.0), at.RotationalSpring("crank.start", stiffness=0.1)]
+    return at.Scene("bar", [crank, rod, bead], joints, loads, gravity=G, connectors=springs)
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk", None])
+def test_reactions_at_rigid_beams_are_those_of_rigid_bodies(integrator):
+    """They were refused, as section forces are."""
+    as_beam = {"mesh": 1, "element": {"crank": "rigid", "rod": "cable"}}
+    if integrator is None:
+        pair = [at.solve_static(bar_in_a_mechanism(True), **as_beam)]
+        pair.append(at.solve_static(bar_in_a_mechanism(False), mesh=1))
+    else:
+        run = {"integrator": integrator, "dt": 2e-3, "t_end": 0.02, "output_dt": 2e-3}
+        pair = [at.solve(bar_in_a_mechanism(True), **as_beam, **run)]
+        pair.append(at.solve(bar_in_a_mechanism(False), mesh=1, **run))
+    assert [s.status.code for s in pair] == ["ok", "ok"]
+    for joints in zip(*(s.scene.joints for s in pair), strict=True):
+        found, wanted = (s.reaction(joint) for s, joint in zip(pair, joints, strict=True))
+        assert np.abs(wanted[-1]).max() > 0.1
+        np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6)

@@ -1,9 +1,10 @@
 """Reactions of joints: what they exert on the places that they hold, from the equilibrium of the bodies.
 
-What holds an end of a beam is known (`section_forces`), what holds a rigid body is m r̈ and I θ̈ less what else acts on
-it. Joints that share a place or a rigid body are found together. Unknown is what each joint exerts on each of its
-places. The equations: at each place or body these sum up to what holds it; over the places of a joint they sum up to 0
-where it is not held by the ground; what a joint leaves free has no force or moment.
+What holds an end of a beam that bends is known (`section_forces`), what holds a rigid body, or a beam of element
+"rigid", is m r̈ and I θ̈ less what else acts on it (`rigid`). Joints that share a place or a rigid body are found
+together. Unknown is what each joint exerts on each of its places. The equations: at each place or body these sum up to
+what holds it; over the places of a joint they sum up to 0 where it is not held by the ground; what a joint leaves free
+has no force or moment.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, UnknownNameError, shown, unknown_kind
-from anctmm.model.bodies import Beam
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Place
 from anctmm.model.topology import Sets
-from anctmm.results.fields import RigidField
-from anctmm.results.internal_forces.actions import actions_on, turn_since_placed
-from anctmm.results.internal_forces.section_forces import HeldElement, cross, element_count
+from anctmm.results.internal_forces.actions import turn_since_placed
+from anctmm.results.internal_forces.rigid import holding, is_rigid
+from anctmm.results.internal_forces.section_forces import HeldElement, element_count
 
 Array = NDArray[np.float64]
 
@@ -57,24 +57,25 @@ def reaction(solution: Any, joint: Joint) -> Array:
             f"{len(scene.joints)}"
         )
     number = scene.joints.index(joint)
-    system = _System(solution, _together(scene, number))
+    system = _System(solution, _together(solution, number))
     return system.found(system.column(number, 0))
 
 
-def _together(scene: Any, number: int) -> list[int]:
+def _together(solution: Any, number: int) -> list[int]:
     """Joints that share a place or a rigid body, directly or through others, with one."""
+    scene = solution.scene
     sets = Sets[tuple[str, Any]]()
     for k, joint in enumerate(scene.joints):
-        for holder in _holders(scene, joint):
+        for holder in _holders(solution, joint):
             sets.unite(("joint", k), holder)
     root = sets.of(("joint", number))
     return [k for k in range(len(scene.joints)) if sets.of(("joint", k)) == root]
 
 
-def _holders(scene: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
-    """Beam's places and rigid bodies that a joint acts on."""
-    for place in map(scene.place, joint.ends):
-        yield place.end if isinstance(place.body, Beam) else (place.body.name, "")
+def _holders(solution: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
+    """Places of beams that bend, and whole rigid bodies, that a joint acts on."""
+    for place in map(solution.scene.place, joint.ends):
+        yield (place.body.name, "") if is_rigid(solution, place.body) else place.end
     if isinstance(joint, Slider | Prismatic) and joint.body is not None:
         yield joint.body, ""
 
@@ -99,7 +100,7 @@ class _System:
         holders: dict[tuple[str, Any], list[tuple[int, int]]] = {}
         for k in self.joints:
             joint = scene.joints[k]
-            for p, holder in enumerate(_holders(scene, joint)):
+            for p, holder in enumerate(_holders(self.solution, joint)):
                 holders.setdefault(holder, []).append((k, p))
             self._joint(k, joint)
         for (name, key), held in holders.items():
@@ -190,27 +191,12 @@ class _System:
         self._sum(held, 2, moment / self.length)
 
     def _body(self, name: str, held: Sequence[tuple[int, int]]) -> None:
-        """Of a rigid body or a point mass: m r̈ and I θ̈, less what else acts on it."""
+        """Of a rigid body, a beam without strain or a point mass: what holds it is known."""
         solution = self.solution
-        scene, moved = solution.scene, solution.fields[name]
-        body = scene.body(name)
-        if not isinstance(moved, RigidField) or (moved.accelerations is None and not solution.static):
-            raise ResultError(
-                f"reactions at {name!r} need accelerations, which solver {solution.solver!r} does not keep"
-            )
-        a = np.zeros_like(moved.coordinates) if moved.accelerations is None else moved.accelerations
-        factor = solution.t if solution.static else np.ones(self.outputs)
-        force = body.mass * a[:, 0] - body.mass * np.outer(factor, scene.gravity)
-        inertia = getattr(body, "inertia", 0.0)
-        moment = inertia * cross(moved.coordinates[:, -1], a[:, -1])
-        center = moved.position("center")
-        for action in actions_on(solution, name):
-            force -= action.force
-            moment -= action.moment + cross(moved.position(str(action.place.key)) - center, action.force)
+        center, force, moment = holding(solution, name)
         terms: list[list[tuple[int, Any]]] = [[], [], []]
         for k, p in held:
-            joint = scene.joints[k]
-            ends = joint.ends
+            ends = solution.scene.joints[k].ends
             sign, end = (1.0, p) if p < len(ends) else (-1.0, 0)  # a guide's body gets the opposite
             arm = solution.position(ends[end]) - center
             column = self.columns[k, end]
@@ -223,7 +209,7 @@ class _System:
             ]
         for c in (0, 1):
             self._add(terms[c], force[:, c])
-        if inertia:
+        if moment is not None:
             self._add(terms[2], moment / self.length)
         else:
             for k, p in held:
