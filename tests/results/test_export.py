@@ -4,6 +4,7 @@ import json
 import pickle
 import zipfile
 from dataclasses import fields
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -243,6 +244,53 @@ def test_another_library_reads_the_files_of_vtk(moved, tmp_path):
     assert listing.read_text().count("<DataSet") == len(moved.t)
     with pytest.raises(ResultError, match=r"points is 2\.5"):
         moved.to_vtk(tmp_path, points=2.5)
+
+
+def plate_and_mass(*more):
+    plate = at.RigidBody(
+        "plate", 1.0, 0.1, (0.4, 0), points={"a": (0.3, 0), "b": (0.5, -0.1), "c": (0.5, 0.1)}
+    )
+    mass = at.PointMass("mass", 1.0, (0.0, 1.0))
+    return at.Scene("plate", [plate, *more, mass], [at.Pin("plate.a")], gravity=(0, -9.81))
+
+
+@pytest.mark.interpreted
+def test_files_of_vtk_show_bodies_of_all_kinds(tmp_path):
+    """Rigid bodies and masses were left out, and a scene of them alone was an error of numpy's."""
+    run = at.Discretisation(mesh=1, dt=5e-3, t_end=0.01)
+    beam = at.Beam("beam", (0, 0), (0.2, 0), ROD, RUBBER)
+    found = at.solve(plate_and_mass(beam), run)
+    found.to_vtk(tmp_path, points=3)
+    piece = ElementTree.parse(tmp_path / "plate_00002.vtu").find(".//Piece")
+    cells = {array.get("Name"): array.text.split() for array in piece.find("Cells")}
+    assert [piece.get("NumberOfPoints"), piece.get("NumberOfCells")] == ["8", "3"]
+    fields = list(found.fields)
+    wanted = {"beam": ("4", 3), "plate": ("4", 4), "mass": ("1", 1)}
+    assert cells["types"] == [wanted[name][0] for name in fields]
+    assert cells["offsets"] == [str(n) for n in np.cumsum([wanted[name][1] for name in fields])]
+    assert cells["connectivity"] == [str(n) for n in range(8)]
+    around = ["plate.b", "plate.c", "plate.a", "plate.b"]
+    places = {"beam": [("beam", 0.0), ("beam", 0.5), ("beam", 1.0)], "plate": around, "mass": ["mass.center"]}
+    wanted = [found.velocity(place)[2] for name in fields for place in places[name]]
+    read = piece.find("PointData/DataArray[@Name='velocity']").text.split()
+    np.testing.assert_array_equal(np.array(read, dtype=float).reshape(-1, 3)[:, :2], wanted)
+    alone = at.solve(plate_and_mass(), run)
+    assert "<DataSet" in alone.to_vtk(tmp_path / "alone").read_text()
+    with pytest.raises(ResultError, match="no outputs to write"):
+        alone.until(0, alone.status).to_vtk(tmp_path)
+
+
+@pytest.mark.interpreted
+def test_a_scene_without_beams_is_a_data_set(tmp_path):
+    """It was an error of numpy's."""
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    found = at.solve(plate_and_mass(), dt=5e-3, t_end=0.01)
+    found.to_dataset().to_netcdf(tmp_path / "plate.nc", engine="h5netcdf")
+    with xarray.open_dataset(tmp_path / "plate.nc") as read:
+        np.testing.assert_array_equal(read["velocity_mass"], found.velocity("mass.center"))
+        np.testing.assert_array_equal(read["angle_plate"], found.angle("plate"))
+        assert set(read.dims) == {"t", "axis"}
 
 
 def test_pictures(moved, tmp_path):

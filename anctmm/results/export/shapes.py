@@ -109,20 +109,25 @@ def _body(solution: Any, body: Any) -> Shape:
 
 
 def _rigid(solution: Any, body: RigidBody) -> Shape:
-    """The outline through a body's points, in their order around its middle; of one point a line from the centre.
+    """The outline of a rigid body, or, where that has no length and would not be seen, a mass."""
+    points = [solution.position(f"{body.name}.{key}") for key in outline(body)]
+    return Shape(body.name, "mass" if len(points) == 1 else "rigid", np.stack(points, axis=1))
 
-    A body whose points all are its centre is drawn as a mass: an outline of no length is not seen.
+
+def outline(body: RigidBody) -> list[str]:
+    """A body's points in their order around their middle, the first again at the end; of one or two, the centre, too.
+
+    Of a body whose points all are its centre it is the centre alone.
     """
     keys = list(body.points)
     if not any(any(body.arm(key)) for key in keys):
-        return Shape(body.name, "mass", solution.position(f"{body.name}.center")[:, None])
+        return ["center"]
     if len(keys) < 3:
         keys = ["center", *(key for key in keys if key != "center")]
     arms = np.array([body.arm(key) for key in keys])
     x, y = (arms - arms.mean(axis=0)).T
     around = [keys[k] for k in np.argsort(np.arctan2(y, x), kind="stable")]
-    points = [solution.position(f"{body.name}.{key}") for key in (*around, around[0])]
-    return Shape(body.name, "rigid", np.stack(points, axis=1))
+    return [*around, around[0]]
 
 
 def _spring(solution: Any, connector: Connector, size: float) -> Shape:

@@ -91,9 +91,9 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
     Returns
     -------
     xarray.Dataset
-        Variables "position", "velocity", "angle" of (t, body, fraction[, axis]) of the beams, "position_plate" of
-        (t, axis) and so on of a rigid body "plate", and the energies, each with its attribute "units"; attributes of
-        the set: scene, solver, status.
+        Variables "position", "velocity", "angle" of (t, body, fraction[, axis]) of the beams, where there are any,
+        "position_plate" of (t, axis) and so on of a rigid body "plate", and the energies, each with its attribute
+        "units"; attributes of the set: scene, solver, status.
 
     Raises
     ------
@@ -107,8 +107,10 @@ def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
     names = [name for name, field in solution.fields.items() if not isinstance(field, RigidField)]
     time = "load_factor" if solution.static else "t"
     coordinates = {time: solution.t, "body": names, "fraction": fractions, "axis": ["x", "y"]}
+    if not names:
+        del coordinates["body"], coordinates["fraction"]
     variables: dict[str, Any] = {}
-    for quantity, (suffixes, unit) in QUANTITIES.items():
+    for quantity, (suffixes, unit) in QUANTITIES.items() if names else ():
         try:
             parts = [getattr(solution, quantity)(name, fractions) for name in names]
         except ResultError:
