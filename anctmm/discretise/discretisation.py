@@ -132,7 +132,8 @@ class Discretisation:
         if self.output_dt is not None:
             set_(self, "output_dt", positive("output_dt (s)", self.output_dt, StepError))
         dt = self.dt if self.tolerance is None else self._interval()
-        set_(self, "steps", _multiple("t_end (s)", self.t_end, dt))
+        parts = "steps dt" if self.tolerance is None else "intervals output_dt"
+        set_(self, "steps", _multiple("t_end (s)", self.t_end, dt, parts))
         stride = _multiple("output_dt (s)", dt if self.output_dt is None else self.output_dt, dt)
         set_(self, "stride", min(stride, self.steps))
 
@@ -356,17 +357,17 @@ def _pick(value: Any, name: str) -> Any:
     return value[name] if isinstance(value, Mapping) else value
 
 
-def _multiple(name: str, value: float, dt: float) -> int:
+def _multiple(name: str, value: float, dt: float, parts: str = "steps dt") -> int:
     ratio = value / dt
     if not ratio <= MOST_STEPS:
         raise StepError(
-            f"{name} is {value!r} with steps dt = {dt!r} s, {ratio:.3g} of them; at most {MOST_STEPS:.3g} are "
+            f"{name} is {value!r} with {parts} = {dt!r} s, {ratio:.3g} of them; at most {MOST_STEPS:.3g} are "
             f"allowed: their numbers are no longer exact beyond"
         )
     count = round(ratio)
     if count < 1 or abs(count * dt - value) > 1e-6 * dt:
         raise StepError(
-            f"{name} is {value!r}; a whole number of steps dt = {dt!r} s is needed, "
+            f"{name} is {value!r}; a whole number of {parts} = {dt!r} s is needed, "
             f"such as {max(count, 1) * dt!r}"
         )
     return count

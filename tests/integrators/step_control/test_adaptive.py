@@ -56,6 +56,14 @@ def test_tolerance_beside_a_step_or_an_explicit_integrator_is_refused():
         global_dae.solve(scenes.four_bar().scene, mesh=1, tolerance=1e-2)
 
 
+def test_an_output_that_does_not_fill_the_run_is_named():
+    """The message told of a dt, which nobody had given."""
+    with pytest.raises(
+        StepError, match=r"t_end \(s\) is 0\.1; a whole number of intervals output_dt = 0\.03 s"
+    ):
+        Discretisation(mesh=1, tolerance=1e-2, t_end=0.1, output_dt=0.03)
+
+
 def test_a_motion_that_blows_up_is_named_and_its_history_kept():
     base = scenes.cantilever_fall()
     jump = [at.Force("beam.end", lambda t: (0.0, -1e9 if t > 0.1 else 0.0))]
