@@ -16,6 +16,7 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.connectors import Spring
+from anctmm.model.joints import drive_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
 from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
@@ -246,18 +247,25 @@ def _advice_on_dissipation(run: Discretisation) -> str:
 def _exchangeable(solution: Solution) -> float:
     """Energy, J, that drives, loads, connectors and weight may exchange between outputs that are few; 0 where many.
 
-    A crank that has come back to where it was, at rest, shows nothing of the energy that it had on its way.
+    A crank that has come back to where it was, at rest, shows nothing of the energy that it had on its way. What a
+    spring takes and gives back while nothing is driven is there at outputs, too, or comes from loads and weight.
     """
     scene, run = solution.scene, solution.run
     if run is None or solution.t.size >= FEW:
         return 0.0
     span = length_of(scene)
     turning = sum(0.5 * mass_of(scene) * (span * rate) ** 2 for rate in drive_rates(scene, run))
-    springs = 0.0
+    springs, driven = 0.0, _driven(scene)
     for connector in scene.connectors:
         way = span if isinstance(connector, Spring) else 2.0 * np.pi
-        springs += 0.5 * connector.stiffness * way**2 + abs(connector.preload) * way
+        springs += 0.5 * connector.stiffness * way**2 * driven + abs(connector.preload) * way
     return turning + _work_of_loads(scene, run) + springs
+
+
+def _driven(scene: Scene) -> bool:
+    """Whether a joint or a connector is driven."""
+    free = (c.length if isinstance(c, Spring) else c.angle for c in scene.connectors)
+    return any(drive_of(joint) is not None for joint in scene.joints) or any(map(callable, free))
 
 
 def _work_of_loads(scene: Scene, run: Discretisation) -> float:
