@@ -91,6 +91,8 @@ BULGE = 4.0 / 27.0
 FOUND, ROUNDS = 2.0, 4
 #: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
 DONE, STUCK, UNFINISHED = 0, 1, 2
+#: Rounding of positions, relative, and how many times it a sum of errors must be for steps to be told apart.
+EPS, ROUNDED = float(np.finfo(float).eps), 1e5
 #: Places in `Control.progress`.
 (
     TIME,
@@ -227,7 +229,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             break
         assumed, scale = done.moved, float(done.moved.max())
     record.stop()
-    status = Status() if done.whole else _stuck(chain, scheme, system, done.t)
+    status = Status() if done.whole else _stuck(chain, scheme, system, done.t, control.scale[0])
     # after the look at where it failed: it writes the state
     settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
     return so_far(done.kept, status)
@@ -374,8 +376,8 @@ def _from_outputs(
     return start
 
 
-def _stuck(chain: Chain, scheme: Scheme, system: System, t: float) -> Status:
-    """What is known of a run that ended early."""
+def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float) -> Status:
+    """What is known of a run that ended early, whose largest displacement is `scale`, m."""
     state, history = system.state, system.newton.history
     if scheme.look is not None:
         scheme.look(chain, system, t)
@@ -390,9 +392,18 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float) -> Status:
     else:
         body, element = worst_element(chain, gradient_size(state.q))
         what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s"
+    asked, known = float(chain.run.tolerance or 0.0) * scale, EPS * float(np.abs(state.q[:2]).max())
+    if asked < ROUNDED * known:
+        advice = (
+            f"the tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m asks for {asked:.2g} m, and positions "
+            f"are rounded to {known:.2g} m: a larger one is needed"
+        )
+    else:
+        bends = any(beam.name not in chain.rigid for beam in chain.parts.beams)
+        advice = f"{'a finer mesh may do, or ' if bends else ''}a load that does not jump{'' if bends else ' may do'}"
     return Status(
         "diverged",
-        f"{what}, worst in {part(body, element)}: a finer mesh may do, or a load that does not jump",
+        f"{what}, worst in {part(body, element)}: {advice}",
         time=t,
         body=body,
         element=element,

@@ -102,6 +102,18 @@ def test_a_motion_that_blows_up_is_named_and_its_history_kept():
     assert run.t[-1] <= run.status.time + 0.01
 
 
+def test_a_tolerance_that_asks_for_less_than_rounding_is_told():
+    """The advice was a finer mesh, of a scene without beams, or a load that does not jump, where none does."""
+    body = at.RigidBody("body", 1.0, 0.1, (0.5, 0.0), points={"o": (0.0, 0.0)})
+    scene = at.Scene("pendulum", [body], [at.Pin("body.o")], gravity=GRAVITY)
+    for integrator in ("esdirk", "generalized-alpha"):
+        run = at.solve(scene, integrator=integrator, tolerance=1e-15, t_end=0.2, output_dt=0.1)
+        assert run.status == "diverged"
+        assert "the tolerance 1e-15 of a motion of" in run.status.message
+        assert "a larger one is needed" in run.status.message
+        assert "mesh" not in run.status.message
+
+
 #: Base scenes and their meshes.
 BASE = {
     "four-bar": (scenes.four_bar, {"crank": 2, "coupler": 8, "follower": 2}),
