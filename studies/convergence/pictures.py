@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pandas as pd
 from matplotlib.figure import Figure
 
+from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
 from studies.report.plots import DASHES, PALETTE, Picture, legend_below, log_ticks, picture
 
@@ -32,8 +33,9 @@ def _picture(scene: str, panels: list[tuple[pd.DataFrame, str, str]]) -> Picture
         for axes, (rows, column, label) in zip(row, panels, strict=True):
             groups = rows.groupby(["solver", "element", "integrator"], sort=False)
             for k, (names, line) in enumerate(groups):
+                about = ", ".join(name for name in names if name != NO_BEAMS)
                 axes.plot(
-                    line[column], line["error"], label=", ".join(map(str, names)), color=PALETTE[k % len(PALETTE)],
+                    line[column], line["error"], label=about, color=PALETTE[k % len(PALETTE)],
                     marker=MARKERS[k % len(MARKERS)], markersize=4, linestyle=DASHES[k % len(DASHES)],
                 )  # fmt: skip
             axes.set(xscale="log", yscale="log", xlabel=label, ylabel="relative error")

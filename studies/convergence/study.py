@@ -19,6 +19,7 @@ from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.accuracy.richardson import Part
 from studies.engine.pictures import Film, Picture
 from studies.engine.runner import Runner
+from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
 from studies.engine.study import Options, Result, check_taken
 from studies.engine.tables import Table
@@ -135,7 +136,7 @@ def configurations_of(found: Sequence[Refined]) -> Iterator[Picture]:
 
 def finding(found: Refined) -> str:
     """What was found of one case with one element."""
-    about = ", ".join(_about(found).values())
+    about = ", ".join(value for value in _about(found).values() if value != NO_BEAMS)
     if not found.solution.status.ok:
         return f"{about}: {found.reason}."
     levels, theory = found.levels, KINDS[found.levels.setup.element].order
@@ -172,10 +173,10 @@ def _levels(
 
 
 def _about(found: Refined) -> dict[str, str]:
-    setup = found.levels.setup
+    setup, case = found.levels.setup, found.levels.case
     return {
-        "scene": found.levels.case.name, "solver": setup.solver, "element": setup.element,
-        "integrator": "static" if found.levels.case.static else setup.integrator,
+        "scene": case.name, "solver": setup.solver, "element": setup.element if case.scene.beams else NO_BEAMS,
+        "integrator": "static" if case.static else setup.integrator,
     }  # fmt: skip
 
 

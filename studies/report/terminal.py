@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table as RichTable
 
 from studies.engine.console import say, show_table
+from studies.engine.running.trial import NO_BEAMS
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, text
 from studies.report.table_view import label, told_by_digits
@@ -45,9 +46,11 @@ def _shown(table: Table, console: Console) -> None:
     for values, rows in table.frame.groupby(about, sort=False):
         hidden = {*about, "status", *told_by_digits(table.frame)}
         columns = [c for c in table.frame.columns if c not in hidden]
+        columns = [c for c in columns if not (rows[c] == NO_BEAMS).all()]
         constant = [c for c in columns if len(rows) > 1 and _is_one_text(rows[c])]
         columns = [c for c in columns if c not in constant and rows[c].notna().any()]
-        say(console, f"{table.title}: {', '.join(map(str, values))}", "bold")
+        told = ", ".join(str(value) for value in values if value != NO_BEAMS)
+        say(console, f"{table.title}: {told}", "bold")
         shown = RichTable(box=None, padding=(0, 2, 0, 0))
         for column in columns:
             numeric = is_numeric_dtype(rows[column])

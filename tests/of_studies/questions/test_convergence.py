@@ -69,6 +69,23 @@ def test_in_the_terminal(tmp_path, monkeypatch):
     assert names >= {"values.csv", "mesh.csv", "step.csv", "convergence_thrown-chain.svg"}
 
 
+def test_a_scene_without_beams_names_no_element(tmp_path, monkeypatch):
+    """Tables and findings told of cables."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "import anctmm as at\n"
+        "body = at.RigidBody('body', 1.0, 0.1, (0.5, 0.0), points={'o': (0.0, 0.0)})\n"
+        "scene = at.Scene('pendulum', [body], [at.Pin('body.o')], gravity=(0.0, -9.81))\n"
+        "CASES = [at.Case(scene, probes=['body.center'], t_end=0.3)]\n"
+    )
+    done = CliRunner().invoke(app, ["study", "convergence", "own.py", "--quick"], env={"COLUMNS": "90"})
+    assert done.exit_code == 0, done.output
+    assert "Values and their uncertainty: pendulum, anctmm, generalized-alpha\n" in done.output
+    assert "• pendulum, anctmm, generalized-alpha: " in done.output
+    assert "cable" not in done.output
+    assert "elements" not in done.output
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
