@@ -33,7 +33,7 @@ def _picture(scene: str, panels: list[tuple[pd.DataFrame, str, str]]) -> Picture
         for axes, (rows, column, label) in zip(row, panels, strict=True):
             groups = rows.groupby(["solver", "element", "integrator"], sort=False)
             for k, (names, line) in enumerate(groups):
-                about = ", ".join(name for name in names if name != NO_BEAMS)
+                about = ", ".join(str(name) for name in names if name != NO_BEAMS)
                 axes.plot(
                     line[column], line["error"], label=about, color=PALETTE[k % len(PALETTE)],
                     marker=MARKERS[k % len(MARKERS)], markersize=4, linestyle=DASHES[k % len(DASHES)],
