@@ -1,9 +1,8 @@
 """Initial velocities that fit the constraints between rigid bodies and guides: the nearest ones by kinetic energy."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, csr_array
-from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
@@ -28,7 +27,7 @@ def fitting_velocity(chain: Chain) -> Array:
         return v
     joined = Joined(chain)
     T, J = joined.matrix, J @ joined.matrix
-    mass = splu((T.T @ mass_matrix(chain.bodies) @ T).tocsc())
+    mass = scipy.sparse.linalg.splu((T.T @ mass_matrix(chain.bodies) @ T).tocsc())
     answers = mass.solve(J.T.toarray())
     S = J @ answers
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(S), np.finfo(float).tiny))
@@ -37,7 +36,7 @@ def fitting_velocity(chain: Chain) -> Array:
     return v - joined.spread(answers @ multipliers)
 
 
-def constraint_rates(chain: Chain, v: Array) -> tuple[csr_array, Array]:
+def constraint_rates(chain: Chain, v: Array) -> "tuple[scipy.sparse.csr_array, Array]":
     """J at t = 0, by all coordinates, and rates of the constraints at velocities v."""
     kept, found = chain.kept, chain.kept.constraints
     q, homes = chain.start_coordinates(), kept.homes
@@ -59,11 +58,11 @@ def constraint_rates(chain: Chain, v: Array) -> tuple[csr_array, Array]:
         missed[row] += factor * signals[signal] * (x[i] * rate[j] + rate[i] * x[j])
         missed[row] += factor * rates[signal] * x[i] * x[j]
     values, rows, columns = np.array(entries).reshape(-1, 3).T
-    J = csr_array((values, (rows.astype(int), columns.astype(int))), shape=(len(missed), q.size))
+    J = scipy.sparse.csr_array((values, (rows.astype(int), columns.astype(int))), shape=(len(missed), q.size))
     return J, missed
 
 
-def mass_matrix(bodies: Bodies) -> csc_array:
+def mass_matrix(bodies: Bodies) -> "scipy.sparse.csc_array":
     """Mass matrix of all nodes, joints apart."""
     index = np.arange(bodies.rows * bodies.nodes).reshape(bodies.rows, bodies.nodes)
     rows, columns, values, axis = [], [], [], np.arange(2)[:, None, None]
@@ -76,4 +75,4 @@ def mass_matrix(bodies: Bodies) -> csc_array:
         columns.append(index[2 * (n % 3) + axis, first + n // 3].ravel())
         values.append(np.broadcast_to(bodies.masses[b, k, n], (2, len(first), len(k))).ravel())
     place = (np.concatenate(rows), np.concatenate(columns))
-    return csc_array((np.concatenate(values), place), shape=(index.size, index.size))
+    return scipy.sparse.csc_array((np.concatenate(values), place), shape=(index.size, index.size))

@@ -1,8 +1,8 @@
 """Independent unknowns of a scene: what is left of those of all nodes where joints act."""
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
 
 from anctmm.discretise.chain import Chain
 
@@ -60,7 +60,7 @@ class Joined:
         rows = np.concatenate([self.masters, [e[0] for e in entries]]).astype(int)
         columns = number[np.concatenate([self.masters, [e[1] for e in entries]]).astype(int)]
         values = np.concatenate([kept.ravel()[self.masters], [e[2] for e in entries]])
-        self.matrix = csr_array((values, (rows, columns)), shape=(index.size, self.masters.size))
+        self.matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(index.size, self.masters.size))
         #: Where x and y of the unknowns along lines stand, and the directions.
         self.lines = index[:2, [min(map(chain.node, one.ends)) for one in lines]]
         self.along = np.array([one.direction for one in lines]).reshape(-1, 2).T

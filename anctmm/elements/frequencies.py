@@ -3,8 +3,8 @@
 from math import sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import eigh
 
 Array = NDArray[np.float64]
 
@@ -20,5 +20,5 @@ def highest_of(tangent: Array, mass: Array) -> float:
         Scalar mass matrix m, kg.
     """
     n = 2 * len(mass)
-    values = eigh(tangent.reshape(n, n), np.kron(mass, np.eye(2)), eigvals_only=True)
+    values = scipy.linalg.eigh(tangent.reshape(n, n), np.kron(mass, np.eye(2)), eigvals_only=True)
     return sqrt(max(float(values[-1]), 0.0))

@@ -3,8 +3,8 @@
 from math import inf, sqrt
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, LinearOperator, eigsh
 
 from anctmm.discretise.assembly import Bodies, elastic_forces, mass_product
 from anctmm.discretise.chain import Chain
@@ -109,10 +109,12 @@ def highest_frequency(
         ):  # joints leave springs no motion: the rest is rounding
             return 0.0
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
-    operators = [LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)]
+    operators = [
+        scipy.sparse.linalg.LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)
+    ]
     start = np.random.default_rng(0).standard_normal(n)
     try:
-        value = eigsh(
+        value = scipy.sparse.linalg.eigsh(
             operators[0],
             1,
             operators[1],
@@ -122,7 +124,7 @@ def highest_frequency(
             tol=1e-7,
             return_eigenvectors=False,
         )[0]
-    except ArpackNoConvergence as error:
+    except scipy.sparse.linalg.ArpackNoConvergence as error:
         value = max(error.eigenvalues, default=0.0)
     return sqrt(max(float(value), 0.0))
 
@@ -133,7 +135,7 @@ def largest_step(chain: Chain, q: Array) -> float:
         return inf
     try:
         return step_limit(chain.run.psi, chain.run.phi, highest_frequency(chain, q), highest_rate(chain))
-    except (ArpackError, np.linalg.LinAlgError):
+    except (scipy.sparse.linalg.ArpackError, np.linalg.LinAlgError):
         return inf
 
 

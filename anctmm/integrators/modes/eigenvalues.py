@@ -13,9 +13,8 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, eig, eigh
-from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs, eigsh
 
 from anctmm.discretise.chain import Chain
 from anctmm.errors import DiscretisationError, SolverError
@@ -118,9 +117,9 @@ def _dense_symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Comple
     """iω and vectors, from the matrix itself."""
     shift = problem.definite()
     one = np.eye(problem.size)
-    root = cholesky(_columns(problem.mass, one), lower=True)
+    root = scipy.linalg.cholesky(_columns(problem.mass, one), lower=True)
     soft = root.T @ _columns(problem.solve, one) @ root
-    values, vectors = eigh(0.5 * (soft + soft.T))
+    values, vectors = scipy.linalg.eigh(0.5 * (soft + soft.T))
     values, vectors = values[::-1][:count], vectors[:, ::-1][:, :count]
     squares = 1.0 / values - shift
     return _rates(squares, problem.rounding), np.linalg.solve(root.T, vectors).astype(complex)
@@ -131,12 +130,14 @@ def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
     n = problem.size
     shift = problem.definite()
     # the matrix itself is not asked for in this mode of ARPACK
-    A = LinearOperator((n, n), matvec=lambda x: x, dtype=float)
-    M = LinearOperator((n, n), matvec=problem.mass, dtype=float)
-    inverse = LinearOperator((n, n), matvec=problem.solve, dtype=float)
+    A = scipy.sparse.linalg.LinearOperator((n, n), matvec=lambda x: x, dtype=float)
+    M = scipy.sparse.linalg.LinearOperator((n, n), matvec=problem.mass, dtype=float)
+    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=problem.solve, dtype=float)
     try:
-        squares, vectors = eigsh(A, count, M, sigma=-shift, OPinv=inverse, v0=_start(problem))
-    except ArpackNoConvergence as error:
+        squares, vectors = scipy.sparse.linalg.eigsh(
+            A, count, M, sigma=-shift, OPinv=inverse, v0=_start(problem)
+        )
+    except scipy.sparse.linalg.ArpackNoConvergence as error:
         raise _lost(problem, count, error) from error
     order = np.argsort(squares)
     return _rates(squares[order], problem.rounding), vectors[:, order].astype(complex)
@@ -151,14 +152,16 @@ def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Co
         return problem.solve(problem.mass(x))
 
     if few:
-        values, vectors = eig(_columns(soften, np.eye(n)))
+        values, vectors = scipy.linalg.eig(_columns(soften, np.eye(n)))
         kept = np.argsort(-np.abs(values))[: problem.freedoms]
         values, vectors = values[kept], vectors[:, kept]
     else:
-        operator = LinearOperator((n, n), matvec=soften, dtype=float)
+        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
         try:
-            values, vectors = eigs(operator, min(count + SPARE, n - 2), v0=_start(problem))
-        except ArpackNoConvergence as error:
+            values, vectors = scipy.sparse.linalg.eigs(
+                operator, min(count + SPARE, n - 2), v0=_start(problem)
+            )
+        except scipy.sparse.linalg.ArpackNoConvergence as error:
             raise _lost(problem, count, error) from error
     rates = _rates(1.0 / values - shift, problem.rounding)
     order = _order(rates)[:count]
@@ -194,14 +197,14 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
 
     try:
         if few:
-            values, vectors = eig(_columns(product, np.eye(2 * n)))
+            values, vectors = scipy.linalg.eig(_columns(product, np.eye(2 * n)))
             kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
         else:
-            operator = LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
+            operator = scipy.sparse.linalg.LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
             wanted = min(2 * asked + FREE, 2 * n - 2)
-            values, vectors = eigs(operator, wanted, v0=np.tile(_start(problem), 2))
+            values, vectors = scipy.sparse.linalg.eigs(operator, wanted, v0=np.tile(_start(problem), 2))
             kept = np.arange(len(values))
-    except ArpackNoConvergence as error:
+    except scipy.sparse.linalg.ArpackNoConvergence as error:
         raise _lost(problem, count, error) from error
     values, vectors = 1.0 / values[kept] + s, vectors[:n, kept]
     largest = float(np.sort(np.abs(values))[: 2 * asked + FREE][-1])
@@ -239,7 +242,9 @@ def _start(problem: SmallMotions) -> Array:
     return problem.solve(problem.mass(np.random.default_rng(0).standard_normal(problem.size)))
 
 
-def _lost(problem: SmallMotions, count: int, error: ArpackNoConvergence | None) -> SolverError:
+def _lost(
+    problem: SmallMotions, count: int, error: "scipy.sparse.linalg.ArpackNoConvergence | None"
+) -> SolverError:
     found = "" if error is None else f" ({len(error.eigenvalues)} were found)"
     return SolverError(
         f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge{found}; fewer may do"

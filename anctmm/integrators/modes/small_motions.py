@@ -7,8 +7,8 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, vstack
 
 from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.joined import Joined
@@ -132,7 +132,9 @@ class SmallMotions:
         return self.join.unknowns(self.system.solve(self.join.load(force)))
 
 
-def dampers_of(system: StaticSystem, q: Array, factor: float) -> tuple[Array, csr_matrix] | None:
+def dampers_of(
+    system: StaticSystem, q: Array, factor: float
+) -> "tuple[Array, scipy.sparse.csr_matrix] | None":
     """Dampers at coordinates q, (rows, nodes), under a part of the loads: N by the rate of each, and its force.
 
     They are those of the configuration: laws are asked at the elongation, the turns and the time that they have there.
@@ -145,7 +147,7 @@ def dampers_of(system: StaticSystem, q: Array, factor: float) -> tuple[Array, cs
     c, values = system.loads.connectors, system.values_at(factor)
     if c is None:
         return None
-    rates, forces = list[float](), list[csr_matrix]()
+    rates, forces = [], []
     for n in map(int, np.flatnonzero(c.lossy)):
         m, ax, ay, bx, by = uncompiled(measure)(c, n, q)
         free, faster = uncompiled(free_measure)(c, n, values)
@@ -155,8 +157,8 @@ def dampers_of(system: StaticSystem, q: Array, factor: float) -> tuple[Array, cs
             uncompiled(push)(c.first, n, ax, ay, force)
             uncompiled(push)(c.second, n, bx, by, force)
             rates.append(float(rate))
-            forces.append(csr_matrix(force.reshape(1, -1)))
-    return (np.array(rates), vstack(forces, format="csr")) if rates else None
+            forces.append(scipy.sparse.csr_matrix(force.reshape(1, -1)))
+    return (np.array(rates), scipy.sparse.vstack(forces, format="csr")) if rates else None
 
 
 def _roundings(system: StaticSystem, stiff: float) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator, eigs
 
 from anctmm.discretise.joined import Joined
 from anctmm.integrators.stability import element_bound
@@ -108,9 +108,9 @@ def _by_motions(system: StaticSystem, motion: Array) -> Stability:
     if n <= DENSE:
         inverse, shapes = np.linalg.eig(np.stack([soften(e) for e in np.eye(n)], axis=1))
     else:
-        operator = LinearOperator((n, n), matvec=soften, dtype=float)
+        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
         start = np.random.default_rng(0).standard_normal(n)
-        inverse, shapes = eigs(operator, LOWEST, which="LM", v0=start)
+        inverse, shapes = scipy.sparse.linalg.eigs(operator, LOWEST, which="LM", v0=start)
     soft = (
         np.abs(inverse) > STIFF * np.abs(inverse).max()
     )  # the others are rounding, as of directions that are held
