@@ -25,6 +25,7 @@ from anctmm.elements.dispatch import (
 )
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import lower
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.model.places import Key
@@ -42,6 +43,7 @@ FIRST_BODY = np.int64(0)
 
 
 @writes("buffer")
+@by_address
 class Tables(NamedTuple):
     """What kernels need of `Bodies`, under the names it has there."""
 

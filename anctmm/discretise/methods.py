@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError
+from anctmm.jit.by_address import by_address
 from anctmm.validation import number, within
 
 
@@ -134,6 +135,7 @@ class Esdirk:
         return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0, 0.0)
 
 
+@by_address
 class Stages(NamedTuple):
     """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights.
 

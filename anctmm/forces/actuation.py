@@ -14,6 +14,7 @@ from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import count_turns, driven_connectors, free_of, has_clock
 from anctmm.forces.loads import Loads, loads_of, loads_power, loads_work
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import merged
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import free_name, name_of
@@ -29,6 +30,7 @@ Ints = NDArray[np.int64]
 
 
 @writes("motion", "reaction", "memory")
+@by_address
 class DrivenClamps(NamedTuple):
     """Turning clamps, for kernels.
 

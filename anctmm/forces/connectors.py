@@ -15,6 +15,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, push, rate_at, vector_at
 from anctmm.errors import unknown_kind
 from anctmm.forces.laws import address_of, call_law
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, name_of
@@ -30,6 +31,7 @@ DIFFERENCE = 1e-5
 
 
 @writes("now", "memory", "v", "part")
+@by_address
 class Connectors(NamedTuple):
     """Connectors for kernels.
 

@@ -21,6 +21,7 @@ from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from anctmm.errors import PropertyError
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.model.drives import Pulse, Quintic, breaks_of, tabulate
 
@@ -57,6 +58,7 @@ _CHECKS = np.array([-0.9983, -0.937, -0.52, -0.173, 0.168, 0.51, 0.941, 0.9991])
 _AT_CHECKS = chebyshev.chebvander(_CHECKS, TERMS - 1)
 
 
+@by_address
 class Pieces(NamedTuple):
     """Histories for kernels.
 

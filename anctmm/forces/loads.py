@@ -25,6 +25,7 @@ from anctmm.discretise.maps import (
 from anctmm.errors import unknown_kind
 from anctmm.forces.connectors import Connectors, connectors_of, connectors_power, connectors_work
 from anctmm.forces.stiffness import Border, Local, follower_at, stiffness_of
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, merged
 from anctmm.jit.copies import writes
 from anctmm.model.loads import LOADS
@@ -37,6 +38,7 @@ DEAD, TORQUE, FOLLOWER = 0, 1, 2
 
 
 @writes("memory", "connectors", "local", "border")
+@by_address
 class Loads(NamedTuple):
     """What acts on a scene beside gravity, constant dead loads and driven clamps, for kernels.
 

@@ -29,6 +29,7 @@ from anctmm.forces.connectors import (
     time_of,
     vectors_of,
 )
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import Spring
@@ -39,6 +40,7 @@ Ints = NDArray[np.int64]
 
 
 @writes("blocks")
+@by_address
 class Local(NamedTuple):
     """Matrices within elements, for kernels.
 
@@ -61,6 +63,7 @@ class Local(NamedTuple):
 
 
 @writes("left", "right", "c", "Y", "S", "order", "z", "load")
+@by_address
 class Border(NamedTuple):
     """Σ c u vᵀ, for kernels.
 
@@ -109,6 +112,7 @@ class Border(NamedTuple):
     load: Array
 
 
+@by_address
 class Column(NamedTuple):
     """What one c u vᵀ belongs to: a load or a connector, or −1, a direction, and both vectors."""
 

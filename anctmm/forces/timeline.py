@@ -20,6 +20,7 @@ from anctmm.forces.histories import (
     represent,
     value_at,
 )
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.model.connectors import Connector, free_name, name_of
 from anctmm.model.loads import load_text, width_of
@@ -32,6 +33,7 @@ _POINTS, _WEIGHTS = (tuple(map(float, row)) for row in np.polynomial.legendre.le
 POINTS, WEIGHTS = tuple(0.5 + 0.5 * x for x in _POINTS), tuple(0.5 * w for w in _WEIGHTS)
 
 
+@by_address
 class Timeline(NamedTuple):
     """What acts in time, for kernels.
 

@@ -80,6 +80,7 @@ from anctmm.integrators.step_control import (
     stiffen,
 )
 from anctmm.integrators.step_error import filtered_error, largest_error, measure_motion
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
@@ -114,6 +115,7 @@ MUCH_SHORTER = 0.5
 PLACES, ROWS = (0.0, 1.0), (0, 1)
 
 
+@by_address
 class Lag(NamedTuple):
     """What generalized-α adds to step control.
 

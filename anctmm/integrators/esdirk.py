@@ -48,7 +48,8 @@ from anctmm.integrators.implicit.step import copy, predict
 from anctmm.integrators.implicit.system import System, new_system
 from anctmm.integrators.output import Output, actuation_of, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages, projected
-from anctmm.jit.compiling import embedded, inlined, kernel
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import embedded, inlined, kernel, shared
 from anctmm.jit.copies import writes
 from anctmm.recursion.constrained import power_of_drives, set_drives
 from anctmm.recursion.lines import hold_on_lines
@@ -59,6 +60,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@by_address
 class Numbers(NamedTuple):
     """Last step, steps between outputs, step (s), the method, and coefficients of the implicit solves of its stages."""
 
@@ -70,6 +72,7 @@ class Numbers(NamedTuple):
 
 
 @writes("q", "v", "w", "power", "at", "projected")
+@by_address
 class Room(NamedTuple):
     """What a step keeps: q and v at its start, flat, and of each stage w, flat, and the power of what does work, W.
 
@@ -209,7 +212,7 @@ def begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
         had[k] = w[i - 1, k]
 
 
-@embedded
+@shared
 def move_drives(factors, clamps, drives):  # type: ignore[no-untyped-def]
     """Take the values of all drives."""
     if len(clamps.nodes) > 0:
@@ -242,7 +245,7 @@ def _drive(q, v, w, clamps, part):  # type: ignore[no-untyped-def]
             v[k, i] = clamps.motion[1, n, k] - part * w[k, i]
 
 
-@embedded
+@shared
 def stage_power(state, tables, factors, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
     """Power of all that does work beside energies, W, at the state found."""
     power = power_of_drives(factors.loops, state.q)

@@ -38,6 +38,7 @@ from anctmm.integrators.output import (
     keep,
     too_large,
 )
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel
 from anctmm.jit.second_process import Task
 from anctmm.recursion.constrained import set_drives, work_of_drives
@@ -48,6 +49,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@by_address
 class Numbers(NamedTuple):
     """Last step, steps between outputs, and coefficients of a step."""
 

@@ -16,6 +16,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
@@ -42,6 +43,7 @@ STEP = 2e-6
 TOGETHER = 1 << 17
 
 
+@by_address
 class Output(NamedTuple):
     """What kernels fill: coordinates, velocities and accelerations, (outputs, rows, nodes), kinetic and strain energy
     and work, (outputs, 3), and the work done until now, (1,).

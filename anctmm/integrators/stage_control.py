@@ -86,7 +86,8 @@ from anctmm.integrators.step_control import (
     stiffen,
 )
 from anctmm.integrators.step_error import measure_motion
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import inlined, kernel, shared
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
@@ -124,6 +125,7 @@ CLOSE = 1e-9
 EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([0.0, 1.0]))
 
 
+@by_address
 class Track(NamedTuple):
     """What a controlled step keeps beside what one of fixed length does, which is `room`.
 
@@ -384,7 +386,7 @@ def _copy_state(state, found):  # type: ignore[no-untyped-def]
             found[0, k, i], found[1, k, i], found[2, k, i] = state.q[k, i], state.v[k, i], state.w[k, i]
 
 
-@inlined
+@shared
 def _keep(t, system, control, track, out):  # type: ignore[no-untyped-def]
     """Keep an output that stands in `track.found`."""
     q, v, w = track.found[0], track.found[1], track.found[2]

@@ -51,6 +51,7 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.pacing import paced
 from anctmm.results.divergence_checks import STRETCH_LIMIT
@@ -113,6 +114,7 @@ EPS, ROUNDED = float(np.finfo(float).eps), 1e5
 ) = PROGRESS = range(15)
 
 
+@by_address
 class Control(NamedTuple):
     """Step control: sum of local errors that is allowed, and run length (s).
 

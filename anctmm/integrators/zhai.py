@@ -39,6 +39,7 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.stability import check_step, largest_step
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.second_process import Parts, Task, side_by_side
@@ -72,6 +73,7 @@ EXAMINED = 5_000
 
 
 @writes()
+@by_address
 class Numbers(NamedTuple):
     """Last step, steps between outputs, Δt (s), ψ and φ."""
 
@@ -82,6 +84,7 @@ class Numbers(NamedTuple):
     phi: float
 
 
+@by_address
 class Damping(NamedTuple):
     """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
 
@@ -90,6 +93,7 @@ class Damping(NamedTuple):
 
 
 @writes("q", "v", "even", "odd", "f", "scratch", "flat")
+@by_address
 class State(NamedTuple):
     """Coordinates and velocities, accelerations now and before, forces, dead load, scratch: each (rows, nodes).
 
@@ -106,6 +110,7 @@ class State(NamedTuple):
     flat: tuple[Array, Array, Array, Array]
 
 
+@by_address
 class System(NamedTuple):
     """What `advance` takes, the output apart.
 

@@ -73,7 +73,9 @@ def _type(kind: Any) -> str:
     if isinstance(kind, types.BaseTuple):
         inside: Any = kind
         name = _class(inside.instance_class) if isinstance(kind, types.BaseNamedTuple) else ""
-        return f"{name}({', '.join(map(_type, inside.types))})"
+        own = type(kind).__module__
+        way = "" if own == types.BaseTuple.__module__ else _source(own)  # of ours: how it is handed over
+        return f"{way}{name}({', '.join(map(_type, inside.types))})"
     if isinstance(kind, types.Dispatcher):
         return f"{kind.dispatcher.py_func.__qualname__}#{code_digest(kind.dispatcher.py_func)}"
     return f"{type(kind).__name__} {kind}"

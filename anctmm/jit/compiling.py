@@ -48,12 +48,13 @@ def embedded(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True)
 
 
-def merged(function: Callable[..., Any]) -> Any:
-    """Make a function part of the kernels that call it, as `embedded` does, and keep it on disk: Python calls it too.
+def shared(function: Callable[..., Any]) -> Any:
+    """Make a function part of the kernels that call it, whose calls share its code: for much work at several places."""
+    return _compiled(function)
 
-    A call hands over every array of its arguments as some seven numbers, which for what acts on a scene takes longer
-    than the function itself.
-    """
+
+def merged(function: Callable[..., Any]) -> Any:
+    """Make a function part of the kernels that call it, as `embedded` does, and keep it: Python calls it too."""
     return _kept(function, forceinline=True)
 
 

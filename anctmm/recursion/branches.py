@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.junctions.structure import common
 from anctmm.discretise.plan import Kept
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.jit.copies import writes
 
@@ -21,6 +22,7 @@ Ints = NDArray[np.int64]
 
 
 @writes("vectors", "matrices")
+@by_address
 class Branches(NamedTuple):
     """Places between two nodes where the recursion does not simply go on, and the end of the row.
 

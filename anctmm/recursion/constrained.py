@@ -5,7 +5,7 @@ the nearest ones by the mass, M Δq = −Jᵀμ. Only the small system of kept u
 the scene follows in one backward sweep.
 """
 
-from anctmm.jit.compiling import embedded, kernel
+from anctmm.jit.compiling import embedded, kernel, shared
 from anctmm.recursion.loops import Loops
 from anctmm.recursion.riccati import BlockFactors, follow_unknowns, meet_inboard
 from anctmm.recursion.rows import (
@@ -94,7 +94,7 @@ def constrain_motion(
     return True
 
 
-@embedded
+@shared
 def _solve(loops):  # type: ignore[no-untyped-def]
     """Changes of the kept unknowns that take away the value of the constraints, with the least work of inertia."""
     for k in range(len(loops.x)):
@@ -103,7 +103,7 @@ def _solve(loops):  # type: ignore[no-untyped-def]
     solve_kept(loops.matrix, loops.x)
 
 
-@embedded
+@shared
 def spread(factors, loops, a, u):  # type: ignore[no-untyped-def]
     """Add to u the changes of all nodes, a, that those of the kept unknowns, `moved`, bring: a backward sweep."""
     size, L, _, wide, work, _, places, _ = factors

@@ -19,15 +19,14 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, null_space
-from scipy.sparse import csc_array
-from scipy.sparse.linalg import splu
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import mass_matrix
 from anctmm.discretise.joined import Joined
-from anctmm.jit.compiling import embedded, kernel, uncompiled
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import embedded, kernel, shared, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.recursion.rows import (
     CORRECTIONS,
@@ -52,6 +51,7 @@ DENSE = 256
 
 
 @writes("rows", "J", "S", "inverse", "alone", "y", "moved")
+@by_address
 class KeptMotions(NamedTuple):
     """Independent motions of few kept unknowns.
 
@@ -111,7 +111,7 @@ def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
     mass = mass_matrix(bodies)
     fields, K = _fields(chain, mass)
     basis = _free_directions(chain)
-    basis = basis @ np.linalg.inv(cholesky(basis.T @ K @ basis))
+    basis = basis @ np.linalg.inv(scipy.linalg.cholesky(basis.T @ K @ basis))
     fields = fields @ basis
     r, shape = basis.shape[1], (bodies.rows, bodies.nodes)
     left = rows_alone(chain.kept, ~constraints.still)
@@ -141,10 +141,10 @@ def _free_directions(chain: Chain) -> Array:
     for k, guided in enumerate(lines):
         x, y = guided.direction
         J[len(linear) + k, chain.kept.size + 2 * k :][:2] = -y, x
-    return np.asarray(null_space(J, rcond=DEPENDENT)) if len(J) else np.eye(J.shape[1])
+    return np.asarray(scipy.linalg.null_space(J, rcond=DEPENDENT)) if len(J) else np.eye(J.shape[1])
 
 
-def _fields(chain: Chain, mass: csc_array) -> tuple[Array, Array]:
+def _fields(chain: Chain, mass: "scipy.sparse.csc_array") -> tuple[Array, Array]:
     """Fields of units of the kept unknowns and places on lines, (rows · nodes, n), and the mass of these, (n, n)."""
     T: Any = Joined(chain, free=True).matrix
     M: Any = mass
@@ -161,7 +161,7 @@ def _fields(chain: Chain, mass: csc_array) -> tuple[Array, Array]:
     values[masters] = np.linalg.inv(own if small else own.toarray())
     if free.size:
         coupling, inner = A[free][:, masters] @ values[masters], A[free][:, free]
-        solve = partial(np.linalg.solve, inner) if small else splu(inner.tocsc()).solve
+        solve = partial(np.linalg.solve, inner) if small else scipy.sparse.linalg.splu(inner.tocsc()).solve
         values[free] = -solve(coupling)
     return T @ values, values.T @ (A @ values)
 
@@ -227,7 +227,7 @@ def constrain_few(kept: KeptMotions, rows: Rows, first: int, drives: Array, q: A
     return whole
 
 
-@embedded
+@shared
 def factor_constraints(kept, rows):  # type: ignore[no-untyped-def]
     """J at the unknowns that were gathered, and the factors of J Jᵀ."""
     basis, J, S, alone = kept.basis, kept.J, kept.S, kept.alone
@@ -286,7 +286,7 @@ def _multipliers(kept, rows):  # type: ignore[no-untyped-def]
             x[k] -= S[n, k] * x[n]
 
 
-@embedded
+@shared
 def _correct(kept, rows, order):  # type: ignore[no-untyped-def]
     """Take the value of the constraints, or of their rates, from the unknowns, and keep along which motions."""
     for k in range(len(rows.value)):

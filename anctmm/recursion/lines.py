@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.recursion.scratch import matrices
@@ -27,6 +28,7 @@ Ints = NDArray[np.int64]
 
 
 @writes()
+@by_address
 class Turned(NamedTuple):
     """Nodes that are eliminated in the frames of lines.
 
@@ -50,6 +52,7 @@ class Turned(NamedTuple):
 
 
 @writes("across", "force")
+@by_address
 class Lines(NamedTuple):
     """Forces of guides in trees of scalar blocks.
 

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept import Port
 from anctmm.discretise.plan import Kept
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.model.kept import of_arrays
 from anctmm.recursion.branches import Branches
@@ -31,6 +32,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+@by_address
 class Loops(NamedTuple):
     """What the recursion needs where there are loops.
 

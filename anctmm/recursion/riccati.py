@@ -27,6 +27,7 @@ from anctmm.discretise.plan import BREAK, PIN, TANGENT, WELD, Kept
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.loads import Loads, no_loads
 from anctmm.forces.stiffness import fill_local
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
@@ -55,6 +56,7 @@ Ints = NDArray[np.int64]
 
 
 @writes("branches", "lines", "kept")
+@by_address
 class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
 
@@ -81,6 +83,7 @@ class SplitFactors(NamedTuple):
 
 
 @writes("L", "G", "wide", "work", "buffer", "branches", "loops")
+@by_address
 class BlockFactors(NamedTuple):
     """Factored full blocks, refilled by `factorize`.
 
@@ -113,6 +116,7 @@ class BlockFactors(NamedTuple):
 
 
 @writes()
+@by_address
 class Links(NamedTuple):
     """What kernels need of a `Chain`; known: components prescribed, or found with the kept unknowns, (rows, nodes).
 

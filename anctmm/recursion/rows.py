@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ONE, Constraints
 from anctmm.discretise.kept import KeptUnknowns
-from anctmm.jit.compiling import embedded
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import embedded, shared
 from anctmm.recursion.sparse import Sparse, matrix_places
 
 Array = NDArray[np.float64]
@@ -29,6 +30,7 @@ OFF, ENOUGH = 1e-15, 1e-8
 KEPT = 1e-6
 
 
+@by_address
 class Rows(NamedTuple):
     """Constraints; the last of n + 1 places stands for the number 1.
 
@@ -204,7 +206,7 @@ def set_signals(rows, drives, first):  # type: ignore[no-untyped-def]
             at += 1
 
 
-@embedded
+@shared
 def gather(rows, order, q):  # type: ignore[no-untyped-def]
     """Take values, or derivatives of an order, of the unknowns from coordinates, (rows, nodes)."""
     for n in range(len(rows.used)):
@@ -212,7 +214,7 @@ def gather(rows, order, q):  # type: ignore[no-untyped-def]
         rows.x[order, k] = q[rows.homes[0, k], rows.homes[1, k]]
 
 
-@embedded
+@shared
 def evaluate(rows, order):  # type: ignore[no-untyped-def]
     """g, or its derivative in time of an order up to 2, from what was gathered; the largest of them."""
     x, v, a = rows.x
@@ -237,7 +239,7 @@ def evaluate(rows, order):  # type: ignore[no-untyped-def]
     return largest
 
 
-@embedded
+@shared
 def prescribe(rows, order, u):  # type: ignore[no-untyped-def]
     """Set the places of prescribed nodes, or derivatives of an order, in coordinates u, (rows, nodes)."""
     if len(rows.prescribed[0]) > 0:
@@ -249,7 +251,7 @@ def prescribe(rows, order, u):  # type: ignore[no-untyped-def]
             u[1, node] -= off * rows.unit[n, 1]
 
 
-@embedded
+@shared
 def fill_rows(rows, matrix):  # type: ignore[no-untyped-def]
     """Put J at the unknowns that were gathered into the matrix."""
     values, x, w = matrix.values, rows.x, rows.signals

@@ -13,11 +13,11 @@ from heapq import heapify, heappop, heappush
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.sparse import csc_array, eye_array
-from scipy.sparse.linalg import splu
 
-from anctmm.jit.compiling import embedded
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import embedded, shared
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -29,6 +29,7 @@ SMALL = 24
 VOID = 1e-9
 
 
+@by_address
 class Sparse(NamedTuple):
     """A symmetric matrix M and its factors, M = L D Lᵀ.
 
@@ -133,9 +134,11 @@ def _least_degree(pairs: Ints, dual: Mask) -> list[int]:
 
 def _least_fill(size: int, pairs: Ints) -> Ints:
     """New numbers of the unknowns, such that little is filled: SuperLU's minimum degree."""
-    pattern = csc_array((np.ones(pairs.shape[1]), pairs), shape=(size, size))
-    dominant = csc_array(pattern + pattern.T + float(4 * pattern.nnz) * eye_array(size))
-    factors = splu(
+    pattern = scipy.sparse.csc_array((np.ones(pairs.shape[1]), pairs), shape=(size, size))
+    dominant = scipy.sparse.csc_array(
+        pattern + pattern.T + float(4 * pattern.nnz) * scipy.sparse.eye_array(size)
+    )
+    factors = scipy.sparse.linalg.splu(
         dominant, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
     return np.asarray(factors.perm_c, dtype=np.int64)
@@ -208,7 +211,7 @@ def factorize_rows(matrix):  # type: ignore[no-untyped-def]
     _factorize_from(matrix, len(matrix.within))
 
 
-@embedded
+@shared
 def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
     above, above_row, values, left, left_column, below, below_row, L, inverse, filled, row, dual, _ = matrix
     negative = 0
@@ -241,7 +244,7 @@ def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
     return negative
 
 
-@embedded
+@shared
 def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
     """The kept unknowns from their loads, in place."""
     _, _, _, _, _, below, below_row, L, inverse, _, _, _, _ = matrix

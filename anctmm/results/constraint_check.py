@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
+from anctmm.jit.by_address import by_address
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp
 from anctmm.model.kept import alike, kept
@@ -38,6 +39,7 @@ ROUNDINGS = 1e3
 ADVICE = "a smaller dt or a smaller newton_tolerance may do"
 
 
+@by_address
 class Constraints(NamedTuple):
     """What the joints of a scene keep, of ends numbered as in `Ends`.
 

@@ -14,6 +14,7 @@ from anctmm.forces.actuation import DrivenClamps
 from anctmm.forces.loads import Loads
 from anctmm.integrators.output import actuation_of
 from anctmm.integrators.stability import element_bound
+from anctmm.jit.by_address import by_address
 from anctmm.jit.copies import writes
 from anctmm.jit.prefetching import LONG
 from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links
@@ -30,6 +31,7 @@ ROUNDED = 0.1
 
 
 @writes("q", "v", "a", "w", "q_before", "w_before", "f", "loads", "flat")
+@by_address
 class State(NamedTuple):
     """q, v, a and w, q and w at the start of the step, external force and dead load: each (rows, nodes).
 
@@ -49,6 +51,7 @@ class State(NamedTuple):
     flat: tuple[Array, ...]
 
 
+@by_address
 class Damping(NamedTuple):
     """Kelvin-Voigt damping of each body, s, and velocities at the end of the step, (rows, nodes).
 
@@ -64,6 +67,7 @@ class Damping(NamedTuple):
 
 
 @writes("counts", "history", "expected")
+@by_address
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
@@ -79,6 +83,7 @@ class Newton(NamedTuple):
     expected: Array | None = None
 
 
+@by_address
 class System(NamedTuple):
     """What the kernels of implicit runs take, the output apart.
 
