@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 #: Parts that take less are not told in a log, s; longest time between two lines of it, s.
 BRIEF, SILENT = 2.0, 15.0
+#: Part that is done before it is told what is left: the first ones compile kernels, which takes longer than they do.
+FIRST = 0.1
 
 
 @dataclass
@@ -71,7 +73,7 @@ class Log:
         self._line(self.clock(), text)
 
     def _left(self, now: float, done: int, total: int) -> str:
-        if not done:
+        if not done or done < FIRST * total:
             return ""
         return f", {spoken((now - self._part_began) / done * (total - done))} left"
 

@@ -66,6 +66,15 @@ def test_a_long_part_says_what_runs_and_what_is_left(log, clock):
     assert log.said[-1] == "[3 min] next is running, 0 of 3 done"
 
 
+def test_the_first_of_many_tell_nothing_of_what_is_left(log, clock):
+    for k, seconds in enumerate((120.0, 20.0, 20.0)):  # the first one compiles
+        log.started(f"run {k}", k, 20)
+        clock.now += seconds
+        log.done(f"run {k}", k + 1, 20)
+    assert log.said[0] == "[2 min] run 0: 1 of 20 done"
+    assert log.said[1] == "[2 min] run 1: 2 of 20 done, 21 min left"
+
+
 def test_a_runner_says_what_begins(tmp_path):
     (case,) = cases_in(DOUBLE_PENDULUM)
     said = []
