@@ -41,6 +41,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.free_turns import follow_turns
 from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
@@ -62,6 +63,7 @@ from anctmm.integrators.step_control import (
     STEADY_STEPS,
     STUCK,
     TIME,
+    TURNED,
     UNFINISHED,
     WANTED,
     Control,
@@ -177,6 +179,9 @@ def advance(budget: int, outputs: int, system: System, control: Control, lag: La
                 progress[KEPT] += 1.0
             if number == outputs or progress[TIME] >= end:
                 break
+            if control.turns.found[2]:
+                code = TURNED
+                break
             if budget == 0:
                 code = UNFINISHED
                 break
@@ -242,6 +247,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         progress[STEADY_STEPS] += 1.0
         if look:
             measure_motion(state.q, control)
+            follow_turns(state.q, progress[TIME], control.t_end, control.turns)
             _remember(lag, state)
             aim(h, error, 2, STEADY, 1.0, control)
     else:
@@ -256,7 +262,7 @@ def _error(t, h, to_w, system, control, lag):  # type: ignore[no-untyped-def]
         for i in range(w.shape[1]):
             x[k, i] = factor * (w[k, i] - lag.w[k, i])
     turned = filtered_error(t, h, to_w, PLACES, ROWS, False, system, control)
-    return largest_error(x, turned, control)
+    return largest_error(x, turned, False, control)
 
 
 @inlined

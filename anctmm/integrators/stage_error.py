@@ -38,12 +38,12 @@ def stage_error(t, h, to_w, system, control, track):  # type: ignore[no-untyped-
         for i in range(q.shape[1]):
             rates = 0.5 * h * (start[1, k, i] + v[k, i])
             x[k, i] = q[k, i] - start[0, k, i] - rates + h * h / 12.0 * (w[k, i] - start[2, k, i])
-    between = BETWEEN * largest_error(x, 0.0, control)
+    between = BETWEEN * largest_error(x, 0.0, False, control)
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
             x[k, i] *= to_w
     turned = filtered_error(t, h, to_w, PLACES, ROWS, True, system, control)
-    return largest_error(x, turned, control), between
+    return largest_error(x, turned, True, control), between
 
 
 @inlined

@@ -38,6 +38,7 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
+from anctmm.integrators.free_turns import ANEW, Turns, begin_turns, know_turns, new_turns
 from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton import ROUNDING, SLOW
 from anctmm.integrators.implicit.newton_failure import correction_size
@@ -67,6 +68,8 @@ FIRST, LOOSE, SMALLEST = 0.5, 1e-2, 1e-9
 #: Share of the tolerance that the sum of the errors of the steps may take. With it the largest error of 583 runs of 250
 #: scenes drawn at random was 2.2 times the one asked for at any time, by either method; 1 and 1.2 gave 8.
 SHARE = 0.7
+#: Part of the error allowed that may be what Newton's iteration leaves of speeds, where bodies turn freely.
+SPEED_PART = 0.2
 #: Changes of the step below which it stays: each costs a factorization.
 SHORTER, LONGER = 0.87, 1.15
 #: Part of the run over which the mean of the errors is taken, and steps at most: what is over, as a start that dies out
@@ -90,8 +93,9 @@ SMALL = 0.25
 BULGE = 4.0 / 27.0
 #: Times the error allowed that may be found at the end, relative to what has moved; and rounds of a run, at most.
 FOUND, ROUNDS = 2.0, 4
-#: How a call of `advance` ended: at the end of the run, for good before it, or because it took all steps it may.
-DONE, STUCK, UNFINISHED = 0, 1, 2
+#: How a call of `advance` ended: at the end of the run, for good before it, because it took all steps it may, or as
+#: a body was found to turn freely, see `free_turns`.
+DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
 #: Rounding of positions, relative, and how many times it a sum of errors must be for steps to be told apart.
 EPS, ROUNDED = float(np.finfo(float).eps), 1e5
 #: Places in `Control.progress`.
@@ -126,6 +130,7 @@ class Control(NamedTuple):
     largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved: displacement of each
     node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate
     adds to them, (2, bodies, ...). progress: where the run stands. actions: what acts in time.
+    turns: see `free_turns`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -153,6 +158,7 @@ class Control(NamedTuple):
     elastic: Array
     progress: Array
     actions: Timeline
+    turns: Turns
 
 
 class Scheme(NamedTuple):
@@ -174,7 +180,8 @@ class Scheme(NamedTuple):
 class March(NamedTuple):
     """One run: outputs kept, time reached (s), whether that is the end, or the user stopped it.
 
-    moved: largest displacement of each node, m, (nodes,). error: sum of the local errors, relative.
+    moved: largest displacement of each node, m, (nodes,). error: sum of the local errors, relative. turned: whether it
+    ended because a body was found to turn freely.
     """
 
     kept: int
@@ -183,6 +190,7 @@ class March(NamedTuple):
     stopped: bool
     moved: Array
     error: float
+    turned: bool
 
 
 def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
@@ -207,10 +215,13 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         corrections, factorizations, _ = system.newton.counts
         return record.solution(kept, status, int(counts[0]), int(corrections), int(factorizations))
 
-    def march(times: Array, assumed: Array, scale: float = 0.0, guess: int = 0) -> March:
-        found = _march(chain, scheme, system, control, out, times, assumed, scale, guess)
+    def march(times: Array, assumed: Array, scale: float = 0.0, guess: int = 0, anew: int = 0) -> March:
+        found = _march(chain, scheme, system, control, out, times, assumed, scale, guess, anew > 0)
         if found.stopped:
             raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
+        if found.turned:
+            know_turns(control.turns, found.t, run.t_end)
+            return march(times, assumed, scale, guess, anew - 1)
         return found
 
     march(np.zeros(1), still)  # compiles
@@ -222,7 +233,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     if scale < max(STILL * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
         scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
     for _ in range(ROUNDS):
-        done = march(outputs, assumed, scale)
+        done = march(outputs, assumed, scale, anew=ANEW)
         if not done.whole or done.moved.max() < STILL * chain.length:
             break
         used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
@@ -307,6 +318,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         elastic=_elastic(chain),
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
+        turns=new_turns(chain),
     )
 
 
@@ -331,12 +343,17 @@ def _march(
     assumed: Array,
     scale: float,
     guess: int,
+    look: bool,
 ) -> March:
-    """Run from the start over `times`, with displacements that are assumed, or a `guess` of them by so many steps."""
+    """Run from the start over `times`, with displacements that are assumed, or a `guess` of them by so many steps.
+
+    look: whether it ends when a body is found to turn freely.
+    """
     run, state, newton = chain.run, system.state, system.newton
     tolerance = float(run.tolerance or 0.0)
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
+    begin_turns(control.turns, look, run.t_end)
     control.scale[0] = scale
     out.work[0] = 0.0
     first = FIRST * min(1.0, (tolerance / LOOSE) ** (1.0 / scheme.order)) * run.exact_dt
@@ -358,7 +375,7 @@ def _march(
     progress = control.progress
     return March(
         int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(),
-        float(progress[SPENT]),
+        float(progress[SPENT]), code == TURNED,
     )  # fmt: skip
 
 
@@ -460,8 +477,16 @@ def pass_stops(control):  # type: ignore[no-untyped-def]
 
 @inlined
 def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
-    """What Newton's iteration may leave in a step of h: a part of the error that it may make; no less than rounding."""
+    """What Newton's iteration may leave in a step of h: a part of the error that it may make; no less than rounding.
+
+    Where bodies turn freely, what it leaves, over h, is an error of their speed until the end: see `free_turns`.
+    """
     may = part * control.allowed * h / control.t_end
+    if control.turns.found[0]:
+        may = min(
+            may,
+            SPEED_PART * control.allowed * h * h / (control.t_end * (control.t_end - control.progress[TIME])),
+        )
     left = max(control.rounding, may * control.scale[0] / system.newton.scale)
     return min(system.newton.tolerance, left)
 

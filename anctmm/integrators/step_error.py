@@ -37,12 +37,16 @@ def filtered_error(t, h, to_w, places, rows, curved, system, control):  # type: 
 
 
 @inlined
-def largest_error(x, turned, control):  # type: ignore[no-untyped-def]
-    """Largest error x of the nodes, (rows, nodes), relative to what they move, and that of drives, m."""
+def largest_error(x, turned, weighed, control):  # type: ignore[no-untyped-def]
+    """Largest error x of the nodes, (rows, nodes), relative to what they move, and that of drives, m.
+
+    `weighed`: times what it grows until the end.
+    """
     largest, least = 0.0, max(control.small * control.scale[0], TINY)
     for i in range(x.shape[1]):
         known = max(control.moved[0, i], control.moved[1, i])
-        largest = max(largest, _size(x, i, control.bulge) / max(known, least))
+        growth = control.turns.growth[i] if weighed else 1.0
+        largest = max(largest, growth * _size(x, i, control.bulge) / max(known, least))
     return largest + turned / control.scale[0] if control.scale[0] > 0.0 else 0.0
 
 

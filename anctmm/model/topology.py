@@ -12,6 +12,8 @@ from anctmm.model.places import End, Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 
 T = TypeVar("T", bound=Hashable)
+#: What stands for the ground among names of bodies, which are texts.
+GROUND = None
 
 
 class Graph(Protocol):
@@ -95,6 +97,19 @@ class Sets(Generic[T]):
         for thing in things:
             sets.setdefault(self.of(thing), []).append(thing)
         return list(sets.values())
+
+
+def held_directions(scene: Graph) -> list[tuple[Joint, str | None, str]]:
+    """Joints that hold the direction of a body, or turn it, against another or against the ground, with these two."""
+    found: list[tuple[Joint, str | None, str]] = []
+    for joint in scene.joints:
+        if isinstance(joint, Clamp | Weld | Prismatic):
+            first, *others = [scene.place(end).body.name for end in joint.ends]
+            if isinstance(joint, Weld):
+                found += [(joint, first, other) for other in others]
+            else:
+                found.append((joint, joint.body if isinstance(joint, Prismatic) else GROUND, first))
+    return found
 
 
 def end_of(scene: Graph, place: Written) -> End:

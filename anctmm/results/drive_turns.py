@@ -13,12 +13,11 @@ from numpy.typing import NDArray
 
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp, Prismatic, Weld, drive_of
+from anctmm.model.topology import GROUND, held_directions
 from anctmm.results.fields import HermiteField, RigidField, continuous
 
 Array = NDArray[np.float64]
 F = TypeVar("F", bound=HermiteField | RigidField)
-#: What stands for the ground among names of bodies, which are texts.
-GROUND = None
 
 
 def with_turns_of_drives(scene: Any, fields: Mapping[str, F], t: Array) -> dict[str, F]:
@@ -37,19 +36,13 @@ def with_turns_of_drives(scene: Any, fields: Mapping[str, F], t: Array) -> dict[
 def _driven(scene: Any, t: Array) -> dict[str, tuple[Array, Array]]:
     """Angles and rates of the drives between the ground and each body that it holds the direction of, each (n,)."""
     edges: dict[str | None, list[tuple[str | None, Array]]] = {}
-    for joint in scene.joints:
-        if not isinstance(joint, Clamp | Weld | Prismatic):
-            continue
-        first, *others = [scene.place(end).body.name for end in joint.ends]
-        if not isinstance(joint, Weld):
-            first, others = joint.body if isinstance(joint, Prismatic) else GROUND, [first]
+    for joint, first, other in held_directions(scene):
         turns = np.zeros((2, len(t)))
         drive = None if isinstance(joint, Prismatic) else drive_of(joint)
         if drive is not None:
             turns = tabulate(drive[0], drive[1], t, 3)[:, :2].T
-        for other in others:
-            edges.setdefault(first, []).append((other, turns))
-            edges.setdefault(other, []).append((first, -turns))
+        edges.setdefault(first, []).append((other, turns))
+        edges.setdefault(other, []).append((first, -turns))
     found: dict[str | None, Array] = {GROUND: np.zeros((2, len(t)))}
     ahead: list[str | None] = [GROUND]
     for here in ahead:

@@ -1,0 +1,145 @@
+"""Bodies that turn freely many times: what an error of a step makes of their angle until the end, for step control.
+
+Where nothing holds the direction of a body, nothing brings its speed back: an error of the speed stays, and that of the
+angle grows with the time left. Two things make it. What Newton's iteration leaves of a position, x, is an error x/h of
+the speed of a step of h, of one sign over many steps, and so x (T − t)/h of the position at the end: a bar at a pin
+missed by up to 11 times the tolerance after 4 turns, by 43 times after 16, by steps of fourth order, a free bar by 28
+times after 4, a slider-crank by 35 times after 16, by generalized-α. And a step takes a part of the speed. By that
+alone steps of fourth order missed by 0.5, 0.9 and 2.6 times the tolerance after 4, 16 and 64 turns, and by 5 and 7
+times after 4 and 16 turns of a bar that a torque turns from rest; of generalized-α it is less than its estimate by far.
+So where a body turns freely, the iteration leaves the less, the more steps are to come (`step_control.left_by_newton`),
+and errors of fourth order at its nodes count 1 + 0.3 ω (T − t) times. That leaves at most 0.3 times the tolerance where
+bars turn steadily, 1.1 of slider-cranks, and 2.8 of what a torque turns from rest. Sixteen turns cost 2.1 to 2.3 times
+what they did by steps of fourth order, 1.1 to 1.6 times by generalized-α.
+
+That is known of a body when it has made 0.6 of a turn, net, and will make a whole one at its mean speed until then. The
+run is made again from the start: the steps until then were few. Bodies that go to and fro have the steps that they had.
+Those that turn steadily less than 1.6 times are not found, and missed by up to 5 times the tolerance, nor those that a
+torque turns from rest less than 4 times, by up to 12 times.
+What drives, clamps and guides hold the direction of, does not turn freely, nor does what turns as that does, to within
+that part of a turn, in its sense or against it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.jit.compiling import inlined, uncompiled
+from anctmm.model.topology import GROUND, Sets, held_directions
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+#: A turn, rad.
+TURN = 2.0 * np.pi
+#: Net turn that shows a body to turn freely, more than a pendulum swings; what it must then have left to turn, at its
+#: mean speed; and the net turn at which others are taken for such bodies then, so that few runs are made again.
+#: Andrews' squeezer, which a torque turns 2.5 times from rest, never has so much left: its errors have other causes,
+#: and it cost 1.6 times as much for nearly the same error.
+SEEN, LEFT, FORESEEN = 0.6 * TURN, TURN, 0.25 * TURN
+#: Part of the angle left to turn by which a relative error of a step grows.
+GROWS = 0.3
+#: Runs that are made again for bodies found to turn freely, at most.
+ANEW = 4
+
+
+class Turns(NamedTuple):
+    """Turns of the bodies that have a direction, and what they make of errors.
+
+    nodes: of each the node that tells its turn, the row of the vector that turns, its first node, and the one behind
+    its last, (bodies, 4). start: that vector at the start, (bodies, 2). held: whether joints and drives hold its
+    direction, (bodies,). angles: net turn, rad, (bodies,). rates: mean speed in the run before, rad/s, 0 of bodies that
+    are not known to turn freely, (bodies,). growth: of errors at each node until the end, (nodes,). found: whether
+    bodies are known to turn freely, whether others are looked for, and whether one was found, (3,).
+    """
+
+    nodes: Ints
+    start: Array
+    held: NDArray[np.bool_]
+    angles: Array
+    rates: Array
+    growth: Array
+    found: NDArray[np.bool_]
+
+
+def new_turns(chain: Chain) -> Turns:
+    """Turns of the bodies of a scene, none of them known to turn freely."""
+    bodies, q, directions = chain.bodies, chain.start_coordinates(), Sets[str | None]()
+    for _, one, other in held_directions(chain.parts):
+        directions.unite(one, other)
+    ground = directions.of(GROUND)
+    table, start, held, first = [], [], [], 0
+    for step, mesh in zip(chain.plan.steps, bodies.meshes, strict=True):
+        row, end = mesh.turning_row, first + mesh.nodes
+        if q[row : row + 2, first].any():  # a point mass has no direction
+            table.append((first, row, first, end))
+            start.append(q[row : row + 2, first])
+            held.append(directions.of(step.body) == ground)
+        first = end
+    return Turns(
+        np.array(table, dtype=np.int64).reshape(-1, 4),
+        np.array(start).reshape(-1, 2),
+        np.array(held, dtype=np.bool_),
+        np.zeros(len(table)),
+        np.zeros(len(table)),
+        np.ones(bodies.nodes),
+        np.zeros(3, dtype=np.bool_),
+    )
+
+
+def begin_turns(turns: Turns, look: bool, t_end: float) -> None:
+    """Start a run; whether bodies that are not known to turn freely are looked for."""
+    turns.angles[:] = 0.0
+    turns.found[:] = turns.rates.any(), look, False
+    uncompiled(_grow)(0.0, t_end, turns)
+
+
+def know_turns(turns: Turns, t: float, t_end: float) -> None:
+    """After a run that was ended at t: which bodies turn freely, and how fast."""
+    for b, angle in enumerate(np.abs(turns.angles)):
+        turning = angle * (t_end - t) >= LEFT * t and uncompiled(_turns_freely)(b, FORESEEN, turns)
+        if turns.rates[b] == 0.0 and turning:
+            turns.rates[b] = angle / t
+
+
+@inlined
+def follow_turns(q, t, t_end, turns):  # type: ignore[no-untyped-def]
+    """After a step to t: bring net turns up to date, and what errors grow; see whether a body is found."""
+    for b in range(turns.nodes.shape[0]):
+        i, row = turns.nodes[b, 0], turns.nodes[b, 1]
+        x, y, u, v = turns.start[b, 0], turns.start[b, 1], q[row, i], q[row + 1, i]
+        angle = np.arctan2(x * v - y * u, x * u + y * v)
+        turns.angles[b] = angle + TURN * np.rint((turns.angles[b] - angle) / TURN)
+    if turns.found[1]:
+        for b in range(turns.nodes.shape[0]):
+            size = abs(turns.angles[b])
+            if size >= SEEN and turns.rates[b] == 0.0 and size * (t_end - t) >= LEFT * t:
+                turns.found[2] = turns.found[2] or _turns_freely(b, SEEN, turns)
+    if turns.found[0]:
+        _grow(t, t_end, turns)
+
+
+@inlined
+def _turns_freely(b, least, turns):  # type: ignore[no-untyped-def]
+    """Whether a body has turned by so much, rad, and beside all whose direction is held."""
+    free = not turns.held[b] and abs(turns.angles[b]) >= least
+    if free:
+        for n in range(turns.nodes.shape[0]):
+            beside = abs(abs(turns.angles[b]) - abs(turns.angles[n]))
+            free = free and (not turns.held[n] or beside >= least)
+    return free
+
+
+@inlined
+def _grow(t, t_end, turns):  # type: ignore[no-untyped-def]
+    """Find what errors of a step at t grow until the end.
+
+    Until it is seen to turn, a body has its mean speed of the run before; then that since the start.
+    """
+    for b in range(turns.nodes.shape[0]):
+        if turns.rates[b] > 0.0:
+            rate = turns.rates[b] if turns.rates[b] * t < SEEN else abs(turns.angles[b]) / t
+            for i in range(turns.nodes[b, 2], turns.nodes[b, 3]):
+                turns.growth[i] = 1.0 + GROWS * rate * (t_end - t)
