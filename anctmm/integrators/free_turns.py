@@ -14,8 +14,8 @@ what they did by steps of fourth order, 1.1 to 1.6 times by generalized-α.
 
 That is known of a body when it has made 0.6 of a turn, net, and will make a whole one at its mean speed until then. The
 run is made again from the start: the steps until then were few. Bodies that go to and fro have the steps that they had.
-Those that turn steadily less than 1.6 times are not found, and missed by up to 5 times the tolerance, nor those that a
-torque turns from rest less than 4 times, by up to 12 times.
+Those that turn steadily less than 1.6 times are not found, and missed by up to 5.6 times the tolerance, nor those that
+a torque turns from rest less than 4 times, by up to 12 times.
 What drives, clamps and guides hold the direction of, does not turn freely, nor does what turns as that does, to within
 that part of a turn, in its sense or against it.
 """
@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, uncompiled
 from anctmm.model.topology import GROUND, Sets, held_directions
 
@@ -45,6 +46,7 @@ GROWS = 0.3
 ANEW = 4
 
 
+@by_address
 class Turns(NamedTuple):
     """Turns of the bodies that have a direction, and what they make of errors.
 
