@@ -1,4 +1,4 @@
-"""Shortcuts through numba's compiler while it compiles kernels: the same code comes out with half of the work.
+"""Shortcuts through numba's compiler while it compiles kernels: the same code comes out with a third less work.
 
 - A function that is inlined at several places is translated once. To inline it numba copies it twice, and with each
   block the names of all variables: one copy does, of what is changed in it, and none of what was made for one call.
