@@ -142,7 +142,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     _cache: Any
 
     def __init__(self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None) -> None:
-        super().__init__(py_func, locals, targetoptions, pipeline_class=KernelCompiler)
+        super().__init__(py_func, locals or {}, targetoptions, pipeline_class=KernelCompiler)
 
     def __call__(self, *args: Any, **kws: Any) -> Any:
         """Call from Python."""

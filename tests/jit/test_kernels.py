@@ -128,3 +128,8 @@ def test_one_code_serves_all_numbers_that_callers_write():
 
     assert kernel(outer)(arrays()[0], 2) == 2.0 + 2.0 + 6.0
     assert len(inner.overloads) == 1
+
+
+def test_types_of_local_variables_are_a_mapping():
+    """The oldest numba that is allowed inlines nothing without one."""
+    assert kernel(lambda x: x).locals == {}
