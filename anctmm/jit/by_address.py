@@ -125,12 +125,19 @@ def _unbox(kind: ByAddress, given: Any, c: Any) -> NativeValue:
     place = c.builder.bitcast(cgutils.alloca_once(c.builder, words), _BYTE.as_pointer())
     cleanups: list[Callable[[], None]] = []
     wrong = _put(kind, given, place, c, cleanups)
+    with c.builder.if_then(wrong, likely=False), cgutils.if_unlikely(c.builder, _nothing_told(c)):
+        c.pyapi.err_set_string("PyExc_TypeError", f"{kind.instance_class.__name__}: a member is no array")
 
     def cleanup() -> None:
         for one in reversed(cleanups):
             one()
 
     return NativeValue(place, cleanup=cleanup if cleanups else None, is_error=wrong)
+
+
+def _nothing_told(c: Any) -> Any:
+    """Whether no exception tells yet what was wrong: other members than arrays raise their own."""
+    return cgutils.is_null(c.builder, c.pyapi.err_occurred())
 
 
 def _put(kind: ByAddress, given: Any, value: Any, c: Any, cleanups: list[Callable[[], None]]) -> Any:

@@ -128,6 +128,17 @@ def test_what_is_no_number_is_refused():
         fresh(total)(outer()._replace(count=object()), np.zeros(4))
 
 
+def test_code_that_is_called_with_other_types_says_so():
+    """Not by numba's dispatcher, which finds the types first: nothing is read that is no array."""
+    one = fresh(total)
+    one(outer(), np.zeros(4))
+    (compiled,) = one.overloads.values()
+    with pytest.raises(TypeError, match="Outer: a member is no array"):
+        compiled.entry_point(outer()._replace(values=1.0), np.zeros(4))
+    with pytest.raises(ValueError, match="four"):
+        compiled.entry_point(outer()._replace(count="four"), np.zeros(4))
+
+
 def test_an_array_that_is_given_back_is_still_there():
     """A kernel that takes memory counts who holds an array."""
     given = outer()
