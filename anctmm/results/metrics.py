@@ -30,7 +30,8 @@ class Comparison:
     error : float
         Largest over the probes of RMS in time of |u − u_ref| over max in time of |u_ref|; of a probe at which the
         reference rests, the largest |u − u_ref| itself, m. NaN where nothing can be compared: displacements are those
-        from the first output, so that a run with no common output after it has no error.
+        from the first output, so that a run with no common output after it has no error; and where a probe has
+        numbers that are not finite.
     largest : float
         Largest |u − u_ref| over probes and times, relative to the largest |u_ref| of all probes.
     by_probe : dict of probe to float
@@ -63,6 +64,11 @@ def history_error(u: Array, reference: Array, rounding: float = 0.0) -> float:
     difference = np.linalg.norm(u - reference, axis=-1)
     scale = np.linalg.norm(reference, axis=-1).max()
     return float(np.sqrt(np.mean(difference**2)) / scale) if scale > rounding else float(difference.max())
+
+
+def worst(errors: Iterable[float]) -> float:
+    """The largest of errors; NaN if one is NaN, wherever it stands: Python's own `max` may pass over it."""
+    return float(np.max(np.fromiter(errors, float)))
 
 
 def rounding_at(solution: Solution, probe: Probe) -> float:
@@ -120,10 +126,11 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         u, v = solution.displacement(probe)[mine], reference.displacement(probe)[theirs]
         rounding = rounding_at(reference, probe)
         by_probe[key] = history_error(u, v, rounding)
-        largest = max(largest, float(np.linalg.norm(u - v, axis=-1).max()))
-        scale, blur = max(scale, float(np.linalg.norm(v, axis=-1).max())), max(blur, rounding)
+        largest = worst([largest, float(np.linalg.norm(u - v, axis=-1).max())])
+        scale = worst([scale, float(np.linalg.norm(v, axis=-1).max())])
+        blur = max(blur, rounding)
     return Comparison(
-        error=max(by_probe.values()),
+        error=worst(by_probe.values()),
         largest=largest / scale if scale > blur else float("nan"),
         by_probe=by_probe,
         cost_ratio=solution.cost.cpu_s / reference.cost.cpu_s if reference.cost.cpu_s > 0 else float("nan"),

@@ -14,7 +14,7 @@ import pandas as pd
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
-from anctmm.results.metrics import history_error, rounding_at
+from anctmm.results.metrics import history_error, rounding_at, worst
 from studies.engine.accuracy.dynamics import continuum_of, with_stretch
 from studies.engine.choices import read as read_own
 from studies.engine.measuring.timing import least, undisturbed
@@ -378,7 +378,7 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
         place = _place(solution.scene, str(body), key)
         known = path[["u_x", "u_y"]].to_numpy(float)
         errors.append(history_error(solution.displacement(place), known, rounding_at(solution, place)))
-    return max(errors)
+    return worst(errors)
 
 
 def _place(scene: Scene, body: str, key: Any) -> str | tuple[str, float]:

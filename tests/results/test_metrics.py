@@ -1,6 +1,7 @@
 """Error measures on histories made by hand, whose differences are known."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,23 @@ def test_comparison_takes_the_worst_probe_and_its_own_scale():
     assert result.common == 3
     assert result.statuses == (OURS.status, THEIRS.status)
     assert result.complete
+
+
+@pytest.mark.parametrize("probes", [["bar.end", "other.end"], ["other.end", "bar.end"]])
+@pytest.mark.parametrize("lost", [math.nan, math.inf])
+def test_numbers_that_are_not_finite_are_no_agreement(probes, lost):
+    """Whichever probe has them: of 0 and NaN `max` takes what stands first, and a run without numbers agreed."""
+    other = replace(SCENE.bodies[0], name="other")
+    scene = replace(SCENE, bodies=(*SCENE.bodies, other))
+    whole = replace(THEIRS, scene=scene, fields=dict.fromkeys(("bar", "other"), THEIRS.fields["bar"]))
+    nodes = np.full_like(THEIRS.fields["bar"].positions, lost)
+    nodes[0] = THEIRS.fields["bar"].positions[0]
+    broken = replace(whole, fields={**whole.fields, "other": LagrangeField(nodes)})
+    with np.errstate(invalid="ignore"):
+        for result in (compare(broken, whole, probes), compare(whole, broken, probes)):
+            assert not math.isfinite(result.error)
+            assert not math.isfinite(result.largest)
+            assert result.by_probe["bar.end"] == 0.0
 
 
 def test_largest_difference_is_that_of_one_time():

@@ -14,7 +14,7 @@ from anctmm.discretise.methods import METHODS
 from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from anctmm.results.metrics import compare, history_error, rounding_at
+from anctmm.results.metrics import compare, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
@@ -282,7 +282,8 @@ class Refinement:
         if not (one.status.ok and other.status.ok):
             return inf
         if self.case.static:
-            return max(_apart(one, other, probe) for probe in self.case.probes)
+            found = worst(_apart(one, other, probe) for probe in self.case.probes)
+            return found if isfinite(found) else inf
         found = compare(one, other, self.case.probes).error
         return found if isfinite(found) else inf
 
