@@ -21,7 +21,15 @@ from anctmm.solvers import registry
 from studies.engine.running.processes import Lost, side_by_side
 from studies.engine.storage.files import check_writable
 from studies.engine.storage.provenance import stamp
-from studies.regression.history import Baseline, Column, History, is_ours, read_baseline, write_baseline
+from studies.regression.history import (
+    ANGLE,
+    Baseline,
+    Column,
+    History,
+    is_ours,
+    read_baseline,
+    write_baseline,
+)
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, Static, Task, Watch
 from studies.regression.tolerance import measured, simulate
@@ -311,7 +319,10 @@ def _compared(task: Task, computed: History, stored: Baseline, against: str) -> 
     found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
     if stored.settings != task.settings:
         return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
-    if computed.columns != stored.history.columns:
+    kept = stored.history.columns
+    # histories that were stored before angles were have none
+    computed = computed.of_columns(lambda column: column.quantity != ANGLE or column in kept)
+    if computed.columns != kept:
         labels = ([c.label for c in h.columns] for h in (stored.history, computed))
         return replace(found, verdict=DIFFERS, reason="stored are {}; now there are {}".format(*labels))
     if not set(stored.history.ending.split(", ")) <= set(computed.ending.split(", ")):
@@ -431,9 +442,7 @@ def _unasked(tasks: Sequence[Task], baselines: Path) -> tuple[Finding, ...]:
 
 
 def _displacements(history: History) -> History:
-    keep = [c.quantity == "displacement" for c in history.columns]
-    columns = tuple(c for c, kept in zip(history.columns, keep, strict=True) if kept)
-    return replace(history, columns=columns, values=history.values[:, keep])
+    return history.of_columns(lambda column: column.quantity == "displacement")
 
 
 def _changes(before: str, now: str) -> str:

@@ -1,8 +1,8 @@
 """Stored histories: small CSV files with a head that tells what they are, readable in a diff."""
 
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import ceil, log10
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.results.metrics import common_times
 from anctmm.results.solution import Solution, Status
+from studies.engine.accuracy.resting import turn_at_rest
 from studies.engine.tables import atomic_write
 from studies.regression.scenes import CheckError, Static, Task
 
@@ -20,13 +21,14 @@ FIRST, LAST = "# anctmm history 1", "# end"
 #: Of the quantities, each with one tolerance.
 UNITS = {
     "displacement": "m",
+    "angle": "rad",
     "kinetic energy": "J",
     "strain energy": "J",
     "potential energy": "J",
     "work": "J",
     "load factor": "1",
 }
-LOAD_FACTOR = "load factor"
+LOAD_FACTOR, ANGLE = "load factor", "angle"
 #: What is counted of a run's work, and its name in `Cost`.
 COUNTED = {
     "Newton corrections": "newton_iterations",
@@ -84,6 +86,8 @@ class History:
     def of(cls, solution: Solution, task: Task) -> "History":
         """Displacements of the probes, and the energies that the solver gives, at the times wanted.
 
+        Of a probe that rests and turns, such as the axle of a wheel, the angle as well: its displacement tells nothing,
+        and energies do not tell in which sense it turns.
         A solver may take more samples (smaller load steps), or have fewer (a run cut short). An energy that is zero
         throughout (kinetic in statics) or that the solver does not give is left out.
         """
@@ -105,6 +109,9 @@ class History:
             for direction, series in zip("xy", u.T, strict=True):
                 columns.append(Column("displacement", f"{body} at {where} {direction}"))
                 values.append(series)
+            if (turned := turn_at_rest(solution, probe)) is not None:
+                columns.append(Column(ANGLE, f"{body} at {where}"))
+                values.append(turned)
         if task.times is None:
             columns.append(Column(LOAD_FACTOR))
             values.append(solution.t)
@@ -124,6 +131,12 @@ class History:
     def quantities(self) -> list[str]:
         """Those it has, in order."""
         return list(dict.fromkeys(c.quantity for c in self.columns))
+
+    def of_columns(self, kept: Callable[[Column], bool]) -> "History":
+        """The same with some of its columns only."""
+        keep = [kept(c) for c in self.columns]
+        columns = tuple(c for c, k in zip(self.columns, keep, strict=True) if k)
+        return replace(self, columns=columns, values=self.values[:, keep])
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from studies.report.plots import (
 
 STYLES = {SAME: "green", UNCHANGED: "green", NOT_RUN: "yellow"}
 #: Columns with their widths: one table a run, and all of them in line.
-HEADS = {"solver": 18, "difference": 10, "tolerance": 10, "where": 16, "when": 6, "verdict": 14}
+HEADS = {"solver": 18, "difference": 11, "tolerance": 11, "where": 14, "when": 6, "verdict": 14}
 NUMERIC = ("difference", "tolerance", "when")
 #: Verdicts of histories that have changed.
 CHANGED = (DIFFERS, RENEWED)

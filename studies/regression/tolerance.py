@@ -31,7 +31,7 @@ from anctmm.solvers.registry import static_of
 from studies.engine.measuring.timing import undisturbed
 from studies.engine.other_numbers import Change
 from studies.engine.running.trial import guarded
-from studies.regression.history import LOAD_FACTOR, OF_CAUSES, UNITS, Baseline, History, Tolerance
+from studies.regression.history import ANGLE, LOAD_FACTOR, OF_CAUSES, UNITS, Baseline, History, Tolerance
 from studies.regression.readable import READABLE
 from studies.regression.scenes import CheckError, FromRest, Run, Static, Task
 
@@ -177,14 +177,21 @@ def _ends(body: Body) -> tuple[Any, ...]:
 
 
 def _scales(task: Task, history: History) -> dict[str, float]:
-    """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest."""
+    """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest.
+
+    Of an angle what it turns by, and a radian. Where nothing moves and nothing is away from the origin, 1 m.
+    """
     if not history.columns:
         return {}
     bodies = task.scene.bodies
     farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
     largest = {q: float(np.abs(history.of_quantity(q)).max()) for q in history.quantities}
     energy = max((x for q, x in largest.items() if UNITS[q] == "J"), default=0.0)
-    moved = {"displacement": farthest + largest["displacement"], LOAD_FACTOR: largest.get(LOAD_FACTOR, 0.0)}
+    moved = {
+        "displacement": farthest + largest["displacement"] or 1.0,
+        ANGLE: 1.0 + largest.get(ANGLE, 0.0),
+        LOAD_FACTOR: largest.get(LOAD_FACTOR, 0.0),
+    }
     return {q: moved.get(q, energy) for q in history.quantities}
 
 

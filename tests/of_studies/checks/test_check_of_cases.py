@@ -75,6 +75,46 @@ def test_scenes_whose_files_would_have_one_name_are_told(command):
     assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
 
 
+#: A wheel that turns about its axle, at which alone it is looked, and a mass that rests.
+TURNING = """
+import anctmm as at
+wheel = at.RigidBody("wheel", 3.0, 0.02, (0.0, 0.0), spin=2.0)
+rest = at.PointMass("rest", 1.0, (0.0, 0.0))
+CASES = [
+    at.Case(at.Scene("wheel", [wheel]), ["wheel.center"], t_end=0.1, output_dt=0.05),
+    at.Case(at.Scene("rest", [rest]), ["rest.center"], t_end=0.1, output_dt=0.05),
+]
+"""
+
+
+def test_the_sense_in_which_a_resting_probe_turns_is_seen():
+    """Displacements were zero, and energies are the same in both senses: a wheel that turned back was the same."""
+    arguments = ["my.py", "--solver", "anctmm", "--baselines", "kept"]
+    Path("my.py").write_text(TURNING)
+    code, output = told(*arguments, "--update")
+    assert (code, "2 new" in output) == (0, True), output  # of what does not move a tolerance, too
+    assert told(*arguments)[0] == 0
+    Path("my.py").write_text(TURNING.replace("spin=2.0", "spin=-2.0"))
+    code, output = told(*arguments)
+    assert (code, "1 same, 1 differs" in output or "1 differs, 1 same" in output) == (1, True), output
+
+
+def test_histories_stored_before_angles_were_are_compared_without():
+    arguments = ["my.py", "--case", "wheel", "--solver", "anctmm", "--baselines", "kept"]
+    Path("my.py").write_text(TURNING)
+    assert told(*arguments, "--update")[0] == 0
+    (stored,) = Path("kept").glob("*/*/*.csv")
+    lines = stored.read_text().split("\n")
+    place = next(k for k, line in enumerate(lines) if line.startswith("t (s)"))
+    column = lines[place].split(",").index("angle wheel at center (rad)")
+    rows = [line.split(",") for line in lines[place:-2]]
+    older = [",".join(cell for k, cell in enumerate(row) if k != column) for row in rows]
+    kept = [line for line in lines[:place] if not line.startswith("# tolerance of angle")]
+    stored.write_text("\n".join([*kept, *older, *lines[-2:]]))
+    code, output = told(*arguments)
+    assert (code, "1 same" in output) == (0, True), output
+
+
 def test_nothing_stored_is_told():
     code, output = told(THROWN_CHAIN, "--baselines", "kept")
     assert (code, "no such directory; --update makes it" in output) == (2, True), output

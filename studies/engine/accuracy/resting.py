@@ -1,0 +1,29 @@
+"""Probes that rest: their displacements tell nothing of a run, but some of them turn."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import ResultError
+from anctmm.model.scene import Probe
+from anctmm.results.metrics import rounding_at
+from anctmm.results.solution import Solution
+
+#: Angle, rad, below which a place that rests does not turn.
+TURNED = 1e-6
+
+
+def rests(solution: Solution, probe: Probe) -> bool:
+    """Whether a probe moves by no more than rounding."""
+    way = np.linalg.norm(solution.displacement(probe), axis=1).max(initial=0.0)
+    return bool(way <= rounding_at(solution, probe))
+
+
+def turn_at_rest(solution: Solution, probe: Probe) -> NDArray[np.float64] | None:
+    """Angles of a probe that turns and does not move, rad; None of any other, and where the solver keeps none."""
+    if not rests(solution, probe):
+        return None
+    try:
+        angle = solution.angle(probe)
+    except ResultError:
+        return None
+    return angle if np.abs(angle).max(initial=0.0) > TURNED else None
