@@ -1,14 +1,16 @@
 """Meshes, steps and references of a case that nobody has tuned: all follow from its refinement."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import TypeVar
 
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
+from studies.engine.accuracy.digits import probe_text
 from studies.engine.accuracy.dynamics import check_kinds
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
+from studies.engine.accuracy.resting import rests
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
@@ -33,6 +35,10 @@ MOST_STEPS, MOST_DENSE = 6, 24
 Level = TypeVar("Level")
 
 
+class NothingMovesError(StudyError):
+    """At no probe of a case is there a displacement to be measured."""
+
+
 def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     """Refine a case with each element that is asked for, and take the levels on the way as what is tried.
 
@@ -48,6 +54,8 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     StudyError
         If the case is static: no step trades error for time there; or if nothing is run with the element and the
         integrator asked for.
+    NothingMovesError
+        If none of its probes moves.
     """
     if options.element not in (None, *ELEMENTS):
         raise StudyError(
@@ -70,6 +78,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
         for element in ELEMENTS
         if options.element == element or (options.element is None and element in _models(case))
     }
+    _check_moves(case, found.values())
     references = {element: run.reference for element, run in found.items()}
     if high and "cable" in found:
         finest = Refinement(case, FINEST, runner).refined(SHARE * smallest)
@@ -110,6 +119,16 @@ def _check_kinds(case: Case, options: Options) -> None:
         fine_step=case.interval, steps=(case.interval,), quick_steps=(case.interval,),
     )  # fmt: skip
     check_kinds(case, outline.plan(options.quick).schemes, options)
+
+
+def _check_moves(case: Case, found: Iterable[Refined]) -> None:
+    """Refuse a case at whose probes nothing is to be measured."""
+    whole = [run.solution for run in found if run.solution.status.ok]
+    if whole and all(rests(solution, probe) for solution in whole for probe in case.probes):
+        raise NothingMovesError(
+            f"case {case.name!r} has probes {', '.join(map(probe_text, case.probes))}, none of which moves; errors are "
+            f"those of displacements, and a place that moves is needed"
+        )
 
 
 def _models(case: Case) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
 from studies.trade.contestants import left_out, said_of, without
 from studies.trade.control import error_control
-from studies.trade.own_ladder import own_ladder
+from studies.trade.own_ladder import NothingMovesError, own_ladder
 from studies.trade.plan import Ladder, ladders
 from studies.trade.second_road import second_roads
 from studies.trade.split import fine_runs, same_mesh, split
@@ -86,13 +86,13 @@ def run(options: Options, runner: Runner) -> Result:
     Raises
     ------
     StudyError
-        If all cases are static, or a mesh asked for fits no scene.
+        If all cases are static or rest at their probes, or a mesh asked for fits no scene.
     """
     check_taken(options, "trade")
     resting = [case for case in options.cases or () if case.static]
     if len(resting) < len(options.cases or ()):
         options = replace(options, cases=tuple(c for c in options.cases or () if not c.static))
-    every = _ladders(options, runner)
+    every, unmoved = _ladders(options, runner)
     _check_meshes(every, options)
     runner.prepare(trials(options))
     fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
@@ -107,7 +107,7 @@ def run(options: Options, runner: Runner) -> Result:
         "come from?",
         findings=(
             *findings(points, best, rivals, known), *(text for t in traded for text in t.said),
-            *map(_left_out, resting),
+            *map(_left_out, resting), *unmoved,
         ),
         assumptions=tuple(dict.fromkeys(a for t in traded for a in assumptions_of(t.base))),
         tables=(
@@ -139,14 +139,29 @@ def _not_tried(every: Sequence[Ladder], options: Options) -> str:
     ])  # fmt: skip
 
 
-def _ladders(options: Options, runner: Runner) -> list[Ladder]:
-    """Of the cases asked for; those of the moving base scenes are there already."""
+def _ladders(options: Options, runner: Runner) -> tuple[list[Ladder], list[str]]:
+    """Of the cases asked for; those of the moving base scenes are there already. And why cases are left out.
+
+    Raises
+    ------
+    NothingMovesError
+        If no case is left.
+    """
     if options.cases is None:
-        return ladders(options.quick)
+        return ladders(options.quick), []
     for case, mesh in product(options.cases, options.meshes or ()):
         check_mesh(case.scene, mesh)
     by_hand = {} if options.error else {ladder.base: ladder for ladder in ladders(options.quick)}
-    return [by_hand.get(case) or own_ladder(case, options, runner) for case in options.cases]
+    found: list[Ladder] = []
+    unmoved: list[str] = []
+    for case in options.cases:
+        try:
+            found.append(by_hand.get(case) or own_ladder(case, options, runner))
+        except NothingMovesError as error:
+            if len(options.cases) == len(unmoved) + 1:
+                raise
+            unmoved.append(f"{case.name}: left out; {error}.")
+    return found, unmoved
 
 
 def _plan(ladder: Ladder, options: Options) -> Plan:

@@ -19,6 +19,7 @@ from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
 from studies.engine.accuracy.dynamics import AS_GIVEN, with_stretch
+from studies.engine.accuracy.resting import turned_apart
 from studies.engine.accuracy.richardson import Part, Spacing, part_of
 from studies.engine.measuring.setting import stable_step
 from studies.engine.runner import Runner
@@ -278,13 +279,18 @@ class Refinement:
         return part_of(self.difference(runs[1], runs[0]), before, theory, spacing)
 
     def difference(self, one: Solution, other: Solution) -> float:
-        """Relative difference of two runs at the case's probes; infinite where one is not whole."""
+        """Relative difference of two runs at the case's probes; infinite where one is not whole.
+
+        Of displacements; where a probe rests and turns, of its angles.
+        """
         if not (one.status.ok and other.status.ok):
             return inf
+        probes = self.case.probes
         if self.case.static:
-            found = worst(_apart(one, other, probe) for probe in self.case.probes)
-            return found if isfinite(found) else inf
-        found = compare(one, other, self.case.probes).error
+            moved = [_apart(one, other, probe) for probe in probes]
+        else:
+            moved = [compare(one, other, probes).error]
+        found = worst([*moved, *(turned_apart(one, other, probe, self.case.static) for probe in probes)])
         return found if isfinite(found) else inf
 
     def _longest_step(self, i: int) -> float:

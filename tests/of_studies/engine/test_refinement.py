@@ -40,6 +40,27 @@ def test_the_estimated_error_holds(file, name):
     assert found.error < 300.0 * wrong  # and is no mere bound
 
 
+def wheel_on_a_spring():
+    """A wheel on a rotational spring, let go under a torque, at whose axle alone it is looked."""
+    wheel = at.RigidBody("wheel", 3.0, 0.02, (0.0, 0.0))
+    scene = at.Scene(
+        "wheel", [wheel], [at.Pin("wheel.center")], [at.Torque("wheel.center", 5.0)],
+        connectors=[at.RotationalSpring("wheel.center", stiffness=40.0)],
+    )  # fmt: skip
+    return at.Case(scene, ["wheel.center"], t_end=0.2)
+
+
+@pytest.mark.interpreted
+def test_of_a_probe_that_turns_and_does_not_move_the_angle_converges():
+    """Its displacement is zero in all runs: the estimated error was 0, and the angle unknown by twice its size."""
+    found = Refinement(wheel_on_a_spring(), Setup(), Runner(None)).refined(1e-2)
+    t = found.solution.t
+    exact = 5.0 / 40.0 * (1.0 - np.cos(np.sqrt(40.0 / 0.02) * t))
+    wrong = np.sqrt(np.mean((found.solution.angle("wheel.center") - exact) ** 2)) / exact.max()
+    assert found.reached
+    assert 0.0 < wrong <= found.error <= 1e-2
+
+
 def masses_on(**connector):
     """A mass between two springs and nothing else."""
     mass = at.PointMass("m", mass=0.1, position=(1.0, 0.0), velocity=(0.0, 0.3))

@@ -221,3 +221,26 @@ def test_a_quick_trade_tries_what_is_near_its_targets(finest, order, targets, ke
     """From the last level that is too coarse for the largest target to the first that meets the smallest."""
     assert worth_trying((2, 4, 8, 16, 32, 64), finest, order, targets) == kept
     assert worth_trying((2,), finest, order, targets) == (2,)
+
+
+@pytest.mark.interpreted
+def test_a_case_whose_probes_rest_is_left_out_by_name(monkeypatch):
+    """All its errors were zero, and the trade ended with a fault, KeyError."""
+    wheel = at.RigidBody("wheel", 3.0, 0.02, (0.0, 0.0), points={"rim": (0.1, 0.0)}, spin=1.0)
+    axle, rim = (
+        at.Case(at.Scene(name, [wheel]), [f"wheel.{name}"], t_end=0.1, output_dt=0.05)
+        for name in ("center", "rim")
+    )
+    runner = Runner(None, repeats=1)
+    with pytest.raises(StudyError, match=r"probes wheel\.center, none of which moves"):
+        find("trade")(Options(quick=True, cases=(axle,), solvers=("anctmm",)), runner)
+
+    class Reached(Exception):
+        """The first ladder."""
+
+    def measure(ladder, *_):
+        raise Reached(ladder.base.name)
+
+    monkeypatch.setattr("studies.trade.study.measure", measure)
+    with pytest.raises(Reached, match="rim"):
+        find("trade")(Options(quick=True, cases=(axle, rim), solvers=("anctmm",)), runner)
