@@ -155,6 +155,8 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
             kept = (
                 f"Finished runs ({runner.computed} of this session) are kept in {cache}; go on with: {again}"
             )
+            if runner.forgotten:
+                kept += f". {runner.forgotten} runs of scenes with functions or classes of yours are not kept"
             if cache is None:
                 kept = "Nothing is kept, for no directory could be written."
             say(console, f"Interrupted. {kept}")

@@ -62,6 +62,8 @@ class Runner:
         Workers that compute solutions side by side; times are measured here afterwards, in turn.
     beside : Executor, optional
         A worker that compiles kernels which a sweep needs, while this process compiles others.
+    computed, forgotten : int
+        Runs of this session that can be kept, and that cannot: their scenes have functions or classes of the user's.
     spread : list of Interval
         When workers of this session were at a run.
     """
@@ -78,6 +80,7 @@ class Runner:
     team: Team | None = None
     beside: Executor | None = None
     computed: int = 0
+    forgotten: int = 0
     spread: list[Interval] = field(default_factory=list)
     _warm: set[tuple[Any, ...]] = field(default_factory=set)
     _prepared: set[tuple[Any, ...]] = field(default_factory=set)
@@ -328,9 +331,10 @@ class Runner:
         return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
 
     def key(self, *cases: Trial) -> str:
-        """Text that tells cases, the source of their solvers and of their scenes' functions, from every other.
+        """Text that tells cases, and the source of their solvers and of all that they are made of, from every other.
 
-        It is empty where a case cannot be told by its text, or a source cannot be found: nothing is then kept.
+        It is empty where a case cannot be told by its text, as with a function or a class of the user's, or a source
+        cannot be found: nothing is then kept.
         """
         parts = []
         for case in cases:
@@ -417,8 +421,15 @@ class Runner:
                 yield
 
         solution = performed(case, solver, warm, timed())
-        self.computed += solution.status != "refused"
+        self._count(case)
         return solution, [Sample(solution.cost, interval) for interval in intervals]
+
+    def _count(self, case: Trial) -> None:
+        """Count a run that was done; what cannot be kept by itself, as that is told when a session is interrupted."""
+        if self._answer_key(case):
+            self.computed += 1
+        else:
+            self.forgotten += 1
 
     def _solver(self, name: str) -> Solver:
         """The solver of a name, looked for once: the registry reads what all installed packages say of themselves."""
@@ -448,7 +459,7 @@ class Runner:
         """Remember what no store keeps: what has no key, or failed for a reason that may pass."""
         match came:
             case Answer():
-                self.computed += 1
+                self._count(case)
                 self.spread.append(came.interval)
                 if not (came.kept and self._store.has(self._answer_key(case))):
                     self._unkept[case_key(case)] = case, decode(came.content, [case.scene])

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from studies.engine.storage.sources import OURS
+
 
 def case_key(case: Any) -> str:
     """Text that tells a case from every other, with every digit of every number."""
@@ -55,12 +57,16 @@ def classes(value: Any) -> set[str]:
 
 
 def reproducible(value: Any) -> bool:
-    """Whether a value is told by its text: data only, no plain function, whose text is an address."""
+    """Whether a value is told by its text: data and classes of this suite only.
+
+    The text of a plain function is an address. What a class of the user's computes may depend on more than its fields
+    and its source: on a file that it, or its module, has read.
+    """
     plain = str | bytes | int | float | complex | np.generic | Mapping | tuple | list | set | frozenset
     return all(
         v is None
         or isinstance(v, plain)
         or (isinstance(v, np.ndarray) and not v.dtype.hasobject)
-        or (is_dataclass(v) and not isinstance(v, type))
+        or (is_dataclass(v) and type(v).__module__.partition(".")[0] in OURS)
         for v in _parts(value)
     )

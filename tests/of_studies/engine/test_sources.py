@@ -2,12 +2,15 @@
 
 import importlib
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
+import numpy as np
 import pytest
 
 from anctmm.model.scene import Clamp
+from anctmm.results.fields import LagrangeField
+from anctmm.results.solution import Cost, Energy, Solution, Status
 from studies.engine.runner import Runner
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.trial import Trial
@@ -162,33 +165,67 @@ def case(**changes):
     return Trial(FALL.scene, "anctmm", (2,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01, **changes)
 
 
-def test_the_key_of_a_run_holds_the_code_of_a_scenes_functions(mine):
-    (mine / "drive.py").write_text(
-        "from dataclasses import dataclass, field\nimport mine.inner\n\n\n@dataclass(frozen=True)\nclass Turn:\n"
-        "    rate: float\n    hidden: float = field(default=0.0, repr=False)\n\n    def __call__(self, t):\n"
-        "        return self.rate * t * t, 2 * self.rate * t, 2 * self.rate\n"
-    )
-    turn = importlib.import_module("mine.drive").Turn(0.1)
+#: A drive that reads a file: where it is made, where its module is imported, and where it is called.
+READING = """
+from dataclasses import dataclass, field
+from pathlib import Path
 
-    def key(drive):
-        crank = replace(FALL.scene, joints=(Clamp("beam.start", angle=drive),))
-        return Runner(None).key(replace(case(), scene=crank))
+FILE = Path(__file__).with_name("drive.txt")
+READ = float(FILE.read_text())
 
-    before = key(turn)
-    assert key(turn) == before
-    assert len({before, key(replace(turn, rate=0.2)), key(replace(turn, hidden=1.0))}) == 3
-    (mine / "inner.py").write_text("number = 2\n")
-    assert key(turn) not in ("", before)
-    assert key(lambda t: (0.0, 0.0, 0.0)) == ""
+
+@dataclass(frozen=True)
+class Made:
+    file: str
+    rate: float = field(init=False)
+
+    def __post_init__(self):
+        object.__setattr__(self, "rate", float(FILE.read_text()))
+
+    def __call__(self, t):
+        return self.rate * t * t, 2 * self.rate * t, 2 * self.rate
+
+
+@dataclass(frozen=True)
+class Imported:
+    def __call__(self, t):
+        return READ * t * t, 2 * READ * t, 2 * READ
+
+
+@dataclass(frozen=True)
+class Called:
+    def __call__(self, t):
+        rate = float(FILE.read_text())
+        return rate * t * t, 2 * rate * t, 2 * rate
+"""
+
+
+@pytest.mark.parametrize("drive", ["Made('drive.txt')", "Imported()", "Called()"])
+def test_no_run_is_kept_whose_drive_may_read_a_file(mine, drive, tmp_path):
+    """With another file the scene moves otherwise, and was told to move as before."""
+    (mine / "reading.py").write_text(READING)
+    moved = []
+    for rate in ("0.1", "0.2"):
+        (mine / "drive.txt").write_text(rate)
+        forget()
+        turn = eval(drive, vars(importlib.import_module("mine.reading")))
+        crank = replace(FALL.scene, joints=(Clamp("beam.start", angle=turn),), gravity=(0.0, 0.0))
+        runner = Runner(tmp_path / "runs", resolve=lambda name: turned)
+        moved.append(runner.solve(replace(case(), scene=crank)).solution.position("beam", 1.0)[-1, 1])
+        assert (runner.computed, runner.forgotten) == (0, 1)
+    assert moved == [0.1, 0.2]
+
+
+def turned(scene, run):
+    """A solver whose beam ends as high as its drive has turned after 1 s."""
+    turn = scene.joints[0].angle(1.0)[0]
+    path = np.array([[[0.0, 0.0], [1.0, 0.0]], [[0.0, 0.0], [1.0, turn]]])
+    fields = {"beam": LagrangeField(path)}
+    return Solution("turned", scene, run, np.array([0.0, 1.0]), fields, Energy.unknown(2), Cost(), Status())
 
 
 def test_what_a_case_is_made_of_is_told_in_full():
-    @dataclass(frozen=True, repr=False)
-    class Silent:
-        value: object
-
-    assert reproducible(Silent((1.0, "a", {"k": frozenset({1, 2})})))
-    assert not reproducible(Silent([print]))
+    assert reproducible(replace(four_bar().scene, name="other"))
     assert classes(four_bar().scene) >= {"anctmm.model.scene", "anctmm.model.drives", "anctmm.model.sections"}
     near = case(options=(("a", 0.1),)), case(options=(("a", 0.1 + 2**-56),))
     assert len({case_key(c) for c in near}) == 2
