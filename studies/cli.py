@@ -106,15 +106,17 @@ def run(
     ] = None,
 ) -> None:
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
+    from studies.cases import find_case
+
+    wanted = find_case(scene, case)  # before what runs it is loaded
+
     from rich.console import Console
 
-    from studies.cases import find_case
     from studies.command_line.options import one, read_options, setup_of
     from studies.engine.storage.files import check_writable, file_name
     from studies.single_run.printed import show
     from studies.single_run.study import run_case, write_run
 
-    wanted = find_case(scene, case)
     target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
     names = options.solvers or ("anctmm",)
     folder = out or Path("results") / file_name(wanted.name)
@@ -159,10 +161,12 @@ def study(
     from studies.command_line.options import setup_of
     from studies.engine.storage.files import check_writable
     from studies.engine.study import check_taken, find
+
+    run = find(name)  # before what writes its result is loaded
+
     from studies.report.folder import write
     from studies.report.terminal import glance
 
-    run = find(name)
     setup_of("anctmm", element, integrator)  # refuses what is not known
     options = replace(
         read_options(elements, dt, solvers, quick),

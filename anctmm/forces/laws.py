@@ -5,20 +5,13 @@ what numba cannot compile, and what gives something else than the function of Py
 """
 
 import ctypes
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
-import numba
 import numpy as np
-from llvmlite import ir
-from numba.core import types
-from numba.core.errors import NumbaError
-from numba.core.registry import CPUDispatcher
-from numba.extending import intrinsic
 
 from anctmm.errors import PropertyError, reason, shown
-from anctmm.jit.compiling import chosen_by_types
+from anctmm.jit.deferred import compiled_in
 from anctmm.model.connectors import Law, law_value
 
 #: Elongations and rates, of a unit that the connector gives, and times (s) at which a compiled law is tried.
@@ -27,7 +20,6 @@ TRIED = ((0.0, 0.0, 0.0), (0.3, -0.7, 0.0), (-0.2, 0.4, 0.1))
 SAME = 1e-9
 NEEDED = "a plain function (elongation, rate, t) -> float of numbers is needed, of what numba compiles"
 
-_SIGNATURE: Any = types.float64(types.float64, types.float64, types.float64)
 #: Compiled laws that cannot be found again.
 _kept: list[Any] = []
 _C = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double, ctypes.c_double, ctypes.c_double)
@@ -49,6 +41,8 @@ def address_of(name: str, law: Law, unit: float) -> int:
     PropertyError
         If numba cannot compile it, or it gives something else then.
     """
+    from numba.core.errors import NumbaError
+
     try:
         compiled = _compiled(law)
     except TypeError:  # that cannot be hashed
@@ -78,6 +72,9 @@ def _why(error: Exception) -> str:
 @cache  # for good: kernels know no more than an address
 def _compiled(law: Law) -> Any:
     """A law as a function of C; what it raises there becomes NaN."""
+    import numba
+    from numba.core.registry import CPUDispatcher
+
     options: Any = {"nopython": True, "error_model": "numpy"}
     inner: Any = law if isinstance(law, CPUDispatcher) else CPUDispatcher(law, targetoptions=options)
 
@@ -87,7 +84,8 @@ def _compiled(law: Law) -> Any:
         except Exception:
             return np.nan
 
-    return numba.cfunc(_SIGNATURE, error_model="numpy")(guarded)
+    number = numba.float64
+    return numba.cfunc(number(number, number, number), error_model="numpy")(guarded)
 
 
 def call_law(address: int, elongation: float, rate: float, t: float) -> float:
@@ -95,21 +93,4 @@ def call_law(address: int, elongation: float, rate: float, t: float) -> float:
     return float(_C(int(address))(elongation, rate, t))
 
 
-@intrinsic  # type: ignore[untyped-decorator]
-def _call(context: Any, address: Any, elongation: Any, rate: Any, t: Any) -> tuple[Any, Callable[..., Any]]:
-    """Call through the address."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        number = ir.DoubleType()
-        function = ir.FunctionType(number, [number, number, number])
-        return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
-
-    return types.float64(types.int64, types.float64, types.float64, types.float64), generate
-
-
-@chosen_by_types(call_law)
-def _call_compiled(address, elongation, rate, t):  # type: ignore[no-untyped-def]
-    def through(address, elongation, rate, t):  # type: ignore[no-untyped-def]
-        return _call(address, elongation, rate, t)  # type: ignore[call-arg]
-
-    return through
+compiled_in("anctmm.forces.law_code")

@@ -18,8 +18,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from numba.core import event
-
 #: Seconds of compiling in all before anything is said.
 PATIENCE = 1.5
 #: New objects that make Python look for garbage while kernels are compiled, some 30 MB of them: the compiler makes many
@@ -31,7 +29,7 @@ SAID, TOOK = "said", "took"
 
 
 @dataclass
-class Compiling(event.Listener):  # type: ignore[misc]
+class Compiling:
     """What this process has compiled.
 
     Parameters
@@ -54,6 +52,10 @@ class Compiling(event.Listener):  # type: ignore[misc]
     _timer: threading.Timer | None = None
     _said: threading.Event = field(default_factory=threading.Event)
     _owner: int | None = None
+
+    def notify(self, event: Any) -> None:
+        """What the compiler calls."""
+        (self.on_start if event.is_start else self.on_end)(event)
 
     def on_start(self, event: Any) -> None:
         """A kernel is about to be compiled, maybe while another one is."""
@@ -129,10 +131,13 @@ class Compiling(event.Listener):  # type: ignore[misc]
 
 #: Of this process.
 compiling = Compiling()
+atexit.register(compiling.total)
 
 
 @lru_cache
 def announce() -> None:
     """Begin to listen to the compiler."""
+    from numba.core import event
+
+    event.Listener.register(Compiling)
     event.register("numba:compile", compiling)
-    atexit.register(compiling.total)

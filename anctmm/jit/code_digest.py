@@ -9,7 +9,7 @@ import ast
 import hashlib
 import inspect
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dis import opmap
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -21,10 +21,7 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 from numba.extending import _Intrinsic
 
-Function = Callable[..., Any]
-
-#: What the compiler puts in the place of a function: the implementations of each, which are functions themselves.
-implementations: dict[Function, list[Function]] = {}
+from anctmm.jit.deferred import Deferred, Function, implementations, tell_compiler
 
 #: Values that are written as they are.
 _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.generic, np.dtype, range)
@@ -151,7 +148,7 @@ def _value(value: Any, names: set[str], calls: list[Function]) -> str:
     calls : list of functions
         Appended to.
     """
-    if isinstance(value, Dispatcher):
+    if isinstance(value, Deferred | Dispatcher):
         options = sorted((k, _value(v, names, calls)) for k, v in value.targetoptions.items())
         calls.append(value.py_func)
         return f"kernel {value.py_func.__qualname__} {options}"
@@ -237,3 +234,6 @@ def _version(package: str) -> str:
 
 def _hash(text: str | bytes) -> str:
     return hashlib.sha256(text if isinstance(text, bytes) else text.encode()).hexdigest()
+
+
+tell_compiler()  # implementations are among what waits

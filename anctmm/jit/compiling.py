@@ -1,19 +1,13 @@
 """How kernels are compiled.
 
-Each decorator here turns a function into a kernel, or into a part of kernels. Kernels are kept on disk
-(`kernel_files`), under a hash of all code that they are made of (`code_digest`).
+Each decorator here turns a function into a kernel, or into a part of kernels, once it is needed (`deferred`). Kernels
+are kept on disk (`kernel_files`), under a hash of all code that they are made of (`code_digest`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
-from numba.core import config
-from numba.extending import overload
-
-from anctmm.jit.announcing import announce
-from anctmm.jit.code_digest import implementations
-from anctmm.jit.kernel_files import KernelFiles
-from anctmm.jit.kernels import Kernel
+from anctmm.jit.deferred import Deferred, implementations, when_loaded
 
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
 #: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
@@ -24,8 +18,6 @@ OPTIONS: dict[str, Any] = {
     "_nrt": False,
     "no_cfunc_wrapper": True,  # an entry for C that nobody calls
 }
-
-announce()
 
 
 def kernel(function: Callable[..., Any], allocates: bool = False) -> Any:
@@ -60,18 +52,36 @@ def merged(function: Callable[..., Any]) -> Any:
 
 def _kept(function: Callable[..., Any], **options: Any) -> Any:
     """A kernel that is kept on disk."""
-    compiled: Any = _compiled(function, **options)
-    if isinstance(compiled, Kernel):
-        compiled._cache = KernelFiles(function, compiled.targetoptions)
-    return compiled
+    return _deferred(function, _kept_kernel, options)
 
 
 def _compiled(function: Callable[..., Any], **options: Any) -> Any:
-    """A kernel; the function itself where numba's compiler is switched off."""
+    """A kernel that is compiled with those that call it."""
+    return _deferred(function, _kernel, options)
+
+
+def _deferred(function: Callable[..., Any], make: Callable[..., Any], options: Mapping[str, Any]) -> Deferred:
+    return Deferred(function, {"nopython": True, "boundscheck": None, **OPTIONS, **options}, make)
+
+
+def _kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
+    """The kernel of a function; the function itself where numba's compiler is switched off."""
+    from numba.core import config
+
+    from anctmm.jit.kernels import Kernel
+
     settings: Any = config
-    if settings.DISABLE_JIT:
-        return function
-    return Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **OPTIONS, **options})
+    return function if settings.DISABLE_JIT else Kernel(function, targetoptions=dict(options))
+
+
+def _kept_kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
+    """The same, which knows its files."""
+    from anctmm.jit.kernel_files import KernelFiles
+
+    made = _kernel(function, options)
+    if made is not function:
+        made._cache = KernelFiles(function, made.targetoptions)
+    return made
 
 
 def uncompiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -87,7 +97,14 @@ def chosen_by_types(function: Callable[..., Any]) -> Callable[[Callable[..., Any
 
     def decorate(choose: Callable[..., Any]) -> Callable[..., Any]:
         implementations.setdefault(function, []).append(choose)
-        options: Any = OPTIONS
-        return overload(function, jit_options=options, inline="always")(choose)  # type: ignore[no-any-return]
+
+        def tell() -> None:
+            from numba.extending import overload
+
+            options: Any = OPTIONS
+            overload(function, jit_options=options, inline="always")(choose)
+
+        when_loaded(tell)
+        return choose
 
     return decorate

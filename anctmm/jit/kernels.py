@@ -18,7 +18,8 @@ from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pa
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering, NopythonRewrites
 
-from anctmm.jit.interpreting import mode
+from anctmm.jit.announcing import announce
+from anctmm.jit.deferred import tell_compiler
 from anctmm.jit.shortcuts import shortcuts
 
 #: Whether this thread compiles for a caller that is compiled.
@@ -143,10 +144,6 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
 
     def __init__(self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None) -> None:
         super().__init__(py_func, locals or {}, targetoptions, pipeline_class=KernelCompiler)
-
-    def __call__(self, *args: Any, **kws: Any) -> Any:
-        """Call from Python."""
-        return self.py_func(*args, **kws) if mode.on else super().__call__(*args, **kws)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What a caller that is compiled needs to know.
@@ -273,3 +270,7 @@ def _for_caller() -> Iterator[None]:
         yield
     finally:
         _calls.depth -= 1
+
+
+announce()
+tell_compiler()

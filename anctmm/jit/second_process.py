@@ -18,13 +18,7 @@ from pathlib import Path
 from threading import get_ident
 from typing import Any, NamedTuple
 
-from numba import typeof
-from numba.core import config
-
-from anctmm.jit.kernels import compile_for_callers
 from anctmm.jit.one_compiler import is_taken
-
-settings: Any = config
 
 
 class Task(NamedTuple):
@@ -147,6 +141,9 @@ def waited(seconds: float) -> None:
 
 def _second(shared: Sequence[Task]) -> "subprocess.Popen[bytes] | None":
     """A second process with kernels to compile; None where there are none, or where it would not help."""
+    from numba.core import config
+
+    settings: Any = config
     if settings.DISABLE_JIT or not _worthwhile():
         return None
     try:
@@ -169,6 +166,8 @@ def serve() -> None:
 
 
 def _compile(kernel: Any, types: tuple[Any, ...], by_python: bool) -> None:
+    from anctmm.jit.kernels import compile_for_callers
+
     if by_python:
         kernel.compile(types)
     else:
@@ -214,6 +213,8 @@ def _processors() -> int:
 
 
 def _types(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
+    from numba import typeof
+
     return tuple(map(typeof, arguments))
 
 

@@ -4,7 +4,7 @@ from importlib import import_module
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eigh
+import scipy
 
 from anctmm.model.scene import Torque
 from anctmm.results.solution import Status
@@ -31,7 +31,7 @@ def stability_status(exu: Any, model: Model, factor: float) -> Status:
     M, K, _ = model.mbs.ComputeLinearizedSystem(projectIntoConstraintNullspace=True)[:3]
     if not K.size:
         return Status()
-    values = eigh(0.5 * (K + K.T), M, eigvals_only=True)
+    values = scipy.linalg.eigh(0.5 * (K + K.T), M, eigvals_only=True)
     rounding = np.finfo(float).eps * len(values) * float(np.abs(values).max())
     if float(np.abs(values).min()) <= rounding:
         return _unknown("an eigenvalue is no more than rounding: of a mechanism, or of a very fine mesh")

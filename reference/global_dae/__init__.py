@@ -6,23 +6,14 @@ implicit, for the coordinates themselves. It shares the element kernels with ANC
 
 from typing import Any
 
-from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.memory import check_memory
-from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
-from reference.global_dae.explicit import Zhai
-from reference.global_dae.gauss import Gauss
-from reference.global_dae.history import Marcher
-from reference.global_dae.implicit import GeneralizedAlpha
-from reference.global_dae.mechanisms import is_mechanism, motion, rest
-from reference.global_dae.model import Model
-from reference.global_dae.stability import check_step
-from reference.global_dae.static import equilibria
 
 __all__ = ["solve", "solve_dense", "solve_static"]
 
@@ -88,15 +79,11 @@ def solve(
     dense = linear_algebra == "dense-refactor"
     check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
     refuse(scene, OFFER.lacks, "the global solver", run.integrator)
-    if is_mechanism(scene, run):
-        if stabilization != "projection":
-            raise UnsupportedError(
-                f"stabilization is {stabilization!r} for scene {scene.name!r}, which has rigid bodies, guides, "
-                f"connectors or other loads; 'projection' is needed there"
-            )
-        return motion(scene, run, NAMES[linear_algebra])
-    marcher = _marcher(Model.of(scene, run), linear_algebra, stabilization)
-    return marcher.run(NAMES[linear_algebra])
+    # here, and not above: to see what is offered takes no SciPy
+    from reference.global_dae.runs import motion
+
+    projected = stabilization == "projection"
+    return motion(scene, run, dense=dense, projected=projected, solver=NAMES[linear_algebra])
 
 
 def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
@@ -131,27 +118,6 @@ def solve_static(
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
     check_memory(checked_scene(scene), run, IMPLICIT, outputs=load_steps + 1)
-    if is_mechanism(scene, run):
-        return rest(scene, run, load_steps, "global-dae")
-    return equilibria(Model.of(scene, run), load_steps, "global-dae")
+    from reference.global_dae.runs import rest
 
-
-def _marcher(model: Model, linear_algebra: str, stabilization: str) -> Marcher:
-    """The integrator that a discretisation asks for."""
-    run, dense = model.run, linear_algebra == "dense-refactor"
-    match run.integrator:
-        case "zhai":
-            if run.check_stability:
-                check_step(model)
-            return Zhai(model, dense, stabilization == "projection")
-        case "generalized-alpha":
-            return GeneralizedAlpha(model, dense)
-        case "esdirk":
-            if model.bodies.damping is not None:
-                raise UnsupportedError(
-                    f"integrator is 'esdirk' for scene {model.scene.name!r}, which has damping; the global solver's "
-                    f"steps of high order know forces of coordinates and time only: 'generalized-alpha' is needed"
-                )
-            return Gauss(model, dense)
-        case _:
-            raise unknown_option("integrator", run.integrator, INTEGRATORS)
+    return rest(scene, run, load_steps, "global-dae")

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numba.core.registry import CPUDispatcher
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
@@ -15,6 +14,7 @@ from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel
+from anctmm.jit.deferred import Deferred
 from anctmm.recursion import accelerations, riccati
 from studies.benchmark.kernels import (
     ACCELERATIONS,
@@ -95,7 +95,7 @@ def readable(function: Any, known: dict[int, Any] | None = None) -> Any:
     """A compiled kernel as plain Python, and all that it calls."""
     known = {} if known is None else known
     own = isinstance(function, FunctionType) and function.__module__.startswith("anctmm")
-    if not isinstance(function, CPUDispatcher) and not own:
+    if not isinstance(function, Deferred) and not own:
         return function
     if id(function) in known:
         return known[id(function)]

@@ -8,7 +8,7 @@ import numba
 import pytest
 
 import anctmm.forces
-from anctmm.jit.kernels import Kernel
+from anctmm.jit.deferred import Deferred
 
 MODULES = [f"anctmm.forces.{module.name}" for module in iter_modules(anctmm.forces.__path__)]
 
@@ -19,7 +19,7 @@ def test_no_step_hands_over_the_arrays_of_what_acts():
         name: thing
         for module in MODULES
         for name, thing in vars(import_module(module)).items()
-        if isinstance(thing, Kernel) and inspect.getmodule(thing.py_func).__name__ == module
+        if isinstance(thing, Deferred) and inspect.getmodule(thing.py_func).__name__ == module
     }
     assert {"set_loads", "work_done", "turn_clamps", "place_clamps", "add_connectors"} <= kernels.keys()
     for name, thing in kernels.items():

@@ -7,7 +7,6 @@ import sys
 
 import numba
 import pytest
-from numba.core.dispatcher import Dispatcher
 from samples import beam
 
 import anctmm as at
@@ -15,6 +14,7 @@ from anctmm.integrators import zhai
 from anctmm.integrators.implicit import system as implicit_system
 from anctmm.jit import code_digest as code_digest_module
 from anctmm.jit.code_digest import _globals, _own, code_digest, signature_text
+from anctmm.jit.deferred import Deferred
 from anctmm.jit.interpreting import interpreted
 from anctmm.model.kept import forget_structures
 from reference import global_dae
@@ -228,7 +228,7 @@ def digests():
     """The digest of every kernel of the solver and of the global DAE, found anew."""
     _own.cache_clear()
     modules = [m for name, m in sys.modules.items() if name.partition(".")[0] in ("anctmm", "reference")]
-    kernels = {id(one): one for m in modules for one in vars(m).values() if isinstance(one, Dispatcher)}
+    kernels = {id(one): one for m in modules for one in vars(m).values() if isinstance(one, Deferred)}
     return {(k.py_func.__module__, k.py_func.__qualname__): code_digest(k.py_func) for k in kernels.values()}
 
 
