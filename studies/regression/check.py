@@ -31,7 +31,7 @@ from studies.regression.history import (
     write_baseline,
 )
 from studies.regression.readable import READABLE
-from studies.regression.scenes import CheckError, Static, Task, Watch
+from studies.regression.scenes import TIGHT, CheckError, Static, Task, Watch
 from studies.regression.tolerance import measured, simulate
 
 __all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "select", "update"]
@@ -45,6 +45,8 @@ SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
 #: Growth of the number of Newton corrections that is told. Turning a scene changes it by up to a third (statics) or a
 #: fiftieth (dynamics), a wrong tangent doubles it.
 MORE_WORK = 0.5
+#: Tolerance of displacements over the largest of them above which it is told, and a tighter iteration advised.
+BLIND = 1e-6
 
 SAME, DIFFERS, SETTINGS, MISSING, UNREADABLE, FAILED, NOT_RUN, UNASKED = (
     "same", "differs", "other settings", "no baseline", "unreadable", "failed", "not run", "unasked",
@@ -382,10 +384,26 @@ def _renewed(done: Done, baselines: Path) -> Finding:
     except CheckError as error:
         return Finding(task.name, FAILED, str(error))
     write_baseline(path, task, stored, stamp())
+    blind = _blind(task, stored)
     if before.verdict == MISSING:
-        return Finding(task.name, NEW, computed=computed)
+        return Finding(task.name, NEW, blind, computed=computed)
     worst = before.worst or _change(computed, before.stored)
-    return replace(before, verdict=RENEWED, worst=worst, reason=before.reason or _tolerances(before, stored))
+    said = filter(None, (before.reason or _tolerances(before, stored), blind))
+    return replace(before, verdict=RENEWED, worst=worst, reason="; ".join(said))
+
+
+def _blind(task: Task, stored: Baseline) -> str:
+    """That a check will not see much, where a loose bound of Newton's iteration makes tolerances wide."""
+    run, known = task.run, stored.tolerances.get("displacement")
+    if known is None or isinstance(run, Static) or run.explicit or run.newton_tolerance <= TIGHT:
+        return ""
+    part = known.value / max(float(np.abs(stored.history.of_quantity("displacement")).max()), 1e-300)
+    if part <= BLIND:
+        return ""
+    return (
+        f"displacements may change by {known.value:.1e} m unseen, {part:.1g} of the largest, as Newton's iteration "
+        f"leaves that much: newton_tolerance={TIGHT:g} in its run makes the tolerance smaller"
+    )
 
 
 def _change(computed: History, before: Baseline | None) -> Worst | None:

@@ -9,7 +9,9 @@ from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 import anctmm as at
 from studies.cases import cases_in, find_case
 from studies.cli import app
+from studies.regression.check import update
 from studies.regression.of_cases import watches_of
+from studies.regression.scenes import Watch, tasks_of
 
 
 @pytest.fixture(autouse=True)
@@ -113,6 +115,20 @@ def test_histories_stored_before_angles_were_are_compared_without():
     stored.write_text("\n".join([*kept, *older, *lines[-2:]]))
     code, output = told(*arguments)
     assert (code, "1 same" in output) == (0, True), output
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize(("newton", "blind"), [(1e-3, True), (1e-5, True), (1e-12, False)])
+def test_a_history_that_hides_changes_is_told_when_it_is_stored(newton, blind):
+    """Of a loose iteration the tolerance was a fiftieth of the motion, and nobody was told."""
+    mass = at.PointMass("m", 1.0, (0.0, 0.0))
+    spring = at.Spring("m.center", (1.0, 0.0), stiffness=50.0)
+    scene = at.Scene("mass", [mass], gravity=(0.0, -9.81), connectors=[spring])
+    run = at.Discretisation(mesh=1, dt=0.05, t_end=0.5, output_dt=0.1, newton_tolerance=newton)
+    tasks = tasks_of((Watch(scene, ["m.center"], {"run": run}),))
+    ((finding,),) = update(tasks, Path("kept"))
+    assert finding.good
+    assert ("newton_tolerance=1e-12 in its run makes the tolerance smaller" in finding.reason) == blind
 
 
 def test_nothing_stored_is_told():
