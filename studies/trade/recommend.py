@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
@@ -34,6 +35,8 @@ OWN = (Path("results/trade"), Path("reports/trade"))
 REPEATS = 3
 #: A rerun without a target error that was met must give the measured error to this factor: it is the same computation.
 SAME = 1.01
+#: Part of an interval of output by which times may differ that are the same: tables keep nine digits.
+SAME_TIME = 1e-3
 NEEDED = {
     "points": ("scene", "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance",
                "newton_tolerance", "error", "robust_error", "reference_error", "mesh_error", "step_error", "cpu_s",
@@ -368,7 +371,13 @@ def rerun(
 
 
 def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: str) -> float:
-    """Error of a solution against the kept history of a reference; NaN if it is not whole."""
+    """Error of a solution against the kept history of a reference; NaN if it is not whole.
+
+    Raises
+    ------
+    RecommendError
+        If the history has other output times: it is that of another case.
+    """
     if not solution.status.ok:
         return float("nan")
     of_scene = histories[histories["scene"] == scene]
@@ -376,9 +385,21 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
     errors = []
     for (body, key), path in mine.groupby(["body", "fraction"], sort=False):
         place = _place(solution.scene, str(body), key)
+        _check_times(scene, solution.t, path["t"].to_numpy(float))
         known = path[["u_x", "u_y"]].to_numpy(float)
         errors.append(history_error(solution.displacement(place), known, rounding_at(solution, place)))
     return worst(errors)
+
+
+def _check_times(scene: str, mine: NDArray[np.float64], known: NDArray[np.float64]) -> None:
+    """Refuse a history whose samples are not those of a run, but for the digits that tables keep."""
+    step = known[-1] / max(len(known) - 1, 1)
+    if mine.shape != known.shape or not np.allclose(mine, known, rtol=0.0, atol=SAME_TIME * step):
+        told = (f"{len(t) - 1} outputs up to {t[-1]:g} s" for t in (known, mine))
+        raise RecommendError(
+            "the table's reference of scene {!r} has {}, and the case now {}: it was measured before the case was "
+            "changed; `anctmm study trade` measures it anew".format(scene, *told)
+        )
 
 
 def _place(scene: Scene, body: str, key: Any) -> str | tuple[str, float]:

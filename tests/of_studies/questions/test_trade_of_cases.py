@@ -153,6 +153,23 @@ def test_meshes_of_one_number_are_found_in_a_table_again(tmp_path):
     assert len(recommend.narrowed(points, "s", Options(meshes=((8,),)), None)) == 1
 
 
+@pytest.mark.interpreted
+@pytest.mark.parametrize(("t_end", "output_dt"), [(0.2, 0.04), (0.1, 0.01), (0.08, 0.02)])
+def test_a_table_of_the_case_as_it_was_before_is_refused(t_end, output_dt):
+    """Of other times: with as many the n-th was compared with the n-th, with more or fewer it ended with a fault."""
+    scene = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
+    before = at.solve(scene, dt=0.01, t_end=0.1, output_dt=0.02)
+    table = pd.DataFrame(
+        {"scene": "mass", "element": "cable", "body": "m", "fraction": "center"}, index=range(6)
+    )
+    u = before.displacement("m.center")
+    table = table.assign(t=before.t + 1e-10, u_x=u[:, 0], u_y=u[:, 1])
+    assert recommend.error_against(before, table, "mass", "cable") == 0.0
+    now = at.solve(scene, dt=0.01, t_end=t_end, output_dt=output_dt)
+    with pytest.raises(recommend.RecommendError, match="measured before the case was changed"):
+        recommend.error_against(now, table, "mass", "cable")
+
+
 def test_a_static_case_has_no_trade():
     case = find_case(PORTAL_FRAME, "portal-frame-at-rest")
     with pytest.raises(StudyError, match="is a static equilibrium; a motion"):
