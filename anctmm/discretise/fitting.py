@@ -22,6 +22,8 @@ def fitting_velocity(chain: Chain) -> Array:
     v = chain.initial_velocity()
     if not chain.plan.kept or not chain.kept.constraints.names:
         return v
+    if not (chain.kept.constraints.drives or v.any()):  # at rest, as most scenes start
+        return v
     J, missed = constraint_rates(chain, v)
     if float(np.abs(missed).max()) <= ROUNDING * float(np.abs(v).max()):
         return v

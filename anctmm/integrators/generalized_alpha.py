@@ -70,7 +70,8 @@ def integrate(chain: Chain) -> Solution:
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         first, last = max(begin, 0), min(end, run.steps)
-        tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, last + 1)), last + 1 - first)
+        count = last + 1 - first if end > begin else 0  # for no step no history is asked
+        tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, first + count)), count)
         return begin, end, Numbers(run.steps, run.stride, c), system, out, *tables
 
     def failed_at(step: int) -> float:

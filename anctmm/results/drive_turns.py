@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp, Prismatic, Weld, drive_of
 from anctmm.model.topology import GROUND, held_directions
-from anctmm.results.fields import HermiteField, RigidField, continuous
+from anctmm.results.fields import HermiteField, RigidField
 
 Array = NDArray[np.float64]
 F = TypeVar("F", bound=HermiteField | RigidField)
@@ -26,9 +26,8 @@ def with_turns_of_drives(scene: Any, fields: Mapping[str, F], t: Array) -> dict[
     if len(t) < 2 or not any(isinstance(j, Clamp | Weld) and j.angle is not None for j in scene.joints):
         return found
     for name, (angle, rate) in _driven(scene, t).items():
-        vectors = np.exp(1j * angle)
-        told = continuous(vectors, 1j * rate * vectors, t)
-        if np.abs(told - (angle - angle[0])).max() > np.pi:
+        told = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)  # by velocities, from one output to the next
+        if np.abs(told - np.diff(angle)).max() > np.pi:
             found[name] = _counted(found[name], angle, rate, t)
     return found
 

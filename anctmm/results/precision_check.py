@@ -45,12 +45,18 @@ def precision_findings(solution: Solution, ends: Ends | None = None) -> Iterator
     run, scene = solution.run, solution.scene
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
         return
-    if ends is not None:  # what more is moved has more digits: nothing is found then, either
+    # what is moved more has more digits: as soon as nothing is found, nothing is found at all
+    if ends is not None:
         place = ends.place
-        moved = float(np.abs(place - place[:, :1]).max())
-        if not any(True for _ in _findings(solution, moved)):
+        if not any(True for _ in _findings(solution, float(np.abs(place - place[:, :1]).max()))):
             return
-    yield from _findings(solution, _largest_displacement(solution))
+    most, found = 0.0, list[Finding]()
+    for moved in _displacements(solution):
+        if moved > most:
+            most, found = moved, list(_findings(solution, moved))
+            if not found:
+                return
+    yield from found or _findings(solution, 0.0)
 
 
 def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
@@ -109,15 +115,13 @@ def _acted_upon(scene: Scene) -> bool:
     return bool(acting or any(body.moving for body in scene.bodies))
 
 
-def _largest_displacement(solution: Solution) -> float:
-    """Of starts, middles and ends of bodies, m."""
+def _displacements(solution: Solution) -> Iterator[float]:
+    """Largest ones of starts, middles and ends of bodies, m, one after the other."""
     rows = np.unique(np.linspace(0, solution.t.size - 1, SEEN).astype(np.int64))
-    found = 0.0
     for body in solution.scene.bodies:
         for key in (*ends_of(body), *((0.5,) if isinstance(body, Beam) else ())):
             path = solution.position(body.name, key)[rows]
-            found = max(found, float(np.hypot(*(path - path[0]).T).max()))
-    return found
+            yield float(np.hypot(*(path - path[0]).T).max())
 
 
 def _acting(solution: Solution, moved: float) -> float:
