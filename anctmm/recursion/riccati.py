@@ -25,7 +25,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.junctions.structure import common
 from anctmm.discretise.plan import BREAK, PIN, TANGENT, WELD, Kept
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
-from anctmm.forces.loads import Loads, no_loads
+from anctmm.forces.loads import Loads
 from anctmm.forces.stiffness import fill_local
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
@@ -189,8 +189,7 @@ def mass_factors(chain: Chain, q: Array | None = None) -> BlockFactors:
 
 def mass_arguments(chain: Chain, q: Array, factors: BlockFactors) -> tuple[Any, ...]:
     """Arguments of `factorize` for the mass."""
-    bodies = chain.bodies
-    return q, bodies.tables(), links(chain), 1.0, 0.0, no_loads(bodies), np.empty((0, 2)), factors
+    return q, chain.bodies.tables(), links(chain), 1.0, None, None, None, factors
 
 
 def solve(factors: BlockFactors, load: Array) -> Array:
@@ -277,21 +276,24 @@ def factorize(
     tables: Tables,
     links: Links,
     mass: float,
-    stiffness: float,
-    loads: Loads,
-    load_values: Array,
+    stiffness: float | None,
+    loads: Loads | None,
+    load_values: Array | None,
     factors: BlockFactors,
 ) -> int:
     """Factor mass · M + stiffness · K_T(q), the stiffness of torques included.
+
+    For the mass alone stiffness and loads are None: tangents are then not compiled either.
 
     Parameters
     ----------
     q : ndarray, shape (rows, nodes)
     tables : Tables
     links : Links
-    mass, stiffness : float
-    loads : Loads
-    load_values : ndarray, shape (loads, 2)
+    mass : float
+    stiffness : float or None
+    loads : Loads or None
+    load_values : ndarray, shape (loads, 2), or None
         Of the varying loads at this moment.
     factors : BlockFactors
         Written.
@@ -316,8 +318,8 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
     D, _, _, _ = matrices(size)
     negative, place, port, site, line = 0, 0, -1, 0, 0
     work[:] = 0.0
-    local = loads.local
-    fill_local(q, stiffness, loads, load_values)
+    if stiffness is not None:
+        fill_local(q, stiffness, loads, load_values)
     if loops is not None:
         loops.matrix.values[:] = 0.0
     for b in range(len(link)):
@@ -327,20 +329,21 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                 port = _pass_place(size, places, loops, place, work)
                 place += 1
             here = site
-            while site < len(local.nodes) and local.nodes[site] == i:
-                add_block_here(size, local.blocks[site], work)
-                site += 1
+            if stiffness is not None:
+                site = _add_local_here(size, loads.local, site, i, work)
             if i < last:
                 j = (i - first[b]) % TANGENT_BLOCK
-                if j == 0 and stiffness != 0.0:
-                    block_tangents(
-                        formulations, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer
-                    )
+                if stiffness is not None:  # noqa: SIM102 - None is known to the compiler, numbers are not
+                    if j == 0 and stiffness != 0.0:
+                        block_tangents(
+                            formulations, q, i, min(TANGENT_BLOCK, last - i), kinds[b], constants[b], buffer
+                        )
                 _add_element(
                     size, components(formulations, kinds[b]), mass, masses[b], stiffness, buffer, j, work
                 )
-                for n in range(here, site):
-                    add_block_beyond(size, local.blocks[n], work)
+                if stiffness is not None:
+                    for n in range(here, site):
+                        add_block_beyond(size, loads.local.blocks[n], work)
                 if turned is not None and turned.node[line] == i:
                     turn_node(size, turned.along[line, 0], turned.along[line, 1], work)
                 if loops is None:
@@ -369,6 +372,15 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
         fill(loops.rows, loops.matrix, q, stiffness)
         negative += factorize_kept(loops.matrix)
     return negative
+
+
+@inlined
+def _add_local_here(size, local, site, i, work):  # type: ignore[no-untyped-def]
+    """Add what matrices within elements have of node i, from the next of them on; the one after them."""
+    while site < len(local.nodes) and local.nodes[site] == i:
+        add_block_here(size, local.blocks[site], work)
+        site += 1
+    return site
 
 
 @embedded
@@ -551,19 +563,26 @@ def follow_unknowns(size, L, wide, loops, i, work):  # type: ignore[no-untyped-d
 def _add_element(size, own, mass, m, stiffness, buffer, j, work):  # type: ignore[no-untyped-def]
     """Add element j of the buffer: the node's own matrix ← D + K_II, the coupling ← K_OI, D ← K_OO.
 
-    An element with fewer components, `own`, than the nodes leaves the others without stiffness.
+    An element with fewer components, `own`, than the nodes leaves the others without stiffness; None has none.
     """
     d = len(size)
     D, A, K, _ = matrices(size)
-    for k in range(d):
-        for n in range(d):
-            given = k < own and n < own and stiffness != 0.0
-            work[K + d * k + n] = stiffness * buffer[lower(own + k, n) + j] if given else 0.0
-            if n <= k:
-                work[A + d * k + n] = work[D + d * k + n] + (
-                    stiffness * buffer[lower(k, n) + j] if given else 0.0
-                )
-                work[D + d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
+    if stiffness is None:
+        for k in range(d):
+            for n in range(d):
+                work[K + d * k + n] = 0.0
+                if n <= k:
+                    work[A + d * k + n], work[D + d * k + n] = work[D + d * k + n], 0.0
+    else:
+        for k in range(d):
+            for n in range(d):
+                given = k < own and n < own and stiffness != 0.0
+                work[K + d * k + n] = stiffness * buffer[lower(own + k, n) + j] if given else 0.0
+                if n <= k:
+                    work[A + d * k + n] = work[D + d * k + n] + (
+                        stiffness * buffer[lower(k, n) + j] if given else 0.0
+                    )
+                    work[D + d * k + n] = stiffness * buffer[lower(own + k, own + n) + j] if given else 0.0
     for k in range(d // 2):
         for n in range(d // 2):
             for c in range(2):

@@ -269,15 +269,24 @@ def fill_rows(rows, matrix):  # type: ignore[no-untyped-def]
 
 @embedded
 def fill(rows, matrix, q, stiffness):  # type: ignore[no-untyped-def]
-    """Put J at coordinates q into the matrix, and to its other entries add stiffness times the curvature λ ∂²g."""
+    """Put J at coordinates q into the matrix, and to its other entries add stiffness times the curvature λ ∂²g.
+
+    Without stiffness, None, nothing else is added.
+    """
     gather(rows, 0, q)
     fill_rows(rows, matrix)
-    for n in range(len(rows.row)):
-        if rows.places[2, n] >= 0:
-            c = stiffness * rows.multipliers[rows.row[n]] * rows.factor[n] * rows.signals[0, rows.signal[n]]
-            matrix.values[rows.places[2, n]] += (2.0 if rows.one[n] == rows.two[n] else 1.0) * c
-    if rows.penalty[0] > 0.0:
-        _add_penalty(rows, matrix)
+    if stiffness is not None:
+        for n in range(len(rows.row)):
+            if rows.places[2, n] >= 0:
+                c = (
+                    stiffness
+                    * rows.multipliers[rows.row[n]]
+                    * rows.factor[n]
+                    * rows.signals[0, rows.signal[n]]
+                )
+                matrix.values[rows.places[2, n]] += (2.0 if rows.one[n] == rows.two[n] else 1.0) * c
+        if rows.penalty[0] > 0.0:
+            _add_penalty(rows, matrix)
 
 
 @embedded

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import elastic_forces
 from anctmm.discretise.chain import Chain
+from anctmm.forces.loads import no_loads
 from anctmm.model.scene import Force, Scene
 from anctmm.recursion import riccati
 from anctmm.results.solution import Solution
@@ -315,7 +316,7 @@ def tangent_solve(chain: Chain, q: Array, load: Array) -> Array:
     """x of K_T(q) x = load by the recursion, (rows, nodes)."""
     bodies = chain.bodies
     factors = riccati.block_factors(chain)
-    none = riccati.no_loads(bodies)
+    none = no_loads(bodies)
     riccati.factorize(q, bodies.tables(), riccati.links(chain), 0.0, 1.0, none, np.empty((0, 2)), factors)
     return riccati.solve(factors, load)
 
