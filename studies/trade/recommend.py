@@ -213,6 +213,17 @@ def choose(
             raise RecommendError(f"{name} is {value!r}; a positive number is needed")
     mine = points[(points["scene"] == scene) & (points["error"] > 0) & (points["cpu_s"] > 0)]
     if mine.empty:
+        tried = points[points["scene"] == scene]
+        if len(tried):
+            bad = tried.loc[tried["status"] != "ok", "status"]
+            why = (
+                f"{len(bad)} of {len(tried)} runs did not end well, most of them: {bad.mode()[0]}"
+                if len(bad)
+                else "-"
+            )
+            raise RecommendError(
+                f"scene {scene!r} has no setting of which an error and a time are known: {why}"
+            )
         names = ", ".join(dict.fromkeys(points["scene"]))
         raise RecommendError(f"scene {scene!r} has no measured setting; those of the table are {names}")
     if element is not None:

@@ -106,7 +106,9 @@ def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Tab
         "The cheapest measured setting whose robust_error and its reference's uncertainty together are below the "
         "target. `anctmm recommend` prints the script that runs it.",
     )
-    return Table("recommended", "What to take for a target error", pd.DataFrame(rows), said)
+    columns = ["scene", "target_error", "cpu_s", "setting", *FOUND, "status", *SETTING]
+    frame = pd.DataFrame(rows, columns=columns)  # also where no run has an error
+    return Table("recommended", "What to take for a target error", frame, said)
 
 
 def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
@@ -138,7 +140,8 @@ def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
         "scene", "target_error", *KIND, "setting", "error", "robust_error", "reference_error", "cpu_s",
         "build_s", "ratio", "cpu_s_at_error", "ratio_at_error", "status",
     ]  # fmt: skip
-    frame = pd.DataFrame(rows).reindex(columns=columns).fillna({"setting": "-"})
+    frame = pd.DataFrame(rows).reindex(columns=columns)
+    frame["setting"] = frame["setting"].astype(object).fillna("-")
     frame = frame.sort_values(
         ["scene", "target_error", "ratio"], ascending=[False, False, True], kind="stable"
     )

@@ -201,7 +201,7 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     """All cases of a plan as the user narrowed it.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
-    runs them all.
+    runs them all, but for those with keyword arguments that only another solver has.
 
     Raises
     ------
@@ -216,7 +216,7 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     check_kinds(base, plan.schemes, options)
     for scheme in schemes:
         wanted = scheme.solvers if options.solvers is None else options.solvers
-        solvers = [s for s in wanted if s in scheme.solvers or s not in listed]
+        solvers = [s for s in wanted if s in scheme.solvers or (s not in listed and not scheme.own)]
         scene = with_stretch(base.scene, scheme.stretch)
         for mesh in options.meshes or scheme.meshes:
             cases += product(

@@ -261,3 +261,19 @@ def test_a_case_whose_probes_rest_is_left_out_by_name(monkeypatch):
     monkeypatch.setattr("studies.trade.study.measure", measure)
     with pytest.raises(Reached, match="rim"):
         find("trade")(Options(quick=True, cases=(axle, rim), solvers=("anctmm",)), runner)
+
+
+@pytest.mark.interpreted
+def test_a_trade_none_of_whose_runs_ends_well_has_its_rows_and_recommends_nothing():
+    """It ended with a fault, KeyError, as did `recommend` with a solver alone that is not installed."""
+    scene = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
+    case = at.Case(scene, ["m.center"], t_end=0.1, output_dt=0.02)
+    options = Options(quick=True, cases=(case,), solvers=("pyelastica",))
+    result = find("trade")(options, Runner(None, repeats=1))
+    points = result.table("points").frame
+    assert len(points)
+    assert points["status"].str.match("(unsupported|refused): .").all()
+    assert set(points["own"]) == {"-"}  # keyword arguments of Exudyn's are none of its
+    assert "did not end well" in result.findings[0]
+    with pytest.raises(recommend.RecommendError, match="no setting of which an error and a time are known: "):
+        recommend.choose(recommend.of_result(result).points, "mass", 1e-2, None)
