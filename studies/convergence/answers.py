@@ -23,7 +23,7 @@ def _of(found: Refined) -> list[Answer]:
     moved = [v for v in values if v.quantity == "largest displacement"] or values
     told = [_digits(found, max(moved, key=lambda v: abs(v.value)))]
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
-    return [*told, _force(name, forces)] if forces else told
+    return [*told, _force(name, forces)] if any(v.value for v in forces) else told
 
 
 def _digits(found: Refined, value: Value) -> Answer:
@@ -34,7 +34,11 @@ def _digits(found: Refined, value: Value) -> Answer:
     beams = f", {trial.cut} {trial.element} elements" if trial.scene.beams else ""
     run = f"{trial.solver}{beams}, {step}"
     known = f"{_held(value)}{value.probe}, {value.quantity}. By {run}: "
-    error = f"estimated error {found.error:.1g} ({', '.join(parts)})"
+    error = (
+        f"estimated error {found.error:.1g} ({', '.join(parts)})"
+        if parts
+        else "no mesh or step is to be refined"
+    )
     short = "" if found.reached else f"; above the target {found.target:g}, as {found.reason}"
     return Answer(f"{found.levels.case.name}: how many digits hold?", value.text, f"{known}{error}{short}.")
 

@@ -149,8 +149,12 @@ def finding(found: Refined) -> str:
         if isfinite(part.order)
     ]
     order = f"observed order {' and '.join(orders)}; " if orders else ""
-    step = f", step {found.step.error:.1g}" if levels.refines_step else ""
-    parts = f"mesh {found.mesh.error:.1g}{step}"
+    parts = ", ".join([
+        *([f"mesh {found.mesh.error:.1g}"] if levels.case.scene.beams else []),
+        *([f"step {found.step.error:.1g}"] if levels.refines_step else []),
+    ])  # fmt: skip
+    if not parts:
+        return f"{about}: no mesh or step is to be refined."
     if not levels.estimates:  # of one mesh, or one step, nothing is known
         given, other = ("mesh", "step") if len(levels.meshes) == 1 else ("step", "mesh")
         parts = f"of the {other} alone; the {given} is the one given"

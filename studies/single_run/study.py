@@ -93,6 +93,8 @@ class SingleRun:
             case False, True:
                 known = "; that of the mesh is not known" if levels.meshes else ""
                 told = f"estimated error of the {step}{known}"
+            case _ if not self.case.scene.beams and self.case.static:
+                return "an equilibrium of rigid bodies and masses: no mesh or step is to be refined"
             case _:
                 return "its error was not estimated, as mesh and step were given; --error does it"
         return told if found.reached else f"{told}: above the target {found.target:g}, as {found.reason}"

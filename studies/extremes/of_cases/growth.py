@@ -1,7 +1,7 @@
 """How a tiny disturbance grows, and until when two solvers can be compared."""
 
 from dataclasses import dataclass, replace
-from math import log, nan
+from math import isfinite, log, nan
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 DISTURBANCE = 1e-10
 #: Part of the motion that the push lasts; window in which its size is taken to be that of the start.
 PUSH, FIRST = 0.02, (0.05, 0.15)
+#: Distance below which a push has left no trace, as where drives hold the probes: rounding says how it grows.
+TRACE = 1e-3 * DISTURBANCE
 #: Distance up to which two solvers' histories are taken to be the same motion.
 SAME = 1e-6
 OURS, PEER = "anctmm", "global-dae"
@@ -94,8 +96,8 @@ class Grown:
 
     @property
     def growth(self) -> float:
-        """How many times larger it is at the end than in the first window."""
-        return self.end / self.start if self.start > 0.0 else nan
+        """How many times larger it is at the end than in the first window; NaN where nothing is left of it there."""
+        return self.end / self.start if self.start > TRACE else nan
 
     @property
     def rate(self) -> float:
@@ -122,7 +124,7 @@ def growth(base: Base) -> tuple[Part, float]:
         pushed = base.run(replace(base.trial, solver=solver, scene=scene), f"{solver}, disturbed")
         found.append(_grown(f"push, {solver}", plain, pushed, base))
     pair = _grown(f"{OURS} and {PEER}", ours, peer, base)
-    larger = found[0].growth if found[0].status == "ok" else 1.0
+    larger = found[0].growth if found[0].growth > 1.0 else 1.0
     rows = [
         *(_row(base, grown, 1.0, "no push") for grown in found),
         _row(base, pair, larger, "each other"),
@@ -130,11 +132,12 @@ def growth(base: Base) -> tuple[Part, float]:
     table = Table("growth", "How a disturbance grows", pd.DataFrame(rows), (
         f"disturbance: a push of {PUSH:.0%} of the motion moves the probes by some {DISTURBANCE:g} of the largest "
         "displacement. first, last: largest distance between 5 and 15 % of the motion, and in its last tenth, at the "
-        "probes, of the largest displacement. rate: of exponential growth between them; a steady drift grows by 10.",
+        "probes, of the largest displacement. rate: of exponential growth between them; a steady drift grows by 7. "
+        f"Of a push that leaves less than {TRACE:g}, as where drives hold the probes, no growth is told.",
         f"comparable_until: when the distance exceeds {SAME:g}; the end of the motion where it never does.",
         "uncertainty: of a distance; what rounding may do at most, as much larger as the push became.",
     ))  # fmt: skip
-    return Part((table,), (_picture(base, [*found, pair]),), (_learned(base, found, pair),)), max(larger, 1.0)
+    return Part((table,), (_picture(base, [*found, pair]),), (_learned(base, found, pair),)), larger
 
 
 def _grown(label: str, plain: Solution, other: Solution, base: Base) -> Grown:
@@ -154,7 +157,7 @@ def _row(base: Base, grown: Grown, larger: float, reference: str) -> dict[str, A
         "first": grown.start, "last": grown.end, "growth": nan if pair else grown.growth,
         "rate": nan if pair else grown.rate,
         "comparable_until": grown.until,
-        "reference": reference, "uncertainty": rounding * max(larger, 1.0), "status": "ok",
+        "reference": reference, "uncertainty": rounding * larger, "status": "ok",
     }  # fmt: skip
 
 
@@ -163,11 +166,9 @@ def _learned(base: Base, found: list[Grown], pair: Grown) -> str:
     name = base.case.name
     if found[0].status != "ok":
         return f"{name}, disturbance: {found[0].status}."
-    text = f"{name}: a disturbance of {DISTURBANCE:g} grows {found[0].growth:.2g} times"
+    text = f"{name}: a disturbance of {DISTURBANCE:g} {_grows(found[0])}"
     text += (
-        f"; by {PEER} {found[1].growth:.2g} times"
-        if found[1].status == "ok"
-        else f"; {PEER}: {found[1].status}"
+        f"; by {PEER} it {_grows(found[1])}" if found[1].status == "ok" else f"; {PEER}: {found[1].status}"
     )
     if pair.status != "ok":
         return f"{text}."
@@ -175,6 +176,11 @@ def _learned(base: Base, found: list[Grown], pair: Grown) -> str:
     return (
         f"{text}. {OURS} and {PEER} differ by {pair.end:.0e} at the end: the motion can be compared {until}."
     )
+
+
+def _grows(grown: Grown) -> str:
+    """What a disturbance does, in words."""
+    return f"grows {grown.growth:.2g} times" if isfinite(grown.growth) else "leaves no trace at the probes"
 
 
 def _picture(base: Base, every: list[Grown]) -> Picture:

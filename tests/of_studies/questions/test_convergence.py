@@ -11,6 +11,7 @@ from studies.cli import app
 from studies.convergence.study import run
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError
+from studies.single_run.study import run_case
 
 
 def studied(cases, **options):
@@ -177,3 +178,20 @@ def test_what_is_rounding_has_no_digits():
     force = forces[forces["quantity"].str.contains("largest force")]
     assert set(force["joint"]) == {"prismatic cart.center", "pin cart.center, rod.pivot"}
     assert (force["uncertainty"] < 0.05 * force["value"]).all()
+
+
+@pytest.mark.interpreted
+def test_of_a_rigid_equilibrium_nothing_is_to_be_refined():
+    """It had 'an estimated error of 0 ()', and `run` said that mesh and step were given."""
+    bar = at.RigidBody("bar", 2.0, 0.17, (0.5, 0.0), points={"o": (0.0, 0.0), "tip": (1.0, 0.0)})
+    hinge = at.RotationalSpring("bar.o", stiffness=300.0)
+    scene = at.Scene("rest", [bar], [at.Pin("bar.o")], connectors=[hinge], gravity=(0, -9.81))
+    case = at.Case(scene, ["bar.tip"], t_end=None)
+    result = studied([case], quick=True)
+    said = "no mesh or step is to be refined"
+    assert result.findings == (f"rest, anctmm, static: {said}.",)
+    assert result.answers[0].take.endswith(f"{said}.")
+    assert said in run_case(case, Runner(None)).error
+    free = at.Scene("unloaded", [bar], [at.Pin("bar.o")], connectors=[hinge])
+    answers = studied([at.Case(free, ["bar.tip"], t_end=None)], quick=True).answers
+    assert not [a for a in answers if "largest force" in a.question]  # of 0 N

@@ -96,6 +96,29 @@ def test_a_disturbance_of_an_upright_pendulum_grows_as_theory_says():
     assert larger > 1e4
 
 
+@pytest.mark.interpreted
+def test_of_a_push_that_drives_hold_no_growth_is_told():
+    """Of a driven wheel the axle moved by 1e-77, which "grew 0.087 times", and by the other solver "nan times"."""
+    wheel = at.RigidBody("wheel", 3.0, 0.02, (0.0, 0.0), points={"rim": (0.1, 0.0)})
+    turn = at.Clamp("wheel.center", angle=at.Quintic(turn=1.0, duration=0.1))
+    case = at.Case(at.Scene("driven", [wheel], [turn]), ["wheel.center"], t_end=0.1, output_dt=0.005)
+    part, larger = growth(Base.of(case, Runner(None, repeats=1), quick=True))
+    rows = part.tables[0].frame
+    assert (rows["last"] < 1e-13).all()
+    assert rows["growth"].isna().all()
+    assert larger == 1.0
+    assert "leaves no trace at the probes; by global-dae it leaves no trace" in part.learned[0]
+
+
+@pytest.mark.interpreted
+def test_a_steady_drift_grows_by_what_the_table_says():
+    ball = at.Scene("ball", [at.PointMass("ball", mass=1.0, position=(0, 0))], gravity=(0, -G))
+    case = at.Case(ball, ["ball.center"], t_end=0.5)
+    part, larger = growth(Base.of(case, Runner(None, repeats=1), quick=True))
+    assert larger == pytest.approx(7.0, abs=0.3)
+    assert "a steady drift grows by 7" in part.tables[0].notes[0]
+
+
 def test_an_equilibrium_has_no_steps_and_what_does_not_apply_says_so():
     rest = find_cases(PORTAL_FRAME, "portal-frame-at-rest")[0]
     assert {t.name for t in study(rest).tables} == {"units", "many_elements", "stiffness"}
