@@ -38,7 +38,7 @@ def _class(value: Any) -> str:
     return f"{type(value).__module__}.{type(value).__qualname__}"
 
 
-def _parts(value: Any) -> Iterator[Any]:
+def parts(value: Any) -> Iterator[Any]:
     """A value and all that it is made of."""
     yield value
     if is_dataclass(value) and not isinstance(value, type):
@@ -48,12 +48,12 @@ def _parts(value: Any) -> Iterator[Any]:
     else:
         inside = value if isinstance(value, tuple | list | set | frozenset) else ()
     for part in inside:
-        yield from _parts(part)
+        yield from parts(part)
 
 
 def classes(value: Any) -> set[str]:
     """Modules of the classes of a value and of its parts: a drive's law is code of its class."""
-    return {type(v).__module__ for v in _parts(value) if is_dataclass(v) and not isinstance(v, type)}
+    return {type(v).__module__ for v in parts(value) if is_dataclass(v) and not isinstance(v, type)}
 
 
 def reproducible(value: Any) -> bool:
@@ -68,5 +68,5 @@ def reproducible(value: Any) -> bool:
         or isinstance(v, plain)
         or (isinstance(v, np.ndarray) and not v.dtype.hasobject)
         or (is_dataclass(v) and type(v).__module__.partition(".")[0] in OURS)
-        for v in _parts(value)
+        for v in parts(value)
     )

@@ -12,8 +12,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib.machinery import PathFinder
-from importlib.metadata import packages_distributions
 from typing import Any
 
 import cloudpickle
@@ -25,11 +23,11 @@ from anctmm.results.export.plain_data import NotPlain, decode, encode
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
-from studies.engine.running.case_text import classes
+from studies.engine.running.own_code import own_modules
 from studies.engine.running.trial import Trial, guarded, performed
 from studies.engine.running.turns import Interval, Turns, at_work
 from studies.engine.storage import provenance
-from studies.engine.storage.sources import OURS, Sources, module_of
+from studies.engine.storage.sources import Sources
 
 #: A name to a solver; None is the registry of installed solvers.
 Resolve = Callable[[str], Any] | None
@@ -100,7 +98,7 @@ def packed_run(case: Trial, resolve: Resolve) -> bytes:
     NotSendable
         If it holds what cannot be made bytes.
     """
-    return _packed(partial(_solution, case, resolve), [case.scene], _modules(case, resolve))
+    return _packed(partial(_solution, case, resolve), [case.scene], [case, resolve])
 
 
 def packed_job(compute: Callable[[], Any]) -> bytes:
@@ -111,12 +109,12 @@ def packed_job(compute: Callable[[], Any]) -> bytes:
     NotSendable
         If it holds what cannot be made bytes.
     """
-    return _packed(partial(_result, compute), [], {module_of(compute)})
+    return _packed(partial(_result, compute), [], [compute])
 
 
-def _packed(call: Callable[[], tuple[Any, bool]], given: list[Any], modules: set[str]) -> bytes:
+def _packed(call: Callable[[], tuple[Any, bool]], given: list[Any], made_of: list[Any]) -> bytes:
     """A call as bytes. Code of the user's own, which a worker may not find, goes along."""
-    own = [sys.modules[m] for m in sorted(modules) if m in sys.modules and not _findable(m)]
+    own = [sys.modules[name] for name in own_modules(made_of)]
     for module in own:
         cloudpickle.register_pickle_by_value(module)
     try:
@@ -232,27 +230,6 @@ def _digest(module: str) -> str | None:
 @cache
 def _turns(name: str) -> Turns:
     return Turns(name)
-
-
-def _modules(case: Trial, resolve: Resolve) -> set[str]:
-    """Modules whose code a run needs, of its scene and of who finds its solver."""
-    found = classes(case)
-    if resolve is not None and (module := getattr(resolve, "__module__", None)):
-        found.add(module)
-    return found
-
-
-def _findable(module: str) -> bool:
-    """Whether another process finds a module: it is ours, or belongs to a package that is installed."""
-    top = module.partition(".")[0]
-    if top in OURS or top in sys.stdlib_module_names or top in sys.builtin_module_names:
-        return True
-    return top in _installed() and PathFinder.find_spec(top) is not None
-
-
-@cache
-def _installed() -> frozenset[str]:
-    return frozenset(packages_distributions())
 
 
 _ready: set[tuple[Any, ...]] = set()

@@ -397,20 +397,31 @@ def test_a_worker_with_other_code_is_refused():
         work(replace(errand, software="numpy 0"))
 
 
-def test_code_that_workers_cannot_find_goes_along(tmp_path, monkeypatch):
-    """A module beside a user's file, which only this process has on its path."""
-    (tmp_path / "neighbour.py").write_text(
-        "from dataclasses import dataclass\n\n\n@dataclass(frozen=True)\nclass Turn:\n    rate: float\n\n"
-        "    def __call__(self, t):\n        return self.rate * t * t, 2 * self.rate * t, 2 * self.rate\n"
-    )
+#: Drives of a module that only this process has on its path, and what that imports from another.
+NEIGHBOURS = {
+    "farther": "RATE = 0.1\n\n\ndef turned(rate, t):\n    return rate * t * t, 2 * rate * t, 2 * rate\n",
+    "neighbour": "from dataclasses import dataclass\n\nimport farther\nfrom farther import turned\n\n\n"
+    "@dataclass(frozen=True)\nclass Turn:\n    rate: float\n\n"
+    "    def __call__(self, t):\n        return farther.turned(self.rate, t)\n\n\n"
+    "def turn(t):\n    return turned(farther.RATE, t)\n",
+}
+
+
+@pytest.mark.parametrize("drive", ["neighbour.Turn(0.1)", "neighbour.turn", "lambda t: neighbour.turn(t)"])
+def test_code_that_workers_cannot_find_goes_along(drive, tmp_path, monkeypatch):
+    """Modules beside a user's file: of functions they did not, and the sweep ended with ModuleNotFoundError."""
+    for name, text in NEIGHBOURS.items():
+        (tmp_path / f"{name}.py").write_text(text)
     with monkeypatch.context() as patch:
         patch.syspath_prepend(tmp_path)
-        from neighbour import Turn
-    joint = replace(shared_sweep.SCENE.joints[0], angle=Turn(0.1))
+        import neighbour
+    angle = eval(drive, {"__name__": "<run_path>", "neighbour": neighbour})
+    joint = replace(shared_sweep.SCENE.joints[0], angle=angle)
     driven = replace(shared_sweep.SCENE, joints=(joint,))
     with team(2) as helpers:
         (outcome,) = runner(tmp_path, helpers).sweep(cases(1, driven), timed=False)
-    del sys.modules["neighbour"]
+    for name in NEIGHBOURS:
+        del sys.modules[name]
     assert outcome.solution.status.ok
     assert os.getpid() not in {process for _, process in done(tmp_path / "log")}
 
