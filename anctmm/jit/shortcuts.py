@@ -7,21 +7,28 @@
   variable; here it goes through the blocks that name it.
 - Of what type a sum, an item, … is, and how long a number is, numba finds anew at each place. It is the same for the
   same types. So are the lists of what a target can do, once they are loaded.
+- To load or store a number of an array, numba puts the array's own numbers into a frame and reads them from there one
+  by one, and LLVM takes all of that away again: twenty instructions, of which seven are needed.
+- How often a loop over a range is run, numba finds for any step, with a branch for each sign and an error for none. The
+  step is 1 nearly always.
 - Of each call of LLVM, numba tells all who ask how long compiling takes. Only who counts kernels is told here.
 """
 
 import operator
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from functools import reduce
 from typing import Any
 
-from numba.core import analysis, event, ir, ssa, transforms, types
+from numba.core import analysis, cgutils, event, ir, ssa, transforms, types
 from numba.core.base import BaseContext
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.cpu import CPUContext
 from numba.core.inline_closurecall import InlineWorker
+from numba.core.lowering import Lower
 from numba.core.postproc import PostProcessor, VariableLifetime
 from numba.core.typing import Context
+from numba.np.arrayobj import fix_integer_index, load_item, store_item
 
 #: Ways that are taken instead of numba's, by where these stand and their names.
 _ways: dict[tuple[Any, str], Any] = {}
@@ -29,6 +36,7 @@ _ways: dict[tuple[Any, str], Any] = {}
 _translate, _inline = InlineWorker.run_untyped_passes, InlineWorker.inline_ir
 _find_lives, _name_values, _rewrite = PostProcessor.run, ssa._run_ssa, ssa._run_block_rewrite
 _call_type, _size, _tell = types.Function.get_call_type, BaseContext.get_abi_sizeof, event.broadcast
+_expression, _get_item, _set_item = Lower.lower_expr, Lower.lower_getitem, Lower.lower_setitem
 _load = {kind: kind.load_additional_registries for kind in (Context, CPUContext)}
 
 
@@ -222,6 +230,114 @@ def _known_size(context: Any, kind: Any) -> int:
     if text not in _sizes:
         _sizes[text] = _size(context, kind)
     return _sizes[text]
+
+
+@_instead_of(Lower, "lower_getitem")
+def _load_number(lower: Any, kind: Any, expression: Any, array: Any, index: Any, signature: Any) -> Any:
+    """`Lower.lower_getitem`; of a number at whole numbers, without more of the array than that takes."""
+    of, at = signature.args
+    if not _one_number(lower, of, array, at):
+        return _get_item(lower, kind, expression, array, index, signature)
+    number = load_item(lower.context, lower.builder, of, _address(lower, of, array, at, index))
+    return lower.context.cast(lower.builder, number, signature.return_type, kind)
+
+
+@_instead_of(Lower, "lower_setitem")
+def _store_number(lower: Any, array: Any, index: Any, value: Any, signature: Any) -> Any:
+    """`Lower.lower_setitem` likewise."""
+    of, at, given = signature.args
+    if not _one_number(lower, of, array, at) or not isinstance(given, types.Number | types.Boolean):
+        return _set_item(lower, array, index, value, signature)
+    context, builder = lower.context, lower.builder
+    number = context.cast(builder, lower.loadvar(value.name), lower.typeof(value.name), given)
+    place = _address(lower, of, array, at, index)
+    store_item(context, builder, of, context.cast(builder, number, given, of.dtype), place)
+    return None
+
+
+def _one_number(lower: Any, of: Any, array: Any, at: Any) -> bool:
+    """Whether an index of whole numbers tells one number of an array whose rows lie one after the other."""
+    indices: Any = getattr(at, "types", (at,))
+    return (
+        isinstance(of, types.Array)
+        and of.layout == "C"
+        and len(indices) == of.ndim
+        and isinstance(of.dtype, types.Number | types.Boolean)
+        and all(isinstance(one, types.Integer) for one in indices)
+        and lower.typeof(array.name) == of
+        and not lower.context.enable_boundscheck
+    )
+
+
+def _address(lower: Any, of: Any, array: Any, at: Any, index: Any) -> Any:
+    """Where a number of an array lies; indices below 0 count from the end, as with numba."""
+    context, builder = lower.context, lower.builder
+    numbers, model = lower.loadvar(array.name), context.data_model_manager[of]
+    shape = model.get_field_position("shape")
+    place = context.cast(builder, lower.loadvar(index.name), lower.typeof(index.name), at)
+    kinds: Any = getattr(at, "types", None)
+    indices = (
+        [(at, place)]
+        if kinds is None
+        else [(kind, builder.extract_value(place, k)) for k, kind in enumerate(kinds)]
+    )
+    sizes = [builder.extract_value(numbers, [shape, k]) for k in range(of.ndim)]
+    inside = [
+        fix_integer_index(context, builder, kind, one, size)
+        for (kind, one), size in zip(indices, sizes, strict=True)
+    ]
+    steps = [reduce(builder.mul, sizes[k:]) for k in range(1, of.ndim)]
+    parts = [*(builder.mul(one, step) for one, step in zip(inside, steps, strict=False)), inside[-1]]
+    data = builder.extract_value(numbers, model.get_field_position("data"))
+    return builder.gep(data, [reduce(builder.add, parts)])
+
+
+@_instead_of(Lower, "lower_expr")
+def _begin_range(lower: Any, kind: Any, expression: Any) -> Any:
+    """`Lower.lower_expr`; what begins a loop over a range whose step is 1 tells how often it is run by a difference."""
+    if expression.op != "getiter" or not _steps_by_one(lower, expression.value.name):
+        return _expression(lower, kind, expression)
+    context, builder = lower.context, lower.builder
+    begin, end, step = cgutils.unpack_tuple(builder, lower.loadvar(expression.value.name), 3)
+    length = builder.sub(end, begin)
+    zero = length.type(0)
+    at, left = (cgutils.alloca_once(builder, length.type) for _ in range(2))
+    builder.store(begin, at)
+    with builder.if_else(builder.icmp_signed("<=", length, zero)) as (empty, some):
+        with empty:
+            builder.store(zero, left)
+        with some:
+            builder.store(length, left)
+    model = context.data_model_manager[kind]
+    found = model.get_value_type()(None)
+    for name, part in (("iter", at), ("stop", end), ("step", step), ("count", left)):
+        found = builder.insert_value(found, part, model.get_field_position(name))
+    return found
+
+
+def _steps_by_one(lower: Any, name: str) -> bool:
+    """Whether a variable is a range that was made of one number or two."""
+    if lower.typeof(name) != types.range_state64_type:
+        return False
+    values = vars(lower).get("_values")
+    if values is None:
+        values = lower._values = _set_once(lower.blocks)
+    made = values.get(name)
+    while isinstance(made, ir.Var):
+        made = values.get(made.name)
+    if not (isinstance(made, ir.Expr) and made.op == "call" and not made.kws and not made.vararg):
+        return False
+    called = lower.typeof(made.func.name)
+    return len(made.args) < 3 and isinstance(called, types.Function) and called.typing_key is range
+
+
+def _set_once(blocks: dict[int, Any]) -> dict[str, Any]:
+    """Values of the variables that are set in one place."""
+    values: dict[str, Any] = {}
+    for block in blocks.values():
+        for one in block.find_insts(ir.Assign):
+            values[one.target.name] = None if one.target.name in values else one.value
+    return values
 
 
 #: Contexts of numba's whose lists are loaded.
