@@ -18,6 +18,7 @@ from anctmm.jit.deferred import Deferred
 from anctmm.jit.interpreting import interpreted
 from anctmm.model.kept import forget_structures
 from reference import global_dae
+from reference.global_dae import runs  # noqa: F401 - its kernels are known from the beginning
 
 pytestmark = pytest.mark.skipif(
     bool(numba.config.DISABLE_JIT), reason="there are no kernels without a compiler"
