@@ -9,6 +9,7 @@ import pandas as pd
 
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
+from anctmm.model.joints import Clamp, Weld
 from studies.cases import assumptions_of
 from studies.convergence.answers import answers
 from studies.convergence.given import given_levels
@@ -29,6 +30,8 @@ from studies.scenes import moving_scenes
 
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-5, True: 1e-3}
+#: Observed order of a mesh below which it is taken to be the first.
+FIRST_ORDER = 1.5
 LEVELS = (
     "scene", "solver", "element", "integrator", "elements", "dofs", "dt", "error", "order", "status",
 )  # fmt: skip
@@ -159,7 +162,20 @@ def finding(found: Refined) -> str:
         given, other = ("mesh", "step") if len(levels.meshes) == 1 else ("step", "mesh")
         parts = f"of the {other} alone; the {given} is the one given"
     told = f"{about}: {order}{found.label} has an estimated error of {found.error:.1g} ({parts})"
-    return f"{told}." if found.reached else f"{told}, above the target {found.target:g}, as {found.reason}."
+    short = "" if found.reached else f", above the target {found.target:g}, as {found.reason}"
+    return f"{told}{short}.{_held_stretch(found)}"
+
+
+def _held_stretch(found: Refined) -> str:
+    """What makes a mesh converge at first order only, where that is likely."""
+    held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
+    high = KINDS[found.levels.setup.element].order > FIRST_ORDER
+    if not (held and high and found.mesh.order < FIRST_ORDER and found.mesh.error > found.step.error):
+        return ""
+    return (
+        " Where an axial force acts, clamps and welds that hold the stretch leave an error of first order: "
+        'stretch="free" in them removes it.'
+    )
 
 
 def _levels(
