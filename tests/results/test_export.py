@@ -188,6 +188,8 @@ def test_a_folder_that_cannot_be_written_is_named(moved, tmp_path):
 
 
 def test_a_table_of_places(moved):
+    near = moved.to_frame([("trunk", 0.5), ("trunk", 0.5000001)])  # one was lost: to six digits both are 0.5
+    assert [c for c in near if " x " in c] == ["trunk 0.5 x (m)", "trunk 0.5000001 x (m)"]
     table = moved.to_frame(["twig.end", ("trunk", 0.5)])
     assert table.index.name == "t (s)"
     np.testing.assert_array_equal(table["twig.end y (m)"], moved.position("twig.end")[:, 1])

@@ -64,8 +64,8 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
         raise ResultError(
             f"probes are {shown(probes)}; a list of places is needed, such as [{shown(probes)}]"
         )
-    for probe in probes:
-        label = probe if isinstance(probe, str) else "{} {:g}".format(*probe)
+    probes = list(probes)
+    for probe, label in zip(probes, _labels(probes), strict=True):
         for quantity, (suffixes, unit) in QUANTITIES.items():
             try:
                 found = getattr(solution, quantity)(probe)
@@ -77,6 +77,15 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     columns["work (J)"] = solution.energy.work
     index = pandas.Index(solution.t, name="load factor" if solution.static else "t (s)")
     return pandas.DataFrame(columns, index=index)
+
+
+def _labels(probes: list[Any]) -> list[str]:
+    """Places as the beginnings of columns' names: with six digits, or all where these do not tell two apart."""
+    short = [probe if isinstance(probe, str) else "{} {:g}".format(*probe) for probe in probes]
+    return [
+        label if short.count(label) == 1 or isinstance(probe, str) else f"{probe[0]} {float(probe[1])!r}"
+        for probe, label in zip(probes, short, strict=True)
+    ]
 
 
 def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
