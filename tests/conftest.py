@@ -54,7 +54,7 @@ SLOW = {
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
     "statics": ["static_start", "statics"],
-    "step_control": ["adaptive", "free_turns", "stage_control", "step_choice"],
+    "step_control": ["adaptive", "free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
@@ -70,7 +70,7 @@ INTERPRETED = {
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["constraint_check", "drive_check", "drive_turns", "pictures"],
     "statics": ["held", "static_start"],
-    "step_control": ["free_turns", "stage_control", "step_choice"],
+    "step_control": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 

@@ -231,8 +231,14 @@ def solve_stage(tries, system, c, values, tolerance):  # type: ignore[no-untyped
             predict(flat_q, flat_v, flat_a, flat_w, was, had, c)
             _drive(q, v, w, system.clamps, c.h)
             hold_on_lines(system.links.turned, q, w, c)
-            solved = iterate(full == 1, system, c, values, tolerance)
+            solved = correct_stage(full == 1, system, c, values, tolerance)
     return solved
+
+
+@shared
+def correct_stage(full, system, c, values, tolerance):  # type: ignore[no-untyped-def]
+    """Newton's iteration of a stage, from where it stands."""
+    return iterate(full, system, c, values, tolerance)
 
 
 @embedded

@@ -2,10 +2,10 @@
 
 What is shared with other methods stands in `step_control`, the estimate in `stage_error`. Two things are other than
 with steps of second order. A sum of errors ten times too small makes the run dearer by 10^(1/4) = 1.8 only, not by 3.2.
-And outputs are taken from the quintic through both ends of a step, so that they do not bound its length. Where a step
-does not resolve what vibrates, that quintic is no motion: the error of the quintic tells up to which length a step may
-have outputs within, and where that is less than the way to the next output, steps end there. So a step is rarely
-refused for its outputs: half of the work of some runs had gone into steps that were tried again and again.
+And outputs lie within steps, so that they do not bound their length: `stage_outputs`. Where a step does not resolve
+what vibrates, the quintic from which these start is no motion: its error tells up to which length a step may have
+outputs within, and where that is less than the way to the next output, steps end there. So a step is rarely refused for
+its outputs: half of the work of some runs had gone into steps that were tried again and again.
 
 All stages have one matrix, which is kept as long as the length is. One Newton correction may do for a stage, where the
 contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). Nothing is known
@@ -14,12 +14,13 @@ and there it made the error 20 times the one asked for.
 
 What it costs, in Newton corrections and twice the factorizations, over the best fixed step of the same error, the best
 of 10 steps and 5 bounds of Newton's iteration for each error: on seventeen moving scenes with tolerances of 1e-2 … 1e-5
-1.0 in the mean, 1.12 at most on the base scenes, and more than 1.3 in 8 of 68 runs: three supports 1.7, a gantry crane
-2.0, a portal 1.5, the squeezer 1.4. There the best fixed step has a bound of Newton's iteration with which one
-correction a stage happens to do; an iteration that knows what it leaves needs a second one, since nothing tells
-beforehand what of it later stages undo. (What would be predicted from the stages before, by a line, saves none: what
-steps do not resolve is no line.) Beside the best fixed steps of either order it is 1.1 in the mean, and more than 1.3
-in 14 runs, most of them at 1e-2.
+1.04 in the mean, 1.32 at most on the base scenes, and more than 1.3 in 17 of 68 runs, more than 1.4 in 7: three
+supports 1.7, a gantry crane 2.1, a portal 1.5, the squeezer 1.5. Outputs within steps are a part of it (without them it
+was 0.96, and 8 runs), which steps that end at outputs do not pay: up to a third where there are three in a step. And
+the best fixed step has a bound of Newton's iteration with which one correction a stage happens to do; an iteration that
+knows what it leaves needs a second one, since nothing tells beforehand what of it later stages undo. (What would be
+predicted from the stages before, by a line, saves none: what steps do not resolve is no line.) Beside the best fixed
+steps of either order it is 1.16 in the mean, and more than 1.3 in 23 runs, most of them at 1e-2.
 
 The rms error was 0.003 to 0.74 of the tolerance on these, the squeezer's up to 1.7 times it, and its peak up to 2.2 on
 scenes drawn at random. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
@@ -51,7 +52,8 @@ from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
 from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
-from anctmm.integrators.stage_error import motion_within, put_actions, stage_error
+from anctmm.integrators.stage_error import stage_error
+from anctmm.integrators.stage_outputs import balance_within, motion_within, put_actions, put_tensions
 from anctmm.integrators.step_control import (
     CAP,
     DONE,
@@ -129,15 +131,17 @@ EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1
 class Track(NamedTuple):
     """What a controlled step keeps beside what one of fixed length does, which is `room`.
 
-    start: q, v and w at its start, (3, rows, nodes). found: those at an output, (3, rows, nodes). Row 0 of what stages
-    keep is that of the start, also between two steps.
+    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers: of
+    constraints at the end. Row 0 of what stages keep is that of the start, also between two steps.
     """
 
     method: Stages
     euler: Stages
     room: Room
     start: Array
+    end: Array
     found: Array
+    multipliers: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -154,7 +158,9 @@ def integrate(chain: Chain) -> Solution:
         If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
     method, shape = stages(), (3, chain.bodies.rows, chain.bodies.nodes)
-    track = Track(method, EULER, new_room(chain), np.zeros(shape), np.zeros(shape))
+    constraints = len(chain.kept.constraints.names) if chain.plan.kept else 0
+    start, end, found = (np.zeros(shape) for _ in range(3))
+    track = Track(method, EULER, new_room(chain), start, end, found, np.zeros(constraints))
 
     def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
         return int(advance(budget, outputs, system, control, track, out))
@@ -174,7 +180,7 @@ def advance(budget: int, outputs: int, system: System, control: Control, track: 
             return STUCK
         if progress[TIME] >= control.times[int(progress[KEPT])]:
             _copy_state(state, track.found)
-            _keep(progress[TIME], system, control, track, out)
+            _keep(progress[TIME], 0.0, system, control, track, out)
         if progress[KEPT] > outputs:
             return DONE
         if control.turns.found[2]:
@@ -368,7 +374,7 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
         motion_within(x, h, system.state, track.start, track.found)
         out.work[0] = before + x * x * (1.0 + 2.0 * y) * work
         out.work[0] += h * x * y * (y * room.power[0] - x * room.power[last])
-        _keep(t, system, control, track, out)
+        _keep(t, h, system, control, track, out)
     event = control.actions.stops[int(progress[EVENT])]
     if progress[TIME] != event and control.times[int(progress[KEPT])] < progress[TIME] + CLOSE * h:
         progress[TIME] = control.times[int(progress[KEPT])]
@@ -390,9 +396,12 @@ def _copy_state(state, found):  # type: ignore[no-untyped-def]
 
 
 @shared
-def _keep(t, system, control, track, out):  # type: ignore[no-untyped-def]
-    """Keep an output that stands in `track.found`."""
+def _keep(t, h, system, control, track, out):  # type: ignore[no-untyped-def]
+    """Keep an output that stands in `track.found`: one within a step of h, or, where h is 0, one at an end."""
     q, v, w = track.found[0], track.found[1], track.found[2]
     put_actions(t, 1, track.room.projected, system, control, track.found)
+    if h > 0.0 and control.allowed < np.inf:
+        balance_within(1, _stage_of(track.method.A[1, 1] * h), system, control, track)
+    put_tensions(1, system, control, track.found)
     keep(int(control.progress[KEPT]), 1, q, v, w, system.tables, system.loads.connectors, out)
     control.progress[KEPT] += 1.0

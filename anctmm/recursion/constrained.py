@@ -201,6 +201,22 @@ def end_newton(loops):  # type: ignore[no-untyped-def]
 
 
 @embedded
+def keep_multipliers(loops, kept):  # type: ignore[no-untyped-def]
+    """Keep the multipliers of the last step that succeeded, before an iteration that is no step."""
+    if loops is not None:
+        for k in range(len(loops.rows.trusted)):
+            kept[k] = loops.rows.trusted[k]
+
+
+@embedded
+def give_back_multipliers(loops, kept):  # type: ignore[no-untyped-def]
+    """Take the multipliers that were kept for those of the last step."""
+    if loops is not None:
+        for k in range(len(loops.rows.trusted)):
+            loops.rows.trusted[k] = kept[k]
+
+
+@embedded
 def ask_correction(loops, c, q, v, w):  # type: ignore[no-untyped-def]
     """Ask the next solution for a correction of what the step keeps of constraints; v is short of c.h w.
 

@@ -1,0 +1,89 @@
+"""Forces at outputs within steps of fourth order: they are those of the motion, however stiff its parts are."""
+
+import numpy as np
+import pytest
+from samples import linkage
+
+import anctmm as at
+from anctmm.integrators import stage_control
+
+RUN = {"t_end": 0.4, "output_dt": 0.01, "integrator": "esdirk"}
+
+
+def steel_linkage():
+    """Crank, coupler and rocker of square steel bars; the crank is driven."""
+    square, steel = at.Rectangle(0.02, 0.02), at.Material(E=2e11, density=7800.0)
+    bars = [
+        at.Beam("crank", (0.0, 0.0), (0.0, 0.2), square, steel),
+        at.Beam("coupler", (0.0, 0.2), (0.5, 0.3), square, steel),
+        at.Beam("rocker", (0.5, 0.3), (0.5, 0.0), square, steel),
+    ]
+    joints = [
+        at.Clamp("crank.start", angle=at.Quintic(-1.0, 0.3)),
+        at.Pin("crank.end", "coupler.start"),
+        at.Pin("coupler.end", "rocker.start"),
+        at.Pin("rocker.end"),
+    ]
+    return at.Scene("steel linkage", bars, joints)
+
+
+def rod(stiffness):
+    """A mass at a driven arm, which a spring holds: in the place of a rod without mass."""
+    arm = at.RigidBody("arm", 1.0, 0.05, (0.25, 0.0), points={"pivot": (0.0, 0.0), "tip": (0.5, 0.0)})
+    return at.Scene(
+        "rod",
+        [arm, at.PointMass("mass", 0.5, (0.5, -0.3))],
+        [at.Clamp("arm.pivot", angle=at.Quintic(-1.0, 0.3))],
+        connectors=[at.Spring("arm.tip", "mass.center", stiffness=stiffness)],
+    )
+
+
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
+def test_reactions_of_a_steel_linkage_are_those_of_small_steps(tolerance):
+    """They were 40 and 3 times the largest reaction, with positions as good as was asked, and status ok."""
+    scene = steel_linkage()
+    run = at.solve(scene, mesh=1, tolerance=tolerance, **RUN)
+    fine = at.solve(scene, mesh=1, dt=1e-3, **RUN)
+    assert run.status.ok
+    assert run.cost.steps < 60  # for 40 outputs: most lie within
+    for joint in scene.joints:
+        found, exact = run.reaction(joint)[:, :2], fine.reaction(joint)[:, :2]
+        missed = np.abs(found - exact).max()  # of vibrations that neither resolves
+        assert missed <= 0.25 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
+def test_a_spring_pulls_a_mass_by_its_mass_times_its_acceleration(stiffness):
+    """Newton's second law at every output: the tension is that of the motion which is kept."""
+    scene = rod(stiffness)
+    run = at.solve(scene, tolerance=1e-3, newton_tolerance=1e-9, **RUN)
+    arm = run.position("arm.tip") - run.position("mass.center")
+    along = arm / np.linalg.norm(arm, axis=1)[:, None]
+    tension = run.tension(scene.connectors[0]).ravel()
+    inertia = 0.5 * (run.fields["mass"].accelerations[:, 0] * along).sum(axis=1)
+    assert np.abs(inertia - tension).max() <= 1e-2 * np.abs(tension).max()
+
+
+def rigid_loop():
+    """Three rigid bars that fall: constraints with multipliers."""
+    places = [(0.0, 0.0), (0.0, 0.3), (0.5, 0.4), (0.5, 0.0)]
+    bars = [
+        at.RigidBody(name, 1.0, 0.02, np.add(a, b) / 2.0, points={"a": a, "b": b})
+        for name, a, b in zip(("one", "two", "three"), places, places[1:], strict=False)
+    ]
+    joints = [at.Pin("one.a"), at.Pin("one.b", "two.a"), at.Pin("two.b", "three.a"), at.Pin("three.b")]
+    return at.Scene("rigid loop", bars, joints, gravity=(4.0, -9.81))
+
+
+@pytest.mark.parametrize(("scene", "mesh"), [(linkage(0.1), {"mesh": 1}), (rigid_loop(), {})])
+def test_outputs_leave_nothing_behind(scene, mesh, monkeypatch):
+    """What is done for outputs within steps changes no step: the end is the same to the bit."""
+    options = RUN | mesh | {"tolerance": 1e-2, "t_end": 0.2}
+    run = at.solve(scene, **options)
+    monkeypatch.setattr(stage_control, "balance_within", lambda *_: None)
+    without = at.solve(scene, **options)
+    assert (run.cost.steps, run.status.code) == (without.cost.steps, "ok")
+    assert run.cost.newton_iterations > without.cost.newton_iterations  # some outputs lie within
+    for body in scene.bodies:
+        ours, theirs = run.fields[body.name].coordinates, without.fields[body.name].coordinates
+        assert np.array_equal(ours[-1], theirs[-1])
