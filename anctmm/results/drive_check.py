@@ -1,4 +1,5 @@
-"""Whether drives say what they do: rates and accelerations that are the derivatives of the angle or place.
+"""Whether drives say what they do: rates and accelerations that are the derivatives of the angle or place, which is
+continuous.
 
 A drive gives a value with its derivatives, and solvers take each where they need it: positions from one, velocities,
 work and start from the others. Where these are no derivatives, all of this is wrong, and no balance tells.
@@ -28,39 +29,87 @@ TIMES, DIFFERENCES = 8, np.array([1e-3, 1e-5, 1e-7])
 WRONG = 0.1
 #: Roundings of a value.
 ROUNDING = 8.0 * float(np.finfo(float).eps)
+#: Intervals of a run that are searched for a jump, and halvings that find it; part of what a drive moves from which on
+#: it counts, and part of it that is left in the end.
+INTERVALS, HALVINGS, COUNTS, LEFT = 64, 20, 0.05, 0.5
 #: What derivatives are called, by the order of what they are derivatives of.
 NAMES = ("rate", "acceleration")
 
 
 def drive_findings(solution: Solution) -> Iterator[Finding]:
-    """Drives whose rate or acceleration is another one, at most of the times at which they move."""
+    """Drives whose rate or acceleration is another one, at most of the times at which they move, or which jump."""
     if solution.run is None:
         return
-    end = solution.run.t_end
-    times = end * (np.arange(TIMES) + 0.618) / (TIMES + 0.236)
-    for name, history, width, unit in drives_of(solution.scene):
-        if type(history) in (Quintic, Pulse):
+    for drive in drives_of(solution.scene):
+        if type(drive[1]) in (Quintic, Pulse):
             continue
-        apart = end * DIFFERENCES[:, None, None] * np.array([[-1.0], [1.0]])
-        asked = np.concatenate([times, (times + apart).ravel()])
-        try:
-            table = tabulate(name, history, asked, width)
-        except PropertyError:  # a history that knows the times of steps alone
-            continue
-        here, beside = table[:TIMES], table[TIMES:].reshape(len(DIFFERENCES), 2, TIMES, width)
-        for order in range(width - 1):
-            if (told := _told(here, beside, order, end)) is not None:
-                k, slope = told
-                yield Finding(
-                    min(int(np.searchsorted(solution.t, times[k])), solution.t.size - 1),
-                    "inaccurate",
-                    f"{name}: its {NAMES[order]} is {here[k, order + 1]:.6g} {unit}/s{'²' * order} at t = "
-                    f"{times[k]:.6g} s, where it is {slope:.6g} {unit}/s{'²' * order} by differences; the derivatives "
-                    f"of its {'rate' if order else 'value'} are needed",
-                    None,
-                    None,
-                )
+        for look in (_wrong, _jumps):
+            try:
+                told = look(drive, solution.run.t_end)
+            except PropertyError:  # a history that knows the times of steps alone
+                continue
+            if told is not None:
+                t, message = told
+                place = min(int(np.searchsorted(solution.t, t)), solution.t.size - 1)
+                yield Finding(place, "inaccurate", message, None, None)
                 break
+
+
+def _wrong(drive: Drive, end: float) -> tuple[float, str] | None:
+    """A time at which a drive's rate or acceleration is no derivative, and what is told of it."""
+    name, history, width, unit = drive
+    times = end * (np.arange(TIMES) + 0.618) / (TIMES + 0.236)
+    apart = end * DIFFERENCES[:, None, None] * np.array([[-1.0], [1.0]])
+    table = tabulate(name, history, np.concatenate([times, (times + apart).ravel()]), width)
+    here, beside = table[:TIMES], table[TIMES:].reshape(len(DIFFERENCES), 2, TIMES, width)
+    for order in range(width - 1):
+        if (told := _told(here, beside, order, end)) is not None:
+            k, slope = told
+            return float(times[k]), (
+                f"{name}: its {NAMES[order]} is {here[k, order + 1]:.6g} {unit}/s{'²' * order} at t = "
+                f"{times[k]:.6g} s, where it is {slope:.6g} {unit}/s{'²' * order} by differences; the derivatives "
+                f"of its {'rate' if order else 'value'} are needed"
+            )
+    return None
+
+
+def _jumps(drive: Drive, end: float) -> tuple[float, str] | None:
+    """A time at which a drive of a joint jumps, and what is told of it; a free length may jump, which is a force.
+
+    In the interval in which the value changes most beside its rate, halved again and again, a jump stays what it is.
+    """
+    name, history, width, unit = drive
+    if width != 3:
+        return None
+    times = np.linspace(0.0, end, INTERVALS + 1)
+    table = tabulate(name, history, times, width)
+    missed = _missed(times, table)
+    k = int(np.argmax(missed))
+    least = max(COUNTS * float(np.ptp(table[:, 0])), 1e3 * ROUNDING * float(np.abs(table[:, 0]).max()))
+    if not missed[k] > least:
+        return None
+    times, table = times[k : k + 2], table[k : k + 2]
+    for _ in range(HALVINGS):
+        between = 0.5 * (times[0] + times[1])
+        times, table = (
+            np.insert(times, 1, between),
+            np.insert(table, 1, tabulate(name, history, np.array([between]), width), axis=0),
+        )
+        missed = _missed(times, table)
+        k = int(np.argmax(missed))
+        if not missed[k] > LEFT * least:
+            return None
+        times, table = times[k : k + 2], table[k : k + 2]
+    return float(times[1]), (
+        f"{name}: it jumps by {table[1, 0] - table[0, 0]:.6g} {unit} at t = {times[1]:.6g} s, and no step follows "
+        f"that; a drive that gets there in some time is needed, such as anctmm.Quintic"
+    )
+
+
+def _missed(times: Array, table: Array) -> Array:
+    """Change of a value over intervals beside the mean of its rates, (intervals,)."""
+    rates = 0.5 * (table[1:, 1] + table[:-1, 1])
+    return np.asarray(np.abs(np.diff(table[:, 0]) - rates * np.diff(times)))
 
 
 def drives_of(scene: Scene) -> Iterator[Drive]:

@@ -44,6 +44,14 @@ WRONG = {
         lambda: guided(lambda t: (np.sin(t) - t, 0.0 * t, -np.sin(t))),
         ["slider 'mass.center' position", "m/s at t"],
     ),
+    "jump": (
+        lambda: clamped(lambda t: (np.where(t < 0.1003, 0.0, 0.3), 0.0 * t, 0.0 * t)),
+        ["clamp 'arm.start' angle: it jumps by 0.3 rad at t = 0.1003 s"],
+    ),
+    "jump of a moving place": (
+        lambda: guided(lambda t: (50.0 * t**2 + 0.2 * (t > 0.05), 100.0 * t, 100.0 + 0.0 * t)),
+        ["slider 'mass.center' position: it jumps by 0.2 m at t = 0.05 s"],
+    ),
     "length": (lambda: pulled(lambda t: (1.0 + t, 5.0)), ["length: its rate is 5 m/s", "1 m/s by differences"]),
 }  # fmt: skip
 
@@ -53,6 +61,13 @@ def known_at_steps(t):
     if abs(t / 2e-3 - round(t / 2e-3)) > 1e-6:
         raise KeyError(t)
     return t**2, 2.0 * t, 2.0
+
+
+def sudden(t):
+    """A turn by 0.2 rad in 10 µs."""
+    x = np.clip((t - 0.1003) / 1e-5, 0.0, 1.0)
+    y = x * (1.0 - x)
+    return 0.2 * x**3 * (10.0 - 15.0 * x + 6.0 * x**2), 6e5 * y**2, 1.2e11 * y * (1.0 - 2.0 * x)
 
 
 #: What is right, be it fast, rough or noisy.
@@ -67,6 +82,8 @@ RIGHT = {
                                        6.0 * np.maximum(t - 0.15, 0.0))),
     "quintic": lambda: clamped(at.Quintic(turn=1.0, duration=0.1)),
     "ramp": lambda: guided(lambda t: (np.where(t < 0.1, 0.0, t - 0.1), np.where(t < 0.1, 0.0, 1.0), 0.0 * t)),
+    "sudden": lambda: clamped(sudden),
+    "length that jumps": lambda: pulled(lambda t: (np.where(t < 0.1, 1.0, 1.1), 0.0 * t)),
     "far": lambda: pulled(lambda t: (1e3 + 1e-3 * t, 1e-3)),
     "steps": lambda: clamped(known_at_steps),
     "table": lambda: pulled(lambda t: (1.0 + np.interp(t, TIMES, TABLE), np.interp(t, TIMES, RATES))),
@@ -84,7 +101,9 @@ def test_derivatives_that_are_none_are_told(what, solve):
 
 @pytest.mark.parametrize("what", RIGHT)
 def test_derivatives_that_are_right_are_not(what):
-    assert "by differences" not in run(RIGHT[what](), check_stability=False).message
+    message = run(RIGHT[what](), check_stability=False).message
+    assert "by differences" not in message
+    assert "jumps" not in message
 
 
 def test_a_free_length_that_breaks_within_a_step_is_told():
