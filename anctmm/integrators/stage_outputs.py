@@ -8,8 +8,8 @@ kept is a stage from there,
     M w = F(q, v, t),    q = q* + (γh)² (w − w*),    v = v* + γh (w − w*),
 
 by one Newton correction: what is stiff goes where its forces balance, all else moves by about as much as the quintic
-misses. Constraints are kept as positions, which those of the quintic do. The matrix is the one kept, or a new one where
-that is old: as stiff parts turn, it takes what they move across themselves for strain.
+misses. Constraints are kept as positions; what is nonlinear in them is taken off before and after. The matrix is the
+one kept, or a new one where that is old: as stiff parts turn, it takes what they move across themselves for strain.
 
 Errors of reactions and tensions, over the largest, without and with it, at a tolerance of 1e-2: a steel linkage 40 and
 0.1, a straight-line mechanism with steel links 135 and 0.3, a gantry crane 20 and 0.3, a four-bar driven by a moment
@@ -94,3 +94,4 @@ def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-d
                 found[0, k, i], found[2, k, i] = state.q[k, i], state.w[k, i]
                 found[1, k, i] = state.v[k, i] + c.h * state.w[k, i]
             state.q[k, i], state.v[k, i], state.w[k, i] = end[0, k, i], end[1, k, i], end[2, k, i]
+    project(track.room.projected, system, control.angles[row], found[0], found[1])
