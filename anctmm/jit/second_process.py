@@ -58,7 +58,7 @@ class Parts(NamedTuple):
 PATIENCE = 30.0
 #: What the second process runs: the same code from the same places.
 _PROGRAM = (
-    "import pickle, sys; path, name = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
+    "import pickle, sys; sys.path[:], name = pickle.load(sys.stdin.buffer); "
     "import importlib; importlib.import_module(name).serve()"
 )
 
@@ -75,17 +75,24 @@ class _Beginning:
         if self.begun or get_ident() != self.thread:
             return
         self.begun = True
+        self.second = _start()  # it loads the compiler while what there is to do is found here
+        if self.second is None:
+            return
         parts = self.parts()
-        self.second = _second(parts.shared)
-        if self.second is not None:
-            for task in parts.here():
-                _compile(task.kernel, _types(task.arguments), task.by_python)
+        if not _tell(self.second, parts.shared):
+            self.end()
+            return
+        for task in parts.here():
+            _compile(task.kernel, _types(task.arguments), task.by_python)
 
     def end(self) -> None:
         """Leave no process behind."""
         if self.second is not None:
             self.second.kill()
             self.second.wait()
+            assert self.second.stdin is not None
+            with suppress(OSError):
+                self.second.stdin.close()
 
 
 _open: list[_Beginning] = []
@@ -139,24 +146,53 @@ def waited(seconds: float) -> None:
                 beginning.end()
 
 
-def _second(shared: Sequence[Task]) -> "subprocess.Popen[bytes] | None":
-    """A second process with kernels to compile; None where there are none, or where it would not help."""
+def _start() -> "subprocess.Popen[bytes] | None":
+    """A second process, which waits to be told what to do; None where it would not help, or cannot be had."""
     from numba.core import config
 
     settings: Any = config
     if settings.DISABLE_JIT or not _worthwhile():
         return None
     try:
-        typed = [(task, _types(task.arguments)) for task in shared]
-        unknown = [(task, types) for task, types in typed if not _known(task.kernel, types)]
-        kept = all(task.kernel._cache.file_of(types) is not None for task, types in unknown)
-        return _start(unknown) if unknown and kept else None
+        second = subprocess.Popen(
+            [sys.executable, "-c", _PROGRAM],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is answered by the first process, which then ends this one
+        )
     except Exception:  # of whatever kind: then all is compiled here
         return None
+    _write(second, pickle.dumps((sys.path, __name__)))
+    return second
+
+
+def _tell(second: "subprocess.Popen[bytes]", shared: Sequence[Task]) -> bool:
+    """Tell a second process which kernels to compile; whether there are any, and it can keep them."""
+    try:
+        typed = [(task, _types(task.arguments)) for task in shared]
+        unknown = [(task, types) for task, types in typed if not _known(task.kernel, types)]
+        if not unknown or any(task.kernel._cache.file_of(types) is None for task, types in unknown):
+            return False
+        functions = [(task.kernel.py_func, types, task.by_python) for task, types in unknown]
+        asked = [(f.__module__, f.__qualname__, types, by_python) for f, types, by_python in functions]
+        told = pickle.dumps(asked)
+    except Exception:
+        return False
+    _write(second, told)
+    return True
+
+
+def _write(second: "subprocess.Popen[bytes]", told: bytes) -> None:
+    assert second.stdin is not None
+    with suppress(OSError):  # it may have ended at once
+        second.stdin.write(told)
+        second.stdin.flush()
 
 
 def serve() -> None:
     """In the second process: compile what the first one asks for, but for what it is at itself."""
+    import_module("anctmm.jit.kernels")  # the compiler, while the first one finds what to ask for
     for module, name, types, by_python in reversed(pickle.load(sys.stdin.buffer)):
         kernel: Any = import_module(module)
         for part in name.split("."):
@@ -172,24 +208,6 @@ def _compile(kernel: Any, types: tuple[Any, ...], by_python: bool) -> None:
         kernel.compile(types)
     else:
         compile_for_callers(kernel, types)
-
-
-def _start(tasks: list[tuple[Task, tuple[Any, ...]]]) -> "subprocess.Popen[bytes]":
-    """Start a second process and tell it what to do."""
-    functions = [(task.kernel.py_func, types, task.by_python) for task, types in tasks]
-    asked = [(f.__module__, f.__qualname__, types, by_python) for f, types, by_python in functions]
-    told = pickle.dumps((sys.path, __name__)) + pickle.dumps(asked)
-    process = subprocess.Popen(
-        [sys.executable, "-c", _PROGRAM],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C is answered by the first process, which then ends this one
-    )
-    assert process.stdin is not None
-    with suppress(OSError), process.stdin as pipe:  # it may have ended at once
-        pipe.write(told)
-    return process
 
 
 def _worthwhile() -> bool:

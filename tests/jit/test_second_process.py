@@ -39,12 +39,13 @@ ALONE = "second_process._worthwhile = lambda: False"
 BESIDE = "second_process._worthwhile = lambda: True"
 #: The first process goes on when the second one has done all.
 AFTER = f"""{BESIDE}
-start = second_process._start
-def done(tasks):
-    second = start(tasks)
+tell = second_process._tell
+def done(second, tasks):
+    told = tell(second, tasks)
+    second.stdin.close()
     second.wait()
-    return second
-second_process._start = done
+    return told
+second_process._tell = done
 """
 BY_PYTHON = "parts = Parts([Task(inner, (x, 1.0)), Task(outer, (x,), by_python=True)])"
 BEFORE = """parts = Parts([Task(inner, (x, 1.0))], lambda: [Task(outer, (x,), by_python=True)])
@@ -65,19 +66,19 @@ FAILING = {
 STOPPED = f"""{BESIDE}
 second_process.PATIENCE = 0.5
 second_process._PROGRAM = (
-    "import pickle, sys, time; path, name = pickle.load(sys.stdin.buffer); sys.path[:] = path\\n"
+    "import pickle, sys, time; sys.path[:], name = pickle.load(sys.stdin.buffer)\\n"
     "from importlib import import_module; from anctmm.jit.one_compiler import alone\\n"
     "[(module, kernel, types, _)] = pickle.load(sys.stdin.buffer)\\n"
     "with alone(getattr(import_module(module), kernel)._cache.file_of(types)): time.sleep(600)"
 )
-start = second_process._start
-def held(tasks):
-    second = start(tasks)
-    file = inner._cache.file_of(tasks[0][1])
+tell = second_process._tell
+def held(second, tasks):
+    told = tell(second, tasks)
+    file = inner._cache.file_of(second_process._types(tasks[0].arguments))
     while not second_process.is_taken(file):
         time.sleep(0.01)
-    return second
-second_process._start = held
+    return told
+second_process._tell = held
 """
 
 
