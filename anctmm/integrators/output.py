@@ -17,7 +17,7 @@ from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import kernel
+from anctmm.jit.compiling import kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -277,7 +277,7 @@ def too_large(q: Array, limit: float) -> bool:
     return False
 
 
-@kernel
+@separate
 def keep(
     step: int,
     stride: int,

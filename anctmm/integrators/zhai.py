@@ -197,7 +197,7 @@ def _parts(chain: Chain, out: Output) -> Parts:
     ]
     outputs = [
         Task(work_done, (True, q, clamps, loads, values)),
-        Task(keep, (0, 1, q, q, q, tables, loads.connectors, out)),
+        Task(keep, (0, 1, q, q, q, tables, loads.connectors, out), by_python=True),
     ]
     factors = block_factors(chain)
     mass = _mass_parts(chain, factors)
@@ -212,7 +212,7 @@ def _parts(chain: Chain, out: Output) -> Parts:
         return Parts([*acting, *_few_parts(chain, drives), *outputs, *mass, *_elastic_parts(chain)], steps)
     if rows_in(factors.loops) is not None:
         acting += [Task(constrain_motion, (factors, factors.loops, 0, drives, q, q, q))]
-    accelerations = Task(by_blocks, (q, q, tables, clamps, factors, q, q))
+    accelerations = Task(by_blocks, (q, q, tables, clamps, factors, q, q), by_python=True)
     return Parts([*acting, accelerations, *mass, *outputs], steps)
 
 

@@ -45,6 +45,15 @@ def shared(function: Callable[..., Any]) -> Any:
     return _compiled(function)
 
 
+def separate(function: Callable[..., Any]) -> Any:
+    """Compile a function by itself, kept on disk, for Python and for kernels that find it by its address.
+
+    For large parts of several kernels, with annotations that tell what is returned: they are compiled beside those that
+    call them.
+    """
+    return _deferred(function, _separate_kernel, {})
+
+
 def merged(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it, as `embedded` does, and keep it: Python calls it too."""
     return _kept(function, forceinline=True)
@@ -66,21 +75,37 @@ def _deferred(function: Callable[..., Any], make: Callable[..., Any], options: M
 
 def _kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
     """The kernel of a function; the function itself where numba's compiler is switched off."""
-    from numba.core import config
-
     from anctmm.jit.kernels import Kernel
 
-    settings: Any = config
-    return function if settings.DISABLE_JIT else Kernel(function, targetoptions=dict(options))
+    return _made(Kernel, function, options)
 
 
 def _kept_kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
     """The same, which knows its files."""
+    from anctmm.jit.kernels import Kernel
+
+    return _with_files(_made(Kernel, function, options))
+
+
+def _separate_kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
+    """The same, of a kernel that is compiled apart from its callers."""
+    from anctmm.jit.separate import SeparateKernel
+
+    return _with_files(_made(SeparateKernel, function, options))
+
+
+def _made(kind: Callable[..., Any], function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
+    from numba.core import config
+
+    settings: Any = config
+    return function if settings.DISABLE_JIT else kind(function, targetoptions=dict(options))
+
+
+def _with_files(made: Any) -> Any:
     from anctmm.jit.kernel_files import KernelFiles
 
-    made = _kernel(function, options)
-    if made is not function:
-        made._cache = KernelFiles(function, made.targetoptions)
+    if hasattr(made, "targetoptions"):  # no function
+        made._cache = KernelFiles(made.py_func, made.targetoptions)
     return made
 
 

@@ -29,6 +29,7 @@ from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
+from anctmm.jit.addresses import find, names_of, needed_in
 from anctmm.jit.cache_dir import kept_in, note
 from anctmm.jit.code_digest import code_digest, signature_text
 from anctmm.jit.kernels import restored_callee
@@ -36,7 +37,7 @@ from anctmm.jit.one_compiler import LOCK, alone
 from anctmm.jit.second_process import about_to_compile, waited
 
 #: Of all layouts of these files, and of this one.
-KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 2\n"
+KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 3\n"
 #: Directories of an earlier layout, one for each version of all sources, beside that of the files.
 EARLIER = re.compile(r"kernels(-[0-9a-f]+)+")
 #: Of a file, and of one that is being written.
@@ -108,8 +109,11 @@ class KernelFiles(_Cache):  # type: ignore[misc]
             ):  # of another layout: it is replaced
                 return None
             payload = _payload(content)
-            parts = pickle.loads(payload)
+            needed, *parts = pickle.loads(payload)
             restore = CompileResult._rebuild if parts[0][1] == "object" else restored_callee
+            names = names_of(needed)
+            if restore is not restored_callee:
+                find(names)
             found = restore(target_context, *parts)
         except FileNotFoundError:
             return None
@@ -130,7 +134,7 @@ class KernelFiles(_Cache):  # type: ignore[misc]
             or data.library.has_dynamic_globals
         ):
             return
-        payload = dumps(data._reduce())
+        payload = dumps((needed_in(data.library._final_module), *data._reduce()))
         try:
             write_whole(path, MAGIC + hashlib.sha256(payload).digest() + payload)
             remove_unused(path.parent)

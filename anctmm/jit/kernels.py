@@ -6,7 +6,7 @@ machine code holds it once more. Here a function gets both when Python calls it 
 
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, ClassVar
 
 import llvmlite.binding as llvm
@@ -18,6 +18,7 @@ from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pa
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering, NopythonRewrites
 
+from anctmm.jit.addresses import called_in, find
 from anctmm.jit.announcing import announce
 from anctmm.jit.deferred import tell_compiler
 from anctmm.jit.shortcuts import shortcuts
@@ -31,6 +32,10 @@ class KernelLibrary(JITCodeLibrary):  # type: ignore[misc]
 
     def _optimize_functions(self, ll_module: Any) -> None:
         ll_module.data_layout = self._codegen._data_layout
+
+    def _finalize_final_module(self) -> None:
+        find(called_in(self._final_module))
+        super()._finalize_final_module()
 
 
 class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
@@ -264,12 +269,24 @@ def _set_environments(whole: Any) -> None:
 
 
 @contextmanager
-def _for_caller() -> Iterator[None]:
-    _calls.depth = getattr(_calls, "depth", 0) + 1
+def for_python() -> Iterator[None]:
+    """In the context this thread compiles as it does where Python calls."""
+    with _at_depth(0):
+        yield
+
+
+def _for_caller() -> AbstractContextManager[None]:
+    return _at_depth(1)
+
+
+@contextmanager
+def _at_depth(depth: int) -> Iterator[None]:
+    before = getattr(_calls, "depth", 0)
+    _calls.depth = depth
     try:
         yield
     finally:
-        _calls.depth -= 1
+        _calls.depth = before
 
 
 announce()

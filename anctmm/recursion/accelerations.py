@@ -10,7 +10,7 @@ from anctmm.discretise.assembly import Tables, elastic_forces
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import inlined, separate
 from anctmm.recursion.kept_motions import add_kept, find_kept
 from anctmm.recursion.lines import add_guide_forces, keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
@@ -205,7 +205,7 @@ def _hold_last(i, motion, reaction, clamp, D, a):  # type: ignore[no-untyped-def
         a[k, i] = motion[2, clamp, k]
 
 
-@kernel
+@separate
 def by_blocks(
     q: Array, f: Array, tables: Tables, clamps: DrivenClamps, factors: BlockFactors, load: Array, a: Array
 ) -> None:

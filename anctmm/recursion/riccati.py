@@ -28,7 +28,7 @@ from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER, lower
 from anctmm.forces.loads import Loads
 from anctmm.forces.stiffness import fill_local
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded, inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel, separate
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
@@ -270,7 +270,7 @@ def _invert_split(
         G[3] = 1.0 / dd
 
 
-@kernel
+@separate
 def factorize(
     q: Array,
     tables: Tables,

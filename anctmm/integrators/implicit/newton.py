@@ -12,15 +12,13 @@ from anctmm.discretise.assembly import (
     window_forces,
     window_inertia,
 )
-from anctmm.discretise.methods import Coefficients
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.step import damp_at_end, predict
-from anctmm.integrators.implicit.system import ITERATIONS, System
+from anctmm.integrators.implicit.system import ITERATIONS
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
-from anctmm.jit.second_process import Parts, Task
 from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
@@ -42,19 +40,6 @@ SLOW = 0.5
 ROUNDING = 1e-8
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
-
-
-def parts(system: System, c: Coefficients) -> Parts:
-    """The largest kernels of `solve_step`, for `side_by_side`: one half of all that is compiled, and some more."""
-    state, tables, links, factors, _, loads, newton, _ = system
-    q, w, scale = state.q, state.w, newton.scale
-    values = np.zeros((len(loads.kinds), 2))
-    shared = [Task(factorize, (q, tables, links, c.to_w, c.to_q, loads, values, factors))]
-    here = [
-        Task(_forward, (q, w, state.f, tables, factors, factors.loops, state.loads)),
-        Task(_backward, (q, w, c, scale, factors, factors.loops, state.loads)),
-    ]
-    return Parts(shared, lambda: here)
 
 
 @inlined

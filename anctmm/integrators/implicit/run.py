@@ -20,7 +20,6 @@ from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.balanced import Again, balanced, settle
-from anctmm.integrators.implicit.newton import parts
 from anctmm.integrators.implicit.newton_failure import stalled
 from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
@@ -116,14 +115,15 @@ def _coefficients(chain: Chain) -> Coefficients:
 
 def _parts(system: System, c: Coefficients, out: Output, steps: Steps) -> Parts:
     """Kernels of a method, for `side_by_side`: the second process begins with the largest, which stands last."""
-    state, tables, _, _, clamps, loads, _, _ = system
-    shared, here = parts(system, c)
-    outside = [
+    state, tables, links, factors, clamps, loads, _, _ = system
+    values = np.zeros((len(loads.kinds), 2))
+    shared = [
         Task(clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
         *steps.parts,
-        Task(keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out)),
+        Task(keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out), by_python=True),
+        Task(factorize, (state.q, tables, links, c.to_w, c.to_q, loads, values, factors), by_python=True),
     ]
-    return Parts([*outside, *shared], here)
+    return Parts(shared)
 
 
 def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
