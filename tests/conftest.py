@@ -40,12 +40,14 @@ EXHAUSTIVE = {
 
 #: Modules that `-m "not slow"` leaves out, too: what is left is for a look after each change.
 SLOW = {
+    "compiler": ["kernel_files", "second_process", "separate"],
     "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic"],
     "engine": ["processes"],
+    "files": ["one_compiler"],
     "forces": ["acting", "histories", "laws"],
     "integrators": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
-    "jit": ["announcing", "kernel_files", "one_compiler", "second_process"],
+    "jit": ["announcing"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
                      "random_scenes"],

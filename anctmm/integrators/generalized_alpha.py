@@ -39,8 +39,8 @@ from anctmm.integrators.output import (
     too_large,
 )
 from anctmm.jit.by_address import by_address
+from anctmm.jit.compiler.second_process import Task
 from anctmm.jit.compiling import kernel
-from anctmm.jit.second_process import Task
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution

@@ -40,9 +40,9 @@ from anctmm.integrators.output import (
 )
 from anctmm.integrators.stability import check_step, largest_step
 from anctmm.jit.by_address import by_address
+from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
-from anctmm.jit.second_process import Parts, Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.constrained import (
     ask_accelerations,

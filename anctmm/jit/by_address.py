@@ -16,7 +16,7 @@ def by_address(kind: T) -> T:
     """Make a class of named tuples one of which kernels are handed the address; no kernel makes any."""
 
     def tell() -> None:
-        from anctmm.jit.address_types import told
+        from anctmm.jit.compiler.address_types import told
 
         told(kind)
 

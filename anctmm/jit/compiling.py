@@ -75,21 +75,21 @@ def _deferred(function: Callable[..., Any], make: Callable[..., Any], options: M
 
 def _kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
     """The kernel of a function; the function itself where numba's compiler is switched off."""
-    from anctmm.jit.kernels import Kernel
+    from anctmm.jit.compiler.kernels import Kernel
 
     return _made(Kernel, function, options)
 
 
 def _kept_kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
     """The same, which knows its files."""
-    from anctmm.jit.kernels import Kernel
+    from anctmm.jit.compiler.kernels import Kernel
 
     return _with_files(_made(Kernel, function, options))
 
 
 def _separate_kernel(function: Callable[..., Any], options: Mapping[str, Any]) -> Any:
     """The same, of a kernel that is compiled apart from its callers."""
-    from anctmm.jit.separate import SeparateKernel
+    from anctmm.jit.compiler.separate import SeparateKernel
 
     return _with_files(_made(SeparateKernel, function, options))
 
@@ -102,7 +102,7 @@ def _made(kind: Callable[..., Any], function: Callable[..., Any], options: Mappi
 
 
 def _with_files(made: Any) -> Any:
-    from anctmm.jit.kernel_files import KernelFiles
+    from anctmm.jit.compiler.kernel_files import KernelFiles
 
     if hasattr(made, "targetoptions"):  # no function
         made._cache = KernelFiles(made.py_func, made.targetoptions)

@@ -108,7 +108,7 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     """
     from rich.console import Console
 
-    from anctmm.jit.cache_dir import kept_in
+    from anctmm.jit.files.cache_dir import kept_in
     from studies.engine.console import say
     from studies.engine.runner import Runner
     from studies.engine.running.ahead import helper

@@ -14,8 +14,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from anctmm.errors import AnctmmError, reason
-from anctmm.jit import cache_dir as storage
-from anctmm.jit.second_process import one_process
+from anctmm.jit.compiler.second_process import one_process
+from anctmm.jit.files import cache_dir as storage
 from anctmm.results.export.plain_data import decode
 from anctmm.results.solution import Solution, Status, nothing
 from anctmm.solvers import registry

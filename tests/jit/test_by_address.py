@@ -11,11 +11,11 @@ from numba import typeof
 from numba.core import config, types
 from numba.core.errors import TypingError
 
-from anctmm.jit.address_types import ByAddress
 from anctmm.jit.by_address import by_address
-from anctmm.jit.code_digest import signature_text
+from anctmm.jit.compiler.address_types import ByAddress
+from anctmm.jit.compiler.kernels import Kernel
 from anctmm.jit.compiling import OPTIONS, allocating_kernel
-from anctmm.jit.kernels import Kernel
+from anctmm.jit.files.code_digest import signature_text
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 

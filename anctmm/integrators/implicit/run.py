@@ -25,8 +25,8 @@ from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
+from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import kernel
-from anctmm.jit.second_process import Parts, Task, side_by_side
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
 from anctmm.recursion.riccati import factorize

@@ -18,7 +18,7 @@ from contextlib import suppress
 from typing import IO, Any
 
 from anctmm.jit.announcing import compiling
-from anctmm.jit.second_process import one_process
+from anctmm.jit.compiler.second_process import one_process
 from studies.engine.running.processes import Lost
 
 #: What a process runs: the same code from the same places.

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from anctmm.jit import cache_dir as storage
+from anctmm.jit.files import cache_dir as storage
 from studies.engine.measuring.timing import pinned
 from studies.engine.storage import provenance
 

@@ -18,7 +18,7 @@ import cloudpickle
 from filelock import FileLock
 from threadpoolctl import threadpool_limits
 
-from anctmm.jit.cache_dir import kept_in
+from anctmm.jit.files.cache_dir import kept_in
 from anctmm.results.export.plain_data import NotPlain, decode, encode
 from anctmm.results.solution import Cost, Solution
 from anctmm.solvers import registry

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from anctmm.errors import OutputError
-from anctmm.jit.cache_dir import why_not_writable
+from anctmm.jit.files.cache_dir import why_not_writable
 
 #: File of the checksums of a directory's files.
 CHECKSUMS = "SHA256SUMS"

@@ -10,7 +10,7 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from anctmm.errors import OutputError
-from anctmm.jit import cache_dir as storage
+from anctmm.jit.files import cache_dir as storage
 from anctmm.results.export.plain_data import NotPlain, decode, encode
 from studies.engine.storage.files import atomic_write
 

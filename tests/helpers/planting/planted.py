@@ -150,7 +150,7 @@ def seen(fault):
 
 def seen_compiled(fault):
     """What the command says of a fault in a copy of the sources, and of the kernels that are kept."""
-    kept = importlib.import_module("anctmm.jit.kernel_files").directory()
+    kept = importlib.import_module("anctmm.jit.compiler.kernel_files").directory()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder)
         for package in PACKAGES:

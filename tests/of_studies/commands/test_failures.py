@@ -16,8 +16,9 @@ from typer.testing import CliRunner
 
 import anctmm as at
 from anctmm import errors
-from anctmm.jit import cache_dir as storage
-from anctmm.jit import compiling, kernel_files
+from anctmm.jit import compiling
+from anctmm.jit.compiler import kernel_files
+from anctmm.jit.files import cache_dir as storage
 from anctmm.model.drives import Pulse, Quintic, tabulate
 from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Circle, Rectangle, Section
@@ -457,7 +458,7 @@ def broken_package(here):
 def noted(here, call):
     """What is noted while something goes on in spite of a fault."""
     said = []
-    here.patch.setattr("anctmm.jit.cache_dir.note", said.append)
+    here.patch.setattr("anctmm.jit.files.cache_dir.note", said.append)
     call(said.append)
     (text,) = said
     return "note", text
@@ -805,7 +806,7 @@ def test_a_home_that_cannot_be_written_does_not_stop_a_run(tmp_path):
     """A user without home and cache, for real: another process."""
     (tmp_path / "file").write_text("")
     (tmp_path / "tmp").mkdir()
-    code = "from anctmm.jit.kernel_files import directory; print(directory())"
+    code = "from anctmm.jit.compiler.kernel_files import directory; print(directory())"
     environment = {**os.environ, "ANCTMM_CACHE": str(tmp_path / "file"), "TMPDIR": str(tmp_path / "tmp")}
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment

@@ -10,7 +10,7 @@ import pytest
 from small_studies import SMALL
 from typer.testing import CliRunner
 
-from anctmm.jit import cache_dir
+from anctmm.jit.files import cache_dir
 from studies.cli import app
 from studies.engine import study
 from studies.engine.runner import Runner

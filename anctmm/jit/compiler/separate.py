@@ -14,8 +14,8 @@ from numba.core import sigutils, types
 from numba.core.funcdesc import FunctionDescriptor
 from numba.core.typing import make_concrete_template, signature
 
-from anctmm.jit.addresses import name_of
-from anctmm.jit.kernels import Kernel, for_python
+from anctmm.jit.compiler.addresses import name_of
+from anctmm.jit.compiler.kernels import Kernel, for_python
 
 #: What separate kernels may return, by their annotations.
 RESULTS: dict[Any, Any] = {None: types.none, bool: types.boolean, int: types.int64, float: types.float64}

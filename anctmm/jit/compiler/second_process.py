@@ -18,7 +18,7 @@ from pathlib import Path
 from threading import get_ident
 from typing import Any, NamedTuple
 
-from anctmm.jit.one_compiler import is_taken
+from anctmm.jit.files.one_compiler import is_taken
 
 
 class Task(NamedTuple):
@@ -192,7 +192,7 @@ def _write(second: "subprocess.Popen[bytes]", told: bytes) -> None:
 
 def serve() -> None:
     """In the second process: compile what the first one asks for, but for what it is at itself."""
-    import_module("anctmm.jit.kernels")  # the compiler, while the first one finds what to ask for
+    import_module("anctmm.jit.compiler.kernels")  # the compiler, while the first one finds what to ask for
     for module, name, types, by_python in reversed(pickle.load(sys.stdin.buffer)):
         kernel: Any = import_module(module)
         for part in name.split("."):
@@ -202,7 +202,7 @@ def serve() -> None:
 
 
 def _compile(kernel: Any, types: tuple[Any, ...], by_python: bool) -> None:
-    from anctmm.jit.kernels import compile_for_callers
+    from anctmm.jit.compiler.kernels import compile_for_callers
 
     if by_python:
         kernel.compile(types)

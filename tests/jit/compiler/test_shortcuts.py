@@ -10,10 +10,10 @@ from numba.core.compiler import run_frontend
 from numba.core.postproc import PostProcessor
 from numba.extending import overload
 
-from anctmm.jit import shortcuts as module
+from anctmm.jit.compiler import shortcuts as module
+from anctmm.jit.compiler.kernels import Kernel
+from anctmm.jit.compiler.shortcuts import shortcuts
 from anctmm.jit.compiling import OPTIONS, inlined, kernel
-from anctmm.jit.kernels import Kernel
-from anctmm.jit.shortcuts import shortcuts
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -98,7 +98,7 @@ def test_the_code_is_what_numba_makes_of_it_without(monkeypatch):
     short = fresh()
     short(*ARGUMENTS)
     np.testing.assert_allclose(ARGUMENTS[1], expected(), rtol=0.0, atol=1e-14)
-    monkeypatch.setattr("anctmm.jit.kernels.shortcuts", nullcontext)
+    monkeypatch.setattr("anctmm.jit.compiler.kernels.shortcuts", nullcontext)
     whole = fresh()
     whole(*ARGUMENTS)
     assert instructions(short) == instructions(whole)
@@ -234,5 +234,5 @@ def test_numbers_of_arrays_and_ranges_are_the_code_that_numba_makes(monkeypatch)
         return one
 
     short = instructions(compiled())
-    monkeypatch.setattr("anctmm.jit.kernels.shortcuts", nullcontext)
+    monkeypatch.setattr("anctmm.jit.compiler.kernels.shortcuts", nullcontext)
     assert short == instructions(compiled())

@@ -8,8 +8,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numba
 import pytest
 
-from anctmm.jit import kernel_files
-from anctmm.jit.kernel_files import DAYS, ENDING, ROOM, VERSIONS, remove_earlier, remove_unused
+from anctmm.jit.compiler import kernel_files
+from anctmm.jit.compiler.kernel_files import DAYS, ENDING, ROOM, VERSIONS, remove_earlier, remove_unused
 
 SOURCE = '''
 """A docstring."""

@@ -12,9 +12,9 @@ from samples import beam
 import anctmm as at
 from anctmm.integrators import zhai
 from anctmm.integrators.implicit import system as implicit_system
-from anctmm.jit import code_digest as code_digest_module
-from anctmm.jit.code_digest import _globals, _own, code_digest, signature_text
 from anctmm.jit.deferred import Deferred
+from anctmm.jit.files import code_digest as code_digest_module
+from anctmm.jit.files.code_digest import _globals, _own, code_digest, signature_text
 from anctmm.jit.interpreting import interpreted
 from anctmm.model.kept import forget_structures
 from reference import global_dae

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from anctmm.jit import cache_dir
+from anctmm.jit.files import cache_dir
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs owners of files")
 

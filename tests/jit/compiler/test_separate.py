@@ -45,7 +45,7 @@ def run(cache, before=""):
 
 def test_callers_link_none_of_its_code(tmp_path):
     looked = """
-from anctmm.jit.addresses import called_in
+from anctmm.jit.compiler.addresses import called_in
 assert caller(np.arange(1.0, 4.0)) == 140.0
 for one in caller, between:
     (found,) = one.overloads.values()
@@ -55,7 +55,7 @@ for one in caller, between:
 assert apart(np.arange(1.0, 4.0), 0.5) == 7.0  # Python may call it
 assert not is_callee(next(iter(apart.overloads.values())))
 """
-    assert run(tmp_path, f"from anctmm.jit.kernels import is_callee{looked}")[0] == ANSWER
+    assert run(tmp_path, f"from anctmm.jit.compiler.kernels import is_callee{looked}")[0] == ANSWER
 
 
 def test_other_processes_read_it_from_disk_with_its_callers(tmp_path):

@@ -14,14 +14,14 @@ import anctmm as at
 from anctmm.discretise import kept_chains
 from anctmm.integrators import zhai
 from anctmm.integrators.implicit import run as implicit_run
-from anctmm.jit import second_process
-from anctmm.jit.kernel_files import directory
+from anctmm.jit.compiler import second_process
+from anctmm.jit.compiler.kernel_files import directory
 
 SCRIPT = """
 import os, sys, time
 import numpy as np
-from anctmm.jit.second_process import Parts, Task
-from anctmm.jit import second_process
+from anctmm.jit.compiler.second_process import Parts, Task
+from anctmm.jit.compiler import second_process
 from small_kernels import inner, outer
 x = np.arange(5.0)
 parts = Parts([Task(inner, (x, 1.0))])
@@ -67,7 +67,7 @@ STOPPED = f"""{BESIDE}
 second_process.PATIENCE = 0.5
 second_process._PROGRAM = (
     "import pickle, sys, time; sys.path[:], name = pickle.load(sys.stdin.buffer)\\n"
-    "from importlib import import_module; from anctmm.jit.one_compiler import alone\\n"
+    "from importlib import import_module; from anctmm.jit.files.one_compiler import alone\\n"
     "[(module, kernel, types, _)] = pickle.load(sys.stdin.buffer)\\n"
     "with alone(getattr(import_module(module), kernel)._cache.file_of(types)): time.sleep(600)"
 )
@@ -85,7 +85,7 @@ second_process._tell = held
 def answer(change, cache):
     """What a process prints that calls a kernel, kept in a directory, for the first time."""
     paths = os.pathsep.join(
-        filter(None, [str(Path(__file__).parents[1] / "helpers"), os.environ.get("PYTHONPATH")])
+        filter(None, [str(Path(__file__).parents[2] / "helpers"), os.environ.get("PYTHONPATH")])
     )
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT.format(change=change)],

@@ -18,10 +18,10 @@ from numba.core.compiler_machinery import AnalysisPass, PassManager, register_pa
 from numba.core.registry import CPUDispatcher
 from numba.core.typed_passes import NativeLowering, NopythonRewrites
 
-from anctmm.jit.addresses import called_in, find
 from anctmm.jit.announcing import announce
+from anctmm.jit.compiler.addresses import called_in, find
+from anctmm.jit.compiler.shortcuts import shortcuts
 from anctmm.jit.deferred import tell_compiler
-from anctmm.jit.shortcuts import shortcuts
 
 #: Whether this thread compiles for a caller that is compiled.
 _calls = threading.local()

@@ -29,12 +29,12 @@ from numba.core.compiler import CompileResult
 from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
-from anctmm.jit.addresses import find, names_of, needed_in
-from anctmm.jit.cache_dir import kept_in, note
-from anctmm.jit.code_digest import code_digest, signature_text
-from anctmm.jit.kernels import restored_callee
-from anctmm.jit.one_compiler import LOCK, alone
-from anctmm.jit.second_process import about_to_compile, waited
+from anctmm.jit.compiler.addresses import find, names_of, needed_in
+from anctmm.jit.compiler.kernels import restored_callee
+from anctmm.jit.compiler.second_process import about_to_compile, waited
+from anctmm.jit.files.cache_dir import kept_in, note
+from anctmm.jit.files.code_digest import code_digest, signature_text
+from anctmm.jit.files.one_compiler import LOCK, alone
 
 #: Of all layouts of these files, and of this one.
 KIND, MAGIC = b"anctmm kernel ", b"anctmm kernel 3\n"

@@ -9,8 +9,8 @@ import time
 import pytest
 from numba.core import config
 
-from anctmm.jit import one_compiler
-from anctmm.jit.one_compiler import LOCK, alone, is_taken
+from anctmm.jit.files import one_compiler
+from anctmm.jit.files.one_compiler import LOCK, alone, is_taken
 
 SOURCE = '''
 import sys, time

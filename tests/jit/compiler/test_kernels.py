@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numba.core import config
 
-from anctmm.jit import kernel_files
+from anctmm.jit.compiler import kernel_files
+from anctmm.jit.compiler.kernels import is_callee
 from anctmm.jit.compiling import embedded, kernel, uncompiled
-from anctmm.jit.kernels import is_callee
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import llvmlite.binding as llvm
 
-from anctmm.jit.code_digest import signature_text
-from anctmm.jit.one_compiler import is_taken
+from anctmm.jit.files.code_digest import signature_text
+from anctmm.jit.files.one_compiler import is_taken
 
 #: Of the names by which callers know separate kernels.
 PREFIX = "anctmm."

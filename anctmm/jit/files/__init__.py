@@ -1,0 +1,1 @@
+"""Compiled kernels on disk: their names, their files, and who may write them."""
