@@ -340,16 +340,20 @@ def _set_once(blocks: dict[int, Any]) -> dict[str, Any]:
     return values
 
 
-#: Contexts of numba's whose lists are loaded.
-_loaded: set[int] = set()
+#: What contexts of numba's know of their lists, once these are loaded, by its address; copies of a context share it.
+_loaded: dict[int, Any] = {}
 
 
 @_instead_of(CPUContext, "load_additional_registries")
 @_instead_of(Context, "load_additional_registries")
 def _load_once(context: Any) -> None:
-    if id(context) not in _loaded:
+    """`load_additional_registries`, once; then only what was added to the lists, where numba puts new intrinsics."""
+    lists = context._registries
+    if id(lists) not in _loaded:
         _load[type(context)](context)
-        _loaded.add(id(context))
+        _loaded[id(lists)] = lists
+    for one in list(lists):
+        context.install_registry(one)
 
 
 @_instead_of(event, "broadcast")

@@ -8,7 +8,8 @@ import pytest
 from numba.core import config, types
 from numba.core.compiler import run_frontend
 from numba.core.postproc import PostProcessor
-from numba.extending import overload
+from numba.core.registry import cpu_target
+from numba.extending import intrinsic, overload
 
 from anctmm.jit.compiler import shortcuts as module
 from anctmm.jit.compiler.kernels import Kernel
@@ -236,3 +237,20 @@ def test_numbers_of_arrays_and_ranges_are_the_code_that_numba_makes(monkeypatch)
     short = instructions(compiled())
     monkeypatch.setattr("anctmm.jit.compiler.kernels.shortcuts", nullcontext)
     assert short == instructions(compiled())
+
+
+def test_what_is_told_to_numba_later_is_known():
+    """numba puts new intrinsics into a list that it loads as an additional one, and asks for them at every call."""
+    target = cpu_target.target_context
+    with shortcuts():
+        target.refresh()
+        for k in range(3):
+
+            @intrinsic
+            def number(context, x, k=k):
+                return x(x), lambda context, builder, signature, arguments: arguments[0]
+
+            _, made = number._defn(None, types.int64)
+            next(iter(target._registries)).lower(made, types.int64)(made)
+            target.refresh()
+            assert target._defns[made].versions, k
