@@ -1,6 +1,6 @@
 """Joints: what holds places of bodies together, or to the ground, and lines on which places move."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, Any, final
@@ -25,18 +25,22 @@ class Pin(JointKind):
 
     Parameters
     ----------
-    *ends : place
+    *places : place
         One or more. A place may be in several joints, as long as none repeats what others hold already.
     grounded : bool
         Whether a hinge of several places is held, as by a support.
+    ends : iterable of place, optional
+        The places as one argument, as `dataclasses.replace` gives them; then none stands before it.
     """
 
     ends: tuple[Written, ...]
     grounded: bool
 
-    def __init__(self, *ends: Written, grounded: bool = False) -> None:
-        object.__setattr__(self, "ends", tuple(map(written, ends)))
-        object.__setattr__(self, "grounded", flag("pin grounded", grounded) or len(ends) == 1)
+    def __init__(
+        self, *places: Written, grounded: bool = False, ends: Iterable[Written] | None = None
+    ) -> None:
+        object.__setattr__(self, "ends", _ends("pin", places, ends))
+        object.__setattr__(self, "grounded", flag("pin grounded", grounded) or len(self.ends) == 1)
 
 
 @final
@@ -46,7 +50,7 @@ class Weld(JointKind):
 
     Parameters
     ----------
-    *ends : place
+    *places : place
         Two or more. A place may be in several joints, as long as none repeats what others hold already.
     grounded : bool
         Whether its place is pinned to the ground, as where a continuous beam passes over a support.
@@ -55,6 +59,8 @@ class Weld(JointKind):
         hinge; θ(0) = 0.
     stretch : str
         "held": beams share all gradients, and so the stretch; "free": directions alone, each end has its own stretch.
+    ends : iterable of place, optional
+        As of `Pin`.
     """
 
     ends: tuple[Written, ...]
@@ -63,9 +69,14 @@ class Weld(JointKind):
     stretch: str
 
     def __init__(
-        self, *ends: Written, grounded: bool = False, angle: Angle | None = None, stretch: str = "held"
+        self,
+        *places: Written,
+        grounded: bool = False,
+        angle: Angle | None = None,
+        stretch: str = "held",
+        ends: Iterable[Written] | None = None,
     ) -> None:
-        object.__setattr__(self, "ends", tuple(map(written, ends)))
+        object.__setattr__(self, "ends", _ends("weld", places, ends))
         object.__setattr__(self, "grounded", flag("weld grounded", grounded))
         object.__setattr__(self, "angle", angle)
         object.__setattr__(self, "stretch", one_of(f"weld of {shown(self.ends)} stretch", stretch, STRETCH))
@@ -227,6 +238,19 @@ def check_drive(joint: Joint) -> None:
     if abs(start) > NO_TURN:
         verb = "turns" if unit == "rad" else "moves"
         raise PropertyError(f"{name} is {start!r} {unit} at t = 0; 0 is needed: it {verb} from the reference")
+
+
+def _ends(kind: str, places: tuple[Written, ...], ends: Iterable[Written] | None) -> tuple[Written, ...]:
+    """Places of a joint of several, which are given one by one or as `ends`."""
+    if ends is None:
+        return tuple(map(written, places))
+    if places:
+        raise PropertyError(
+            f"{kind} of {shown(places)} has ends {shown(ends)}, too; places are given one by one or as ends"
+        )
+    if isinstance(ends, str | bytes) or not isinstance(ends, Iterable):
+        raise PropertyError(f"{kind} ends is {shown(ends)}; a list of places is needed")
+    return tuple(map(written, ends))
 
 
 def _check_callable(name: str, history: object, answer: str) -> None:

@@ -3,8 +3,9 @@
 See anctmm/recursion/method.md, section 1.
 """
 
-from dataclasses import dataclass
-from math import pi
+from dataclasses import dataclass, field
+from math import pi, sqrt
+from typing import Any
 
 from anctmm.errors import PropertyError
 from anctmm.validation import LONGEST, SHORTEST, positive
@@ -46,18 +47,65 @@ class Section:
             )
 
 
+def _size(earlier: Any) -> Any:
+    """A size that makes a section of a known shape, beside its moments, by which alone sections are compared.
+
+    Parameters
+    ----------
+    earlier : callable
+        Section → size, for one of a file that was written when sections had their moments alone.
+    """
+    return field(repr=False, compare=False, metadata={"earlier": earlier})
+
+
+@dataclass(frozen=True, repr=False, eq=False)
 class Circle(Section):
-    """Full circle; J = πr⁶/8."""
+    """Full circle; J = πr⁶/8.
 
-    def __init__(self, diameter: float) -> None:
-        r = 0.5 * positive("circle diameter (m)", diameter, low=SHORTEST, high=LONGEST)
-        super().__init__(pi * r**2, pi * r**4 / 4, pi * r**6 / 8)
+    Parameters
+    ----------
+    diameter : float
+        m.
+    """
+
+    area: float = field(init=False)
+    second_moment: float = field(init=False)
+    fourth_moment: float = field(init=False)
+    diameter: float = _size(lambda s: 2.0 * sqrt(s.area / pi))
+
+    def __post_init__(self) -> None:
+        d = positive("circle diameter (m)", self.diameter, low=SHORTEST, high=LONGEST)
+        r = 0.5 * d
+        _set(self, diameter=d, area=pi * r**2, second_moment=pi * r**4 / 4, fourth_moment=pi * r**6 / 8)
 
 
+@dataclass(frozen=True, repr=False, eq=False)
 class Rectangle(Section):
-    """Rectangle, `height` lying in the plane of motion; J = bh⁵/80."""
+    """Rectangle; J = bh⁵/80.
 
-    def __init__(self, width: float, height: float) -> None:
-        b = positive("rectangle width (m)", width, low=SHORTEST, high=LONGEST)
-        h = positive("rectangle height (m)", height, low=SHORTEST, high=LONGEST)
-        super().__init__(b * h, b * h**3 / 12, b * h**5 / 80)
+    Parameters
+    ----------
+    width : float
+        b, across the plane of motion, m.
+    height : float
+        h, in the plane of motion, m.
+    """
+
+    area: float = field(init=False)
+    second_moment: float = field(init=False)
+    fourth_moment: float = field(init=False)
+    width: float = _size(lambda s: s.area / sqrt(12.0 * s.second_moment / s.area))
+    height: float = _size(lambda s: sqrt(12.0 * s.second_moment / s.area))
+
+    def __post_init__(self) -> None:
+        b = positive("rectangle width (m)", self.width, low=SHORTEST, high=LONGEST)
+        h = positive("rectangle height (m)", self.height, low=SHORTEST, high=LONGEST)
+        moments = {"area": b * h, "second_moment": b * h**3 / 12, "fourth_moment": b * h**5 / 80}
+        _set(self, width=b, height=h, **moments)
+
+
+def _set(section: Section, **values: float) -> None:
+    """Give a new section its sizes and its moments, which are checked as those of any section."""
+    for name, value in values.items():
+        object.__setattr__(section, name, value)
+    Section.__post_init__(section)

@@ -414,6 +414,9 @@ class Interrupted(KeyboardInterrupt):
         super().__init__(solution.status.message)
         self.solution = solution
 
+    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
+        return type(self), (self.solution,)
+
 
 class HistoryError(PropertyError):
     """The history of a load or of a drive failed in the middle of a run.
@@ -427,6 +430,9 @@ class HistoryError(PropertyError):
     def __init__(self, solution: Solution) -> None:
         super().__init__(solution.status.message)
         self.solution = solution
+
+    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
+        return type(self), (self.solution,)
 
 
 def broken_off(reason: PropertyError, when: float) -> Status:

@@ -186,7 +186,8 @@ def test_properties_of_bodies():
     lam, G = Material(1.0, 1.0, 0.25).lame
     assert (lam, G) == pytest.approx((0.4, 0.4))
     assert Circle(2.0).area == pytest.approx(pi)
-    assert astuple(Rectangle(2.0, 3.0)) == (6.0, 4.5, 2.0 * 3.0**5 / 80)
+    assert astuple(Rectangle(2.0, 3.0)) == (6.0, 4.5, 2.0 * 3.0**5 / 80, 2.0, 3.0)
+    assert (Circle(2.0).diameter, repr(Circle(2.0))[:17]) == (2.0, "Circle(area=3.141")
 
 
 def test_probes():

@@ -170,15 +170,24 @@ def _value(plain: Any, given: Sequence[Any], arrays: Mapping[str, np.ndarray]) -
 
 
 def _instance(name: str, names: list[str], values: list[Any]) -> Any:
-    """An instance of a dataclass with the fields it had; one that came last, and later, has its default."""
+    """An instance of a dataclass with the fields it had.
+
+    A field that came last, and later, has its default, or is what its metadata find for it by a function "earlier" of
+    the instance.
+    """
     kind = _class(name, object)
     now = fields(kind) if is_dataclass(kind) else ()
-    later = {f.name: f.default for f in now[len(names) :]}
-    if [f.name for f in now[: len(names)]] != names or MISSING in later.values() or not now:
+    later = now[len(names) :]
+    known = all("earlier" in f.metadata or f.default is not MISSING for f in later)
+    if [f.name for f in now[: len(names)]] != names or not known or not now:
         raise NotPlain(f"{name} has other fields now")
     made = object.__new__(kind)
-    for field, value in [*zip(names, values, strict=True), *later.items()]:
-        object.__setattr__(made, field, value)
+    for name_, value in zip(names, values, strict=True):
+        object.__setattr__(made, name_, value)
+    for f in later:
+        object.__setattr__(
+            made, f.name, f.metadata["earlier"](made) if "earlier" in f.metadata else f.default
+        )
     return made
 
 
