@@ -129,8 +129,10 @@ def run(
     show(done, Console())
     write_run(done, folder)
     print(f"\nWritten to {folder}/")
-    if not done.good:
+    if done.missed:
         raise typer.Exit(Code.DIFFERS)
+    if done.absent:
+        raise typer.Exit(Code.NOT_RUN)
 
 
 @app.command(cls=Command)

@@ -32,9 +32,11 @@ class Code(IntEnum):
 
 #: For the end of `anctmm --help`.
 CODES = (
-    "Exit codes: 0 done, and all is well; 1 a history differs, a rule is broken, or an error is not reached; "
+    "Exit codes: 0 done, and all is well; 1 a history differs, a rule is broken, an error is not reached, or a single "
+    "run fails; "
     "2 an option, a file or a directory cannot be used; 3 a fault of anctmm itself (ANCTMM_TRACEBACK=1 shows where); "
-    "4 nothing was compared, as what it needs is not installed; 130 interrupted; 141 the output was closed early."
+    "4 nothing was compared, or not with each solver of `run`, as what it needs is not installed; 130 interrupted; "
+    "141 the output was closed early."
 )
 
 

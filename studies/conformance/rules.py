@@ -24,6 +24,7 @@ from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
 from studies.conformance import mechanisms
 from studies.conformance.subject import BrokenRule, Measure, Rule, Subject, whole
+from studies.engine.running.outcomes import not_installed
 
 Array = NDArray[np.float64]
 
@@ -485,8 +486,7 @@ def missing(s: Subject) -> str:
         status = s.solve(cantilever(), s.run(t_end=0.02)).status
     except Exception:  # whatever a broken solver does is for the rules to find
         return ""
-    said = isinstance(status, Status) and status.code == "unsupported" and "not installed" in status.message
-    return status.message if said else ""
+    return status.message if isinstance(status, Status) and not_installed(status) else ""
 
 
 def _off_reference(found: Solution, scene: Scene) -> float:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from anctmm.errors import PluginError
 from anctmm.results.solution import Status
 from anctmm.solvers import registry
+from studies.engine.running.outcomes import not_installed
 from studies.engine.running.processes import Lost, side_by_side
 from studies.engine.storage.files import check_writable
 from studies.engine.storage.provenance import stamp
@@ -427,7 +428,7 @@ def _tolerances(before: Finding, stored: Baseline) -> str:
 def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
     """A finding for a run that did not end well."""
     absent = _absent(task.solver)
-    if absent is not None or "not installed" in status.message:
+    if absent is not None or not_installed(status):
         return Finding(task.name, NOT_RUN, absent or str(status))
     # What was stored could be run once: that the solver now says it cannot is a change.
     unable = status.code == "unsupported" and not stored

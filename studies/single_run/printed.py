@@ -24,11 +24,11 @@ def show(run: SingleRun, console: Console) -> None:
     if run.values:
         show_table(console, _values(run))
     for other in run.others:
-        told = (
-            f"differs by {other.difference:.1e}" if isfinite(other.difference) else str(other.solution.status)
-        )
+        cost = other.solution.cost.cpu_s
+        time = f"; {cost:.2g} s" if isfinite(cost) else ""
         line(
-            f"{other.solver} on the same mesh and by the same step: {told}; {other.solution.cost.cpu_s:.2g} s"
+            f"{other.solver} on the same mesh and by the same step: {other.told}{time}",
+            "yellow" if other.missed else "",
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from io import BytesIO
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from anctmm.errors import CaseError
@@ -15,6 +15,7 @@ from studies.engine.accuracy.digits import Value, values_of, values_table
 from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
+from studies.engine.running.outcomes import not_installed
 from studies.engine.running.trial import Mesh
 from studies.engine.storage.files import atomic_write, check_writable
 from studies.engine.tables import write_machine, write_table
@@ -35,11 +36,29 @@ class Other:
     solution : Solution
     difference : float
         From the run itself, relative; infinite where one is not whole.
+    allowed : float
+        Largest difference that is no miss; infinite where none is known.
     """
 
     solver: str
     solution: Solution
     difference: float
+    allowed: float = inf
+
+    @property
+    def missed(self) -> bool:
+        """Whether it failed, or differs by more than is allowed; one that is not installed does neither."""
+        status = self.solution.status
+        return self.difference > self.allowed if status.ok else not not_installed(status)
+
+    @property
+    def told(self) -> str:
+        """How far it differs, or why that is not known, in words."""
+        if not isfinite(self.difference):
+            status = self.solution.status
+            return "the difference is not known" if status.ok else str(status)
+        above = f", above the target {self.allowed:g}" if self.missed else ""
+        return f"differs by {self.difference:.1e}{above}"
 
 
 @dataclass(frozen=True)
@@ -69,6 +88,21 @@ class SingleRun:
     def good(self) -> bool:
         """Whether the run is whole, and its error, where it was estimated, is small enough."""
         return self.solution.status.ok and self.found.reached
+
+    @property
+    def missed(self) -> bool:
+        """Whether the run, or one that it is compared with, failed or missed the target error.
+
+        One that is not installed did neither; where that is the run itself, there is nothing that others differ from.
+        """
+        if not_installed(self.solution.status):
+            return any(other.missed for other in self.others if not other.solution.status.ok)
+        return not self.good or any(other.missed for other in self.others)
+
+    @property
+    def absent(self) -> bool:
+        """Whether one of the solvers is not installed."""
+        return any(map(not_installed, (self.solution.status, *(o.solution.status for o in self.others))))
 
     @property
     def setting(self) -> str:
@@ -125,7 +159,8 @@ def run_case(
     case : Case
     runner : Runner
     error : float, optional
-        Target, relative: mesh and step are refined until an estimate of the error is below it; 1e-3 without it.
+        Target, relative: mesh and step are refined until an estimate of the error is below it; 1e-3 without it. By no
+        more than that others may differ, also where mesh and step are given: then nothing bounds it without a target.
     mesh : tuple of int, optional
         Elements of each beam, or one number for all; only the step is then refined.
     dt : float, optional
@@ -147,8 +182,11 @@ def run_case(
     setup = setup or Setup()
     if error is not None:
         error = positive("error", error, CaseError)
-        if mesh is not None and (dt is not None or case.static):
-            raise CaseError(f"error is {error:g} beside a mesh and a step; it needs one of them to refine")
+        if mesh is not None and (dt is not None or case.static) and not others:
+            raise CaseError(
+                f"error is {error:g} beside a mesh and a step; it needs one of them to refine, or other solvers that "
+                f"may differ by it"
+            )
     if mesh is not None:
         check_mesh(case.scene, mesh)
     if dt is not None and case.static:
@@ -158,7 +196,9 @@ def run_case(
         levels.trial(0, 0).run()  # refuses a step that does not fit
     runner.heading = f"{case.name}: "
     found = levels.refined(ERROR if error is None else error)
-    compared = tuple(_other(found, name, runner) for name in others)
+    judged = levels.refines_mesh or levels.refines_step or error is not None
+    allowed = found.target if judged else inf
+    compared = tuple(_other(found, name, runner, allowed) for name in others)
     read = (
         found.solution.status.ok or len(found.solution.t) > 1
     )  # of what fails at once nothing is but the start
@@ -212,7 +252,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _other(found: Refined, name: str, runner: Runner) -> Other:
+def _other(found: Refined, name: str, runner: Runner, allowed: float) -> Other:
     trial = replace(found.trial, solver=name)
     solution = runner.sweep([trial], budget_s=0.0)[0].solution
-    return Other(name, solution, found.levels.difference(solution, found.solution))
+    return Other(name, solution, found.levels.difference(solution, found.solution), allowed)

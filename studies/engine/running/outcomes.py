@@ -3,9 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from anctmm.results.solution import Cost, Solution
+from anctmm.results.solution import Cost, Solution, Status
 from studies.engine.running.trial import Trial
 from studies.engine.running.turns import Interval
+
+
+def not_installed(status: Status) -> bool:
+    """Whether a solver did nothing since what it needs is not installed."""
+    return status.code == "unsupported" and "not installed" in status.message
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import re
 import resource
+import sys
 
 import numpy as np
 import pandas as pd
@@ -66,14 +67,70 @@ def test_a_given_mesh_and_step_are_one_run():
     assert np.array_equal(done.solution.position("link2.end"), same.position("link2.end"))
 
 
+ONE_RUN = ("run", THROWN_CHAIN, "--elements", "2", "--dt", "5e-3")
+
+
 def test_other_solvers_are_compared():
-    code, output = told(
-        "run", THROWN_CHAIN, "--elements", "2", "--dt", "5e-3", "--solvers", "anctmm,global-dae,pyelastica"
-    )
+    code, output = told(*ONE_RUN, "--solvers", "anctmm,global-dae")
     assert code == 0, output
     found = re.search(r"global-dae on the same mesh and by the same step: differs by (\S+);", output)
     assert float(found[1]) < 1e-9
+    # one that cannot do the scene fails as it does alone
+    code, output = told(*ONE_RUN, "--solvers", "anctmm,global-dae,pyelastica")
+    assert code == 1, output
     assert re.search(r"pyelastica on the same mesh .*: unsupported", output)
+    assert "nan s" not in output
+
+
+@pytest.fixture
+def heavier(tmp_path, monkeypatch):
+    """A solver that takes gravity for a tenth more than it is."""
+    site = tmp_path / "site"
+    (site / "heavier-1.0.dist-info").mkdir(parents=True)
+    (site / "heavier-1.0.dist-info" / "METADATA").write_text(
+        "Metadata-Version: 2.1\nName: heavier\nVersion: 1.0\n"
+    )
+    entry = "[anctmm.solvers]\nheavier = heavier:solve\n"
+    (site / "heavier-1.0.dist-info" / "entry_points.txt").write_text(entry)
+    (site / "heavier.py").write_text(
+        "from dataclasses import replace\n"
+        "import anctmm as at\n"
+        "def solve(scene, run):\n"
+        "    x, y = scene.gravity\n"
+        "    return replace(at.solve(replace(scene, gravity=(1.1 * x, 1.1 * y)), run), scene=scene)\n"
+    )
+    monkeypatch.syspath_prepend(site)
+
+
+@pytest.mark.usefixtures("heavier")
+def test_a_solver_that_differs_by_more_than_the_target_is_a_miss():
+    asked = ("--solvers", "anctmm,heavier")
+    code, output = told("run", THROWN_CHAIN, *asked, "--error", "1e-2")
+    assert code == 1, output
+    assert re.search(
+        r"heavier on the same mesh .*: differs by \S+, above the target 0\.01;", " ".join(output.split())
+    )
+    # the same with the mesh and the step given: the target is what others may differ by
+    assert told(*ONE_RUN, *asked, "--error", "1e-2")[0] == 1
+    assert told(*ONE_RUN, "--solvers", "anctmm,global-dae", "--error", "1e-9")[0] == 0
+    # without a target no difference is too large
+    code, output = told(*ONE_RUN, *asked)
+    assert (code, "above" in output) == (0, False), output
+
+
+def test_a_solver_that_is_asked_for_and_is_not_installed_has_its_exit_code(monkeypatch):
+    monkeypatch.setitem(sys.modules, "exudyn", None)
+    for solvers in (
+        "anctmm,exudyn-cable",
+        "exudyn-cable",
+        "exudyn-cable,anctmm",
+        "anctmm,global-dae,exudyn-cable",
+    ):
+        code, output = told(*ONE_RUN, "--solvers", solvers)
+        assert code == 4, output
+        assert "exudyn is not installed" in " ".join(output.split())
+    # what is known to be wrong counts more
+    assert told(*ONE_RUN, "--solvers", "anctmm,exudyn-cable,pyelastica")[0] == 1
 
 
 def test_a_mesh_or_a_step_alone_leaves_the_other_to_be_chosen():
