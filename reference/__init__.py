@@ -1,1 +1,1 @@
-"""Who else answers: an ordinary global-DAE ANCF solver, Exudyn models and exact solutions."""
+"""Who else answers: exact solutions, an ordinary global-DAE ANCF solver, Exudyn, OpenSees and PyElastica."""

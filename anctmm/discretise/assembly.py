@@ -172,7 +172,7 @@ class Bodies:
         return self.flat([m.weight for m in self.meshes])
 
     def node(self, name: str, key: Key) -> int:
-        """Node at the start (0) or end (1) of a body, or that of a body of one node."""
+        """Node of a place of a body: at its start (0) or end (1), or the only one of a body of one node."""
         i = self._places[name]
         return int(self.first[i]) + self.meshes[i].node(key)
 

@@ -57,8 +57,8 @@ class Discretisation:
     mesh : int or mapping of body name to int, optional
         Elements of each beam; a scene without beams needs none.
     element : str or mapping of body name to str
-        "cable" (gradient-deficient, Euler-Bernoulli), "quintic" (such a cable
-        of order 8), "shear" (the paper's) or "rigid" (a thin bar; its mesh is 1).
+        "cable" (gradient-deficient, Euler-Bernoulli), "quintic" (such a cable of order 8), "shear" (the paper's) or
+        "rigid" (a thin bar; its mesh is 1).
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
     integrator : Zhai, GeneralizedAlpha, Esdirk or str

@@ -7,10 +7,6 @@ the stretches between them are condensed to both their ends, and the small graph
 Kept are the junctions where three or more stretches of loops meet, and one of each loop that has none. Always kept are
 rigid bodies, and junctions that constraints act on: guides and driven hinges. A line in the ground that guides a
 junction of a tree is no constraint: the node there is eliminated in the frame of the line.
-
-A place held by the ground is no connection: each group of ends welded there to each other is a vertex of its own, and
-each end that is clamped there. Ends that are joined to a rigid body, at whatever point of it, are one vertex: the body.
-A body of one node, a point mass or a rigid body, stands at the vertex where its node is, as its end 1.
 """
 
 from collections.abc import Collection, Sequence

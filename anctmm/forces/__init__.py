@@ -1,1 +1,1 @@
-"""What acts: applied loads and driven clamps."""
+"""What acts: loads, connectors and driven clamps, and their histories in time."""

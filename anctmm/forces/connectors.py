@@ -331,7 +331,7 @@ def connectors_energy(connectors):  # type: ignore[no-untyped-def]
 
 @embedded
 def end_velocities(connectors, v, a, w, w_before, c):  # type: ignore[no-untyped-def]
-    """Velocities at the end of an implicit step where connectors act, from w there, as `implicit_step.finish` has them.
+    """Velocities at the end of an implicit step where connectors act, from w there, as in `implicit.step.finish`.
 
     v, a, w and w_before: (rows, nodes); v and a of the start of the step.
     """

@@ -106,9 +106,8 @@ def _of_load(load: Load, calendar: Calendar) -> Represented:
 def set_actions(pieces, t, after, angles, values):  # type: ignore[no-untyped-def]
     """Angles, rates and accelerations of drives, (drives, 3), and values of loads and driven connectors, (n, 2), at t.
 
-    What rows there are beyond these hold the time.
-
-    Where they jump: those before it, or, if `after`, those after it.
+    Where a history jumps: the values before the jump or, if `after`, those after it. Further rows of `values` hold the
+    time.
     """
     for h in range(len(angles)):
         piece = piece_at(pieces, h, t, after)

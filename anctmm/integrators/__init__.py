@@ -1,1 +1,1 @@
-"""Time integration, statics, stability limits, and what a run keeps."""
+"""Time integration, statics, natural modes, stability limits, and what a run keeps."""

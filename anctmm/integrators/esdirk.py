@@ -24,7 +24,7 @@ Suzuki's composition of five trapezoidal steps, one of them backwards in time, h
 terms of fifth order in the phase of a vibration are 8.5e-4 and 9.3e-4 (ωh)⁵. But it needs two matrices, does not bear
 damping (a backward step makes it energy), and does not damp what the step does not resolve. Two-stage Gauss, 1.4e-3
 (ωh)⁵, has a pair of complex matrices or an iteration that converges linearly; a stage there is not a solve of the
-recursion. A ninth-stage composition of sixth order is no better than these where axial vibrations are stiff. The
+recursion. A composition of nine stages, of sixth order, is no better than these where axial vibrations are stiff. The
 method is not reversible in time; what it dissipates of a resolved vibration is of the order (ωh)⁶ a step.
 
 The work of drives, loads, dampers and laws is the integral of their power by the weights of the method, so that the

@@ -1,1 +1,1 @@
-"""The transfer-matrix method: transfer equations, Riccati recursion, accelerations, rigid bodies."""
+"""The transfer-matrix method: transfer equations, Riccati recursion, accelerations, constraints."""

@@ -315,4 +315,5 @@ def step_back(passage: Passage, inboard: tuple[Partition, Complex, Complex], out
 
 
 def complex_of(rows: Real) -> Complex:
+    """Vectors in the plane as complex numbers x + iy, from rows x, y, x, y, …"""
     return rows[::2] + 1.0j * rows[1::2]

@@ -98,9 +98,9 @@ class Status:
         "ok": nothing known speaks against the answer. "diverged", "failed" or "interrupted": what was computed until
         then is kept.
         "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere, or its fixed steps miss
-        more than a tenth of a load or a drive that states its breaks, or the rate or acceleration that a drive
-        gives is no derivative. "imprecise": it is whole,
-        but rounding leaves fewer digits than it should; the message says how many. "unsupported": nothing was done.
+        more than a tenth of a load or a drive that states its breaks, or the rate or acceleration that a drive gives
+        is no derivative. "imprecise": it is whole, but rounding leaves fewer digits than it should; the message says
+        how many. "unsupported": nothing was done.
     message : str
         Why, and what to try.
     time : float, optional

@@ -108,10 +108,12 @@ def timoshenko_frequencies(
     rotary_inertia : float
         ρI, kg m.
 
-    Notes ----- The number of frequencies below a trial ω is the number of negative eigenvalues of the exact
-    dynamic stiffness matrix, the beam being cut into elements too short to vibrate by themselves (Wittrick &
-    Williams 1971, DOI 10.1093/qjmam/24.3.263). Bisection of that number misses no frequency, above the shear
-    cut-off or double, as searching the roots of a determinant may. In lengths of L and ω = b √(EI/ρA)/L²,
+    Notes
+    -----
+    The number of frequencies below a trial ω is the number of negative eigenvalues of the exact dynamic stiffness
+    matrix, the beam being cut into elements too short to vibrate by themselves (Wittrick & Williams 1971,
+    DOI 10.1093/qjmam/24.3.263). Bisection of that number misses no frequency, also not above the shear cut-off or
+    where two coincide, as a search for the roots of a determinant may. In lengths of L and ω = b √(EI/ρA)/L²,
     with S = EI/(GA L²) and R = ρI/(ρA L²), the waves e^{ps} have p⁴ + b²(S + R) p² − b²(1 − b²RS) = 0
     (Timoshenko 1921).
     """

@@ -69,9 +69,9 @@ def solve_static(
         "path": what Newton's iteration reaches from the equilibrium before, be it stable or not; which one that is may
         depend on `load_steps`. Where it reaches none, as from a mechanism, a slack cable, or past a limit of
         stability, a stabilised path is followed to a stable equilibrium from there, and the status says so.
-        "stable": a minimum of the potential energy, that to which slow loading with much
-        damping leads, past buckling and jumps; it does not depend on `load_steps`. Of two that are equally near, as of
-        a perfect column, the one towards positive y (or x) is taken.
+        "stable": a minimum of the potential energy, that to which slow loading with much damping leads, past buckling
+        and jumps; it does not depend on `load_steps`. Of two that are equally near, as of a perfect column, the one
+        towards positive y (or x) is taken.
     path : str
         "load": the load grows from 0 to 1. "arclength": the path of equilibria is followed by its arc length, past
         limit points, where the load factor falls and grows again, until it reaches 1 first. Limit points are points
@@ -81,13 +81,12 @@ def solve_static(
     -------
     Solution
         `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load. `stable` says
-        of each whether it is stable. The status is
-        "ok" if all equilibria but that of factor 0, the undeformed scene, are stable. It is "unstable" from the first
-        load factor on at which the potential energy has no minimum; "singular" if a motion needs no force there (a
-        mechanism, a body that is free to move, the limit of stability); "diverged" where no equilibrium is found;
-        "imprecise" where rounding leaves fewer than four digits, as on very fine meshes. The message says where, and
-        what to try. With path="arclength" only the last equilibrium need be stable, and the message tells limit
-        points.
+        of each whether it is stable. The status is "ok" if all equilibria but that of factor 0, the undeformed scene,
+        are stable. It is "unstable" from the first load factor on at which the potential energy has no minimum;
+        "singular" if a motion needs no force there (a mechanism, a body that is free to move, the limit of stability);
+        "diverged" where no equilibrium is found; "imprecise" where rounding leaves fewer than four digits, as on very
+        fine meshes. The message says where, and what to try. With path="arclength" only the last equilibrium need be
+        stable, and the message names the limit points.
 
     Raises
     ------

@@ -275,6 +275,7 @@ def _free(x: float, y: float, width: float, line: float, taken: Sequence[tuple[f
 
 
 def draw_supports(axes: "Axes", solution: Any) -> None:
+    """Draw what the ground holds: clamps, grounded hinges, and fixed ends of springs."""
     for support in supports_of(solution.scene):
         axes.plot(*support.position, MARKS[support.kind], ms=9, color="0.35", zorder=1)
 
