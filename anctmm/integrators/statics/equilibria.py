@@ -42,7 +42,7 @@ COARSE = 8
 LESS = "smaller loads, or a stiffer scene, may do"
 ADVICE = "branch='stable' finds a stable one"
 #: Bytes that are taken for each coordinate, as measured.
-MEMORY = 250.0
+MEMORY = 280.0
 
 
 @accounted
