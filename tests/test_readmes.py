@@ -39,13 +39,8 @@ def test_files_and_folders_that_a_page_names_are_there(page):
     folder = (ROOT / page).parent
     names = re.findall(r"(?<!\[)`([\w./-]+(?:\.py|\.md|\.toml|/))`", text)
     places = [ROOT, folder, *(p for p in folder.iterdir() if p.is_dir())]
-    mine = {
-        "my.py",
-        "my_scenes.py",
-        "results/",
-        "results/check/",
-        "baselines/",
-    }  # made by who follows the page
+    # made by a reader who follows the page
+    mine = {"my.py", "my_scenes.py", "results/", "results/check/", "baselines/"}
     assert [n for n in names if n not in mine and not any((p / n).exists() for p in places)] == []
 
 

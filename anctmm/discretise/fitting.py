@@ -69,9 +69,8 @@ def mass_matrix(bodies: Bodies) -> "scipy.sparse.csc_array":
     index = np.arange(bodies.rows * bodies.nodes).reshape(bodies.rows, bodies.nodes)
     rows, columns, values, axis = [], [], [], np.arange(2)[:, None, None]
     for b, mesh in enumerate(bodies.meshes):
-        first = (
-            bodies.first[b] + np.arange(max(mesh.elements, 1))[:, None]
-        )  # (axis, element, entry of the mass)
+        # below, the axes of arrays are: x or y, element, entry of the element's mass matrix
+        first = bodies.first[b] + np.arange(max(mesh.elements, 1))[:, None]
         k, n = np.nonzero(bodies.masses[b])
         rows.append(index[2 * (k % 3) + axis, first + k // 3].ravel())
         columns.append(index[2 * (n % 3) + axis, first + n // 3].ravel())

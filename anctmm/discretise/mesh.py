@@ -66,9 +66,8 @@ class BodyMesh:
         """Coordinates of the undeformed body, (nodes, vectors, 2)."""
         start, end = np.array(self._ends(self.body.start, self.body.end))
         along = (end - start) / self.body.length
-        x = np.arange(self.nodes)[:, None] * (
-            1.0 / self.elements
-        )  # np.linspace takes longer than all else here
+        # np.linspace would take longer than all else here
+        x = np.arange(self.nodes)[:, None] * (1.0 / self.elements)
         x[-1] = 1.0
         q = np.zeros((self.nodes, self.vectors, 2))
         for k, vector in enumerate(self.kind.vectors):

@@ -167,9 +167,8 @@ def place_clamps(q: Array, v: Array, clamps: DrivenClamps) -> None:
 @merged
 def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: DrivenClamps) -> None:
     """Generalized forces that turn the driven clamps, M a + F_elastic − f of their nodes."""
-    one = len(tables.first) - len(
-        tables.kinds
-    )  # not a literal, for which the element kernels would be compiled again
+    # 1, but not as a literal, for which the element kernels would be compiled again
+    one = len(tables.first) - len(tables.kinds)
     for b in range(len(tables.kinds) if len(clamps.nodes) > 0 else 0):
         for side in range(2):
             clamp, m = clamps.of[side, b], tables.masses[b]

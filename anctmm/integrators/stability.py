@@ -104,9 +104,8 @@ def highest_frequency(
         K = np.stack([stiffness(e) for e in np.eye(n)])
         A = np.stack([divided(row) for row in K])
         free = np.linalg.pinv(np.stack([mass(e) for e in np.eye(n)]), hermitian=True) @ K
-        if (
-            np.abs(A).max() <= HELD * np.abs(free).max()
-        ):  # joints leave springs no motion: the rest is rounding
+        springs_are_held = np.abs(A).max() <= HELD * np.abs(free).max()  # by joints: the rest is rounding
+        if springs_are_held:
             return 0.0
         return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
     operators = [

@@ -330,9 +330,8 @@ def advance(begin: int, end: int, system: System, out: Output, clamp_table: Arra
         out.work[0] += _resist(damping, state, tables, step > 0, numbers.dt)
         _accelerate(block, rows, state, tables, clamps, split, now)
         out.work[0] += _work_of_drives(rows, step > 0)
-        check = (
-            now[0, one] + now[1, one] + now[2, one] + now[3, one]
-        )  # what is not finite anywhere is so here
+        # a value that is not finite anywhere makes this sum not finite
+        check = now[0, one] + now[1, one] + now[2, one] + now[3, one]
         if check - check != 0.0:
             return step
         if acted:

@@ -206,11 +206,10 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
         vectorised = len(columns) == width and all(
             (np.abs(table[i] - v) <= 1e-12 * np.abs(v)).all() for i, v in samples.items()
         )
-    except (
-        Exception,
-        SystemExit,
-    ):  # a history of scalars only: whatever it raises on an array, ask it time by time
-        vectorised = False
+    except (Exception, SystemExit):
+        vectorised = (
+            False  # it may take numbers only: whatever it raises on an array, it is called for each time
+        )
     if not vectorised:
         for i, time in enumerate(t):
             table[i] = one(float(time))

@@ -130,8 +130,6 @@ def negative_of(border: Border | None) -> int:
     product = np.add.reduceat(border.right[:, 0] * x + border.right[:, 1] * y, border.start[:-1], axis=1)
     product = product[np.ix_(used, used)]
     if not np.isfinite(product).all():
-        return (
-            0  # singular without the border: what is solved with it is not finite either, which is told there
-        )
+        return 0  # singular without the border: solutions with it are not finite either, which is found there
     after = np.linalg.eigvalsh(0.5 * (product + product.T) + np.diag(1.0 / border.c[used]))
     return int((after > 0.0).sum()) - int((border.c[used] > 0.0).sum())

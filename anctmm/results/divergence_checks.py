@@ -93,9 +93,7 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
-        whole = set(solution.fields) == {
-            body.name for body in solution.scene.beams
-        }  # else its ends are not all
+        whole = set(solution.fields) == {body.name for body in solution.scene.beams}
         ends = ends_of(solution) if whole and solution.t.size else None
         found = [*_shape_findings(solution), *constraint_findings(solution, static=static, ends=ends)]
         if not static and solution.status.ok and solution.t.size:

@@ -29,9 +29,8 @@ class Ends(NamedTuple):
 def ends_of(solution: Solution) -> Ends:
     """Ends of all bodies of a scene, in its order, at the outputs of a solution that has a field of each."""
     bodies = solution.scene.beams
-    found = np.full(
-        (2, len(bodies), 2, solution.t.size, 2), np.nan
-    )  # place or gradient, body, side, output, x or y
+    # axes: place or gradient, body, start or end, output, x or y
+    found = np.full((2, len(bodies), 2, solution.t.size, 2), np.nan)
     for of, body in enumerate(bodies):
         match solution.fields[body.name]:
             case HermiteField(coordinates=q):

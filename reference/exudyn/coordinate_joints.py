@@ -98,9 +98,8 @@ def aligned(one: Frame, two: Frame, turn: History) -> Equations:
 
 def on_line(body: Frame, place: Frame, along: Array, position: History | None) -> Equations:
     """A place on a line of a body through that body's point, at a position of time along it if there is one."""
-    rows = (
-        np.stack([QUARTER @ along, along]) if position is not None else (QUARTER @ along)[None]
-    )  # in the body
+    across = QUARTER @ along
+    rows = across[None] if position is None else np.stack([across, along])  # in the axes of the body
 
     def equations(t: float, p: Array, q: Array) -> tuple[Array, Array]:
         (a, A), (b, B) = body.position(p), place.position(q)

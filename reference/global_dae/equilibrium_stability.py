@@ -79,10 +79,9 @@ def _solved(A: Matrix, right: Array) -> Array | None:
 def _negative(A: Matrix) -> int | None:
     """Number of negative eigenvalues; None where the factorisation cannot keep the matrix symmetric."""
     if A.shape[0] <= DENSE:
-        scale = np.abs(A.diagonal())
-        scale = 1.0 / np.sqrt(
-            np.where(scale > 0.0, scale, 1.0)
-        )  # else stretch hides the bending of slender beams
+        # without this scale, stretch would hide the bending of slender beams
+        diagonal = np.abs(A.diagonal())
+        scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
         return int((eigh(scale[:, None] * A.toarray() * scale, eigvals_only=True) < 0.0).sum())
     for order in ("MMD_AT_PLUS_A", "NATURAL"):
         try:

@@ -270,9 +270,8 @@ def convergence(axes: Axes, lines: pd.DataFrame, x: str, x_label: str, order: fl
     floor(axes, shown["reference_error"], "left" if order < 0 else "right")
     log_ticks(axes.yaxis, *axes.get_ylim())
     sizes = sorted(shown[x].unique())
-    if (
-        len(sizes) <= 8 and sizes[-1] <= 64 * sizes[0]
-    ):  # the values that were run, not powers of ten nobody chose
+    if len(sizes) <= 8 and sizes[-1] <= 64 * sizes[0]:
+        # ticks at the values that were run, not at powers of ten
         axes.set_xticks(list(sizes), [f"{s:g}" for s in sizes])
         axes.xaxis.set_minor_locator(NullLocator())
 

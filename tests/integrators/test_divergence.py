@@ -188,9 +188,8 @@ def test_energy_from_nowhere_is_told_from_work_and_exchange():
     zero = np.zeros(4)
     falling = Energy(np.array([0, 1.0, 4, 9]), zero, np.array([0, -1.0, -4, -9]), zero)
     driven = Energy(np.array([0, 1.0, 4, 9]), zero, zero, np.array([0, 1.0, 4, 9]))
-    growing = Energy(
-        np.array([1, 5.0, 8, 90.0]), zero, zero, zero
-    )  # 5: a stable step near its limit shows that
+    # a stable step near its limit may show an energy of 5
+    growing = Energy(np.array([1, 5.0, 8, 90.0]), zero, zero, zero)
     damped = Energy(np.array([9, 4, 1, 0.0]), zero, zero, zero)
     assert [from_nowhere(e).tolist() for e in (falling, driven, growing, damped, Energy.unknown(4))] == [
         [False] * 4, [False] * 4, [False, False, True, True], [False] * 4, [False] * 4,

@@ -34,9 +34,8 @@ def assert_begins(found, whole):
 @pytest.fixture
 def scene_that_is_interrupted():
     """A scene and what arms it: Ctrl-C is then pressed soon after its load was asked for a later time than 0."""
-    before = signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # ignored where tests run in the background
+    # where tests run in the background the signal is ignored otherwise
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
     armed = threading.Event()
 

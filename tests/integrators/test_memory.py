@@ -144,7 +144,6 @@ def test_a_dense_matrix_counts():
 def test_what_is_free_is_known_or_not_but_never_wrong_in_its_unit(monkeypatch):
     free = memory.free_memory()
     assert free is None or 1e6 < free < 1e15
+    # where nothing is known, nothing is refused
     monkeypatch.setattr(memory, "free_memory", lambda: None)
-    check_memory(
-        bar(), Discretisation(mesh=10**9), BYTES["generalized-alpha"]
-    )  # nothing is known, nothing is refused
+    check_memory(bar(), Discretisation(mesh=10**9), BYTES["generalized-alpha"])

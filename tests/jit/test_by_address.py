@@ -87,9 +87,8 @@ def test_a_call_hands_over_one_address():
     )[:1]
     assert "noalias" in arguments
     assert "dereferenceable" in arguments
-    assert (
-        len(arguments.split(",")) < 20
-    )  # the result, the error, the tuple, and the seven numbers of `out`; not 33
+    # the result, the error, the tuple, and the seven numbers of `out`; not 33
+    assert len(arguments.split(",")) < 20
 
 
 def test_a_kernel_may_write_into_arrays_that_overlap():

@@ -49,9 +49,8 @@ def integral(series, t):
 def test_a_cantilever_has_the_section_forces_of_the_exact_elastica(elements, allowed, between):
     """Force and moment everywhere; between nodes the direction of an element's axis is only of third order."""
     beam = at.Beam("beam", (0, 0), (0.5, 0), ROD, RUBBER)
-    force = np.array(
-        [0.0, -0.9]
-    )  # a clamp holds the stretch too: it costs orders where N does not vanish there
+    # across the clamped end: a clamp also holds the stretch, which costs orders where N does not vanish there
+    force = np.array([0.0, -0.9])
     scene = at.Scene("elastica", [beam], [at.Clamp("beam.start")], [at.Force("beam.end", force)])
     rest, exact = at.solve_static(scene, mesh=elements), cantilever_static(scene)
     for fraction in (0.0, 0.013, 0.25, 0.5, 0.777, 0.875, 1.0):

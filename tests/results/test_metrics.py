@@ -38,9 +38,8 @@ def test_error_is_the_root_mean_square_over_the_largest_displacement():
     assert history_error(u, v) == pytest.approx(4.0 / 5.0)
     assert history_error(v, v) == 0.0
     assert history_error(0.1 * u, 0.1 * v) == pytest.approx(4.0 / 5.0)
-    assert (
-        history_error(v, np.zeros((2, 2))) == 5.0
-    )  # of a reference at rest: the largest difference itself, m
+    at_rest = np.zeros((2, 2))  # the error is then the largest difference itself, m
+    assert history_error(v, at_rest) == 5.0
 
 
 def test_comparison_takes_the_worst_probe_and_its_own_scale():
@@ -104,9 +103,8 @@ def test_only_common_times_are_compared(many):
     ours = np.sort(np.concatenate([theirs[::2] * (1.0 + 1e-13), theirs[1:-1:20] + 0.3 * theirs[1]]))
     path = np.stack([theirs, np.zeros(n)], axis=1)
     common = np.isin(np.round(ours, 9), np.round(theirs, 9))
-    found = np.stack(
-        [ours, np.where(common, 0.0, 100.0)], axis=1
-    )  # far off where there is nothing to compare
+    # far off where there is nothing to compare
+    found = np.stack([ours, np.where(common, 0.0, 100.0)], axis=1)
     one = moved(ours, np.zeros_like(found), found)
     two = moved(theirs, np.zeros_like(path), path)
     assert (len(ours) * len(theirs) >= 4_000_000) == many

@@ -111,9 +111,8 @@ def _by_motions(system: StaticSystem, motion: Array) -> Stability:
         operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
         start = np.random.default_rng(0).standard_normal(n)
         inverse, shapes = scipy.sparse.linalg.eigs(operator, LOWEST, which="LM", v0=start)
-    soft = (
-        np.abs(inverse) > STIFF * np.abs(inverse).max()
-    )  # the others are rounding, as of directions that are held
+    # the others are rounding, as of directions that are held
+    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()
     inverse, shapes = inverse[soft], shapes[:, soft]
     values = 1.0 / inverse
     swings = np.abs(values.imag) > COMPLEX * np.abs(values)

@@ -42,10 +42,8 @@ def describe(value: Any, given: Sequence[Any] = ()) -> tuple[str, Arrays]:
     arrays: Arrays = {}
     try:
         return json.dumps(_plain(value, given, arrays, ())), arrays
-    except (
-        RecursionError,
-        ValueError,
-    ) as error:  # a result that holds itself, a number of thousands of digits
+    except (RecursionError, ValueError) as error:
+        # a result that holds itself, or a number of thousands of digits
         raise NotPlain(f"{type(error).__name__}: {error}") from error
 
 

@@ -290,9 +290,8 @@ def fine_run(base: Case, element: str, fine: Fine) -> Trial:
 
 
 def _fine_and_coarser(base: Case, element: str, fine: Fine) -> list[Trial]:
-    asked = fine.element or (
-        element if element in KINDS else "shear"
-    )  # who has an element of its own does not mind
+    # a solver with an element of its own takes any of our kinds
+    asked = fine.element or (element if element in KINDS else "shear")
     scene = with_stretch(base.scene, fine.stretch)
 
     def case(mesh: Mesh, dt: float) -> Trial:

@@ -142,9 +142,8 @@ class _Workers:
 def _serve(jobs: Sequence[Callable[[], Any]], pipe: Connection, other: Connection) -> None:
     """Do jobs until nobody asks for more."""
     other.close()  # so that the end of the other process is the end of the pipe
-    signal.signal(
-        signal.SIGINT, signal.SIG_IGN
-    )  # Ctrl-C is for the process that began this one, which ends it
+    # Ctrl-C is for the process that began this one, which ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     with suppress(EOFError):
         while True:
             job = jobs[pipe.recv()]

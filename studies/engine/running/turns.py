@@ -116,6 +116,5 @@ def _locked(path: Path | None, exclusive: bool) -> Iterator[None]:
         try:
             yield
         finally:
-            lock.flock(
-                file, lock.LOCK_UN
-            )  # and for copies of this process, too, that a run may have left behind
+            # also for copies of this process that a run may have left behind
+            lock.flock(file, lock.LOCK_UN)

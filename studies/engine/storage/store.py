@@ -175,9 +175,8 @@ class Store:
             for orphan in path.parent.glob(f".{path.name}.*"):  # of a process killed while it wrote
                 orphan.unlink(missing_ok=True)
             yield
-            if (
-                path.exists()
-            ):  # whoever waits for this very file looks for the result first: it needs no lock now
+            if path.exists():
+                # no lock is needed now: a session that waits for it looks for the result first
                 with suppress(OSError):
                     path.with_suffix(".lock").unlink()
         finally:

@@ -115,10 +115,11 @@ def costs(name, integrator, parts, bounds, reference_by):
         return at.compare(run, reference, case.probes).error if run.status.ok else float("nan")
 
     settings = list(product(bounds, parts))
+    # with loose bounds of Newton's iteration some runs make energy
     steps = [
         at.solve(case.scene, dt=dt / part, newton_tolerance=bound, integrator=integrator, **options)
         for bound, part in settings
-    ]  # with loose bounds of Newton's iteration some make energy
+    ]
     tightest = [bound == min(bounds) for bound, _ in settings]
     own = pd.Series([error(step) for step in steps])
     robust = robust_errors(own, [part for _, part in settings], tightest)

@@ -273,9 +273,8 @@ def _some_scene(random, bodies, links):
     places = {f"{b.name}.{s}": getattr(b, s) for b in bodies for s in ("start", "end")}
     clamps = [j for j in joints if isinstance(j, Clamp)]
     if len({places[e] for e in held}) <= 1 and (not clamps or drives) and random.random() < 0.6:
-        rigid = bool(drives) or any(
-            isinstance(j, Weld) for j in joints
-        )  # gradients at an angled weld must fit
+        # the gradients at a weld with an angle must fit
+        rigid = bool(drives) or any(isinstance(j, Weld) for j in joints)
         swirl = _some_swirl(random, places, held, rigid)
     if swirl is not None:
         bodies = [replace(b, velocity=Swirl(b.start, b.end, *swirl)) for b in bodies]

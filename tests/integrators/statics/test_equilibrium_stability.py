@@ -70,9 +70,8 @@ def test_eulers_load_is_where_the_lowest_frequency_vanishes_by_three_roads(kind)
         for f in (lowest_by_anctmm, negative_by_anctmm, lowest_by_global_dae)
     ]
     assert abs(loads[0] - loads[1]) < 1e-9 * EULER
-    assert (
-        abs(loads[2] - loads[0]) < (1e-8 if kind == "cable" else 1e-6) * EULER
-    )  # LAPACK: ε of the highest one
+    allowed = 1e-8 if kind == "cable" else 1e-6  # LAPACK: ε of the highest frequency
+    assert abs(loads[2] - loads[0]) < allowed * EULER
 
 
 def test_eulers_load_tends_to_that_of_the_extensible_elastica():
@@ -168,9 +167,8 @@ def test_the_same_verdict_by_inertia_of_the_global_tangent(seed):
         assert rest is None
         q = search.q.copy()
         x = rng.normal(0.0, amount, q.shape)
-        search.system.factorize(
-            chain.bodies.reference(), 0.0, 1.0
-        )  # of any positive matrix: moves what joints let
+        # any positive matrix does: its solutions move only what the joints let move
+        search.system.factorize(chain.bodies.reference(), 0.0, 1.0)
         q = q + search.system.solve(search.system.inertia(x)) * 1e3 * amount
         bodies = [chain.bodies.by_body(q)[m.body.name] for m in model.bodies.meshes]
         ours, theirs = stability_of(search.system, q, 1.0), verdict(model, model.bodies.flat(bodies), 1.0)

@@ -144,10 +144,8 @@ def test_fronts_and_costs_between_their_points():
 def test_what_is_near_the_part_of_a_front_that_is_compared_is_timed_again():
     line = [_point(e, c) for e, c in ((0.3, 1.0), (0.1, 2.0), (5e-3, 3.0), (8e-6, 8.0), (2e-6, 20.0))]
     assert [p.error for p in contenders(line)] == [0.1, 5e-3, 8e-6]
-    held_up = [
-        _point(4e-3, 4.7),
-        _point(4e-6, 12.0),
-    ]  # in one run: the last one finer and no dearer than 1.6 times
+    # held up in one run: the last one that is finer costs at most 1.6 times as much
+    held_up = [_point(4e-3, 4.7), _point(4e-6, 12.0)]
     behind = [_point(4e-3, 13.0), _point(3e-6, 13.0)]
     assert contenders([*line, *held_up, *behind]) == [*line[1:4], *held_up]
     assert contenders(line[2:3]) == line[2:3]

@@ -74,14 +74,12 @@ def test_cases_of_files_are_listed(file):
 
 
 def test_one_of_several_cases_is_chosen_by_name():
-    with pytest.raises(
-        CaseError, match="has 2 cases; --case is needed, one of 'portal-frame', 'portal-frame-at"
-    ):
+    two = "has 2 cases; --case is needed, one of 'portal-frame', 'portal-frame-at"
+    with pytest.raises(CaseError, match=two):
         find_case(PORTAL_FRAME)
     assert find_case(PORTAL_FRAME, "portal-frame-at").static
-    assert (
-        find_case(PORTAL_FRAME, "portal-frame").duration == 0.3
-    )  # the whole name, though another begins with it
+    whole_name = "portal-frame"  # another name begins with it
+    assert find_case(PORTAL_FRAME, whole_name).duration == 0.3
     assert len(find_cases(PORTAL_FRAME)) == 2
     with pytest.raises(CaseError, match="'arm' and is unknown; allowed are 'portal-frame', "):
         find_case(PORTAL_FRAME, "arm")

@@ -65,10 +65,9 @@ def test_no_word_is_broken(name, tmp_path):
     assert words(narrow) - {":"} <= words(wide) | {word + ":" for word in words(wide)}
     assert words(wide) <= words(narrow) | {word.removesuffix(":") for word in words(narrow)}
     program = narrow.partition("import anctmm as at")[0]  # a script is not broken: it is to be run
+    unbroken = ("anctmm: ", "Written to ")  # messages are one line for programs; on a terminal see below
     for line in program.splitlines():
-        if not line.startswith(
-            ("anctmm: ", "Written to ")
-        ):  # one line, for programs; on a terminal see below
+        if not line.startswith(unbroken):
             assert len(line) <= 80 or len(line.split()) == 1, line
 
 

@@ -243,9 +243,8 @@ def test_every_solver_has_every_freedom(element, quick):
             ):
                 for solver in set(s.solvers) - {"global-dae-dense"}:
                     chosen[solver] |= {(s.options, s.own)}
-                    if (
-                        solver not in FRAME_SOLVERS
-                    ):  # of second order: they have finer meshes and no quadrature
+                    # those have elements of second order: finer meshes, and no quadrature
+                    if solver not in FRAME_SOLVERS:
                         tried[solver] |= {(s.quadrature, m, dt) for m in s.meshes for dt in s.steps(m)}
         if quick and element == "shear":
             continue  # a quick run has our own shear elements alone
