@@ -114,11 +114,13 @@ def run(
 
     from studies.command_line.options import one, read_options, setup_of
     from studies.engine.storage.files import check_writable, file_name
+    from studies.engine.study import without_beams
     from studies.single_run.printed import show
     from studies.single_run.study import run_case, write_run
 
     target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
     names = options.solvers or ("anctmm",)
+    without_beams([wanted], replace(options, element=element))  # refuses what has no effect
     folder = out or Path("results") / file_name(wanted.name)
     check_writable(folder)
     with sweeping(quick=True) as runner:
@@ -266,6 +268,7 @@ def recommend(
 
     from studies.cases import find_case, is_file
     from studies.command_line.options import setup_of
+    from studies.engine.study import without_beams
     from studies.trade import recommend as advice
     from studies.trade.recommend_print import show, show_rerun, show_script
 
@@ -275,6 +278,7 @@ def recommend(
     narrow = read_options(elements, dt, solvers, quick)
     setup_of("anctmm", None, integrator)  # refuses what is not known
     own = find_case(scene, case) if is_file(scene) or case is not None else None
+    without_beams([own] if own else [], replace(narrow, element=element))  # refuses what has no effect
     try:
         name = advice.scene_name(scene) if own is None else own.name
     except advice.RecommendError:  # none that moves
@@ -417,6 +421,7 @@ def _watches(
     """What is watched: cases of a file, what another declares, or all that is built in."""
     from studies.cases import cases_in, find_cases
     from studies.command_line.options import one
+    from studies.engine.study import without_beams
     from studies.regression.of_cases import watches_of
     from studies.regression.scenes import declared_in
     from studies.regression.small_watches import all_watches
@@ -430,6 +435,8 @@ def _watches(
         raise BadOption(f"--scenes is {str(scenes)!r} beside file {file!r}; one of them is allowed")
     options = read_options(elements, dt, None, quick=True)
     cases = cases_in(file) if case is None else find_cases(file, case)
+    for told in without_beams(cases, options):
+        print(f"anctmm: {told}", file=sys.stderr)
     return watches_of(cases, one("--elements", options.meshes), one("--dt", options.steps))
 
 

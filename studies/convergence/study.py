@@ -22,7 +22,7 @@ from studies.engine.pictures import Film, Picture
 from studies.engine.runner import Runner
 from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
-from studies.engine.study import Options, Result, check_taken
+from studies.engine.study import Options, Result, check_taken, of_case, without_beams
 from studies.engine.tables import Table
 from studies.report.animation import film
 from studies.report.configurations import configurations
@@ -56,12 +56,13 @@ def run(options: Options, runner: Runner) -> Result:
     """
     check_taken(options, "convergence")
     cases = options.cases or tuple(moving_scenes())
-    levels = [given_levels(case, options) for case in cases]
+    told = without_beams(cases, options)
+    levels = [given_levels(case, of_case(options, case)) for case in cases]
     target = options.error or (inf if options.meshes and options.steps else TARGETS[options.quick])
     found = []
     for case, (own_meshes, own_steps) in zip(cases, levels, strict=True):
         runner.heading = f"{case.name}: "
-        for setup in setups(options, case):
+        for setup in setups(of_case(options, case), case):
             found.append(Refinement(case, setup, runner, own_meshes, own_steps).refined(target))
     meshes = _table(
         "mesh", "Error over the mesh", (r for f in found for r in mesh_levels(f)), LEVELS, _mesh_notes()
@@ -76,7 +77,7 @@ def run(options: Options, runner: Runner) -> Result:
         "forces", "Largest forces in joints and springs", (r for f in found for r in value_rows(f, at_joints)),
         [{"probe": "joint"}.get(c, c) for c in VALUES], _forces(),
     )  # fmt: skip
-    findings = tuple(finding(f) for f in found)
+    findings = (*(finding(f) for f in found), *told)
     return Result(
         name="convergence",
         title="Convergence: which digits hold",

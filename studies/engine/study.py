@@ -1,7 +1,7 @@
 """What every study is asked and answers, and the list of studies."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
 
@@ -167,6 +167,31 @@ def check_taken(options: Options, study: str) -> None:
         if name not in taken and getattr(options, name) is not None:
             why = f": {REASONS[study]}" if study in REASONS else f"; {_takers(name)}"
             raise StudyError(f"study {study!r} takes no {typed}{why}")
+
+
+def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
+    """Of each case without beams a sentence that options about elements do nothing for it; none where none is given.
+
+    Raises
+    ------
+    StudyError
+        If no case has beams: then they do nothing at all.
+    """
+    given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
+    cases = tuple(cases)
+    none = [case.name for case in cases if not case.scene.beams] if given else []
+    if not none:
+        return []
+    what = f"{' and '.join(given)} {'choose' if len(given) > 1 else 'chooses'} the elements of beams"
+    if len(none) == len(cases):
+        have = f"{', '.join(none)} {'have' if len(none) > 1 else 'has'} none"
+        raise StudyError(f"{what}; {have}: leave {'them' if len(given) > 1 else 'it'} out")
+    return [f"{name}: {what}, and it has none." for name in none]
+
+
+def of_case(options: Options, case: Case) -> Options:
+    """The options as one of several cases takes them: without beams there are no elements to choose."""
+    return options if case.scene.beams else replace(options, meshes=None, element=None)
 
 
 def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Options]]:

@@ -48,6 +48,8 @@ def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None
 
 
 def _run(case: Case, mesh: Mesh | None, dt: float | None) -> Run:
+    if not case.scene.beams:
+        mesh = None
     if mesh is not None:
         check_mesh(case.scene, mesh)
     chosen = mesh or tuple(FINER * n for n in coarsest_mesh(case, "cable"))

@@ -68,6 +68,8 @@ def _why(line: Mapping[Any, Any], kind: str, rivals: pd.DataFrame) -> str:
         & (rivals["status"] == "ok")
     ]  # fmt: skip
     part = PARTS.get(line["error_from"], "").format(mesh=line["mesh_error"], step=line["step_error"])
+    if line["elements"] == NO_BEAMS:
+        part = f"the whole error is the step's, {line['step_error']:.1g}"
     costs = ", ".join(f"{name} {times(ratio)}×" for name, ratio in _costs(line, kind, others))
     return "; ".join(filter(None, (part, costs or "no other kind measured reaches this error")))
 

@@ -59,6 +59,12 @@ def setting_of(line: Mapping[Any, Any]) -> str:
     return f"{line['solver']}, {kind}{beams}, {step}{own}"
 
 
+def parts_of(line: Mapping[Any, Any]) -> str:
+    """What mesh and step add to the error, in words; without beams there is no mesh."""
+    step = f"step {line['step_error']:.1g}"
+    return step if line["elements"] == NO_BEAMS else f"mesh {line['mesh_error']:.1g}, {step}"
+
+
 def own_of(line: Mapping[Any, Any]) -> str:
     """Keyword arguments that only the solver of a row has, as Python writes them; "-" without any."""
     return str(line.get("own", NONE))

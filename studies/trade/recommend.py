@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
 from anctmm.model.scene import Scene
@@ -342,9 +343,12 @@ def script(line: Mapping[Any, Any], origin: Origin | None = None) -> str:
     """The script that runs a row of the points; of the base scene of its name without an origin."""
     origin = origin or Origin.of(line)
     case, trial = origin.case, case_of(line, origin.case)
+    run = trial.run()
+    if not case.scene.beams:
+        run = replace(run, mesh=None, element=Discretisation.element, quadrature=Discretisation.quadrature)
     if origin.file:
-        return snippet_of_file(origin.file, case.name, trial.run(), trial.solver, case.probes, own_of(line))
-    return snippet(trial.scene, trial.run(), trial.solver, case.probes, own_of(line))
+        return snippet_of_file(origin.file, case.name, run, trial.solver, case.probes, own_of(line))
+    return snippet(trial.scene, run, trial.solver, case.probes, own_of(line))
 
 
 def rerun(

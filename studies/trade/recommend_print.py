@@ -7,7 +7,7 @@ from rich.table import Table
 
 from studies.engine.console import say, show_table
 from studies.engine.tables import milliseconds
-from studies.trade.choice import setting_of
+from studies.trade.choice import parts_of, setting_of
 from studies.trade.recommend import Choice, Rerun
 
 
@@ -21,7 +21,7 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
     say(
         console,
         f"expected {milliseconds(line['cpu_s'])} of CPU time; error {line['error']:.2g} ± "
-        f"{line['reference_error']:.1g} (mesh {line['mesh_error']:.1g}, step {line['step_error']:.1g}); from {origin}",
+        f"{line['reference_error']:.1g} ({parts_of(line)}); from {origin}",
     )
     if warning:
         say(console, f"Note: {warning}.", "dim")

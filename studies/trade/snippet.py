@@ -83,7 +83,11 @@ def code(value: Any, indent: int = 0) -> str:
             parts.append(f"stretch={code(value.stretch)}")
         return _call(type(value).__name__, parts, indent)
     if is_dataclass(value) and not isinstance(value, type):
-        always = ALWAYS.get(type(value).__name__, ())
+        always: tuple[str, ...] = ALWAYS.get(type(value).__name__, ())
+        if (
+            isinstance(value, Discretisation) and value.mesh is None
+        ):  # of a scene without beams: nothing is cut
+            always = tuple(name for name in always if name != "element")
         shown = [f for f in fields(value) if f.init and f.repr]
         given = [f for f in shown if f.name in always or not _is_default(value, f)]
         parts = [f"{f.name}={code(getattr(value, f.name), indent + 4)}" for f in given]

@@ -32,7 +32,7 @@ from studies.engine.running.rows import row, sample_rows
 from studies.engine.running.trial import Trial, label_of
 from studies.engine.running.turns import at_work
 from studies.engine.storage.files import file_name
-from studies.engine.study import Options, Result, check_taken
+from studies.engine.study import Options, Result, check_taken, of_case, without_beams
 from studies.engine.tables import Table
 from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
@@ -89,13 +89,14 @@ def run(options: Options, runner: Runner) -> Result:
         If all cases are static or rest at their probes, or a mesh asked for fits no scene.
     """
     check_taken(options, "trade")
+    told = without_beams(options.cases or (), options)
     resting = [case for case in options.cases or () if case.static]
     if len(resting) < len(options.cases or ()):
         options = replace(options, cases=tuple(c for c in options.cases or () if not c.static))
     every, unmoved = _ladders(options, runner)
     _check_meshes(every, options)
     runner.prepare(trials(options))
-    fitting = [(ladder, _fitting(ladder.base, options)) for ladder in every]
+    fitting = [(ladder, _fitting(ladder.base, of_case(options, ladder.base))) for ladder in every]
     traded = [measure(ladder, mine, runner) for ladder, mine in fitting if mine.meshes != ()]
     points = pd.concat([t.frame for t in traded], ignore_index=True)
     targets = tuple(sorted({target for ladder in every for target in ladder.targets}, reverse=True))
@@ -107,7 +108,7 @@ def run(options: Options, runner: Runner) -> Result:
         "come from?",
         findings=(
             *findings(points, best, rivals, known), *(text for t in traded for text in t.said),
-            *map(_left_out, resting), *unmoved,
+            *told, *map(_left_out, resting), *unmoved,
         ),
         assumptions=tuple(dict.fromkeys(a for t in traded for a in assumptions_of(t.base))),
         tables=(
@@ -150,13 +151,14 @@ def _ladders(options: Options, runner: Runner) -> tuple[list[Ladder], list[str]]
     if options.cases is None:
         return ladders(options.quick), []
     for case, mesh in product(options.cases, options.meshes or ()):
-        check_mesh(case.scene, mesh)
+        if case.scene.beams:
+            check_mesh(case.scene, mesh)
     by_hand = {} if options.error else {ladder.base: ladder for ladder in ladders(options.quick)}
     found: list[Ladder] = []
     unmoved: list[str] = []
     for case in options.cases:
         try:
-            found.append(by_hand.get(case) or own_ladder(case, options, runner))
+            found.append(by_hand.get(case) or own_ladder(case, of_case(options, case), runner))
         except NothingMovesError as error:
             if len(options.cases) == len(unmoved) + 1:
                 raise

@@ -21,7 +21,7 @@ from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import NO_BEAMS, mesh_label
 from studies.engine.tables import BUILD, Table, failed, milliseconds, times
 from studies.trade import step_orders
-from studies.trade.choice import KIND, STEPPING, nearest, reaching, setting_of, stepping
+from studies.trade.choice import KIND, STEPPING, nearest, parts_of, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 from studies.trade.second_road import Second
 
@@ -358,7 +358,7 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
     """Sentences from the tables."""
     said = [
         f"{r['scene']}, error {r['target_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
-        f"{r['error']:.2g} (mesh {r['mesh_error']:.1g}, step {r['step_error']:.1g})."
+        f"{r['error']:.2g} ({parts_of(r)})."
         if r["status"] == "ok"
         else f"{r['scene']}, error {r['target_error']:g}: {r['status']} ({r['error']:.2g})."
         for r in records(best.frame)

@@ -189,6 +189,27 @@ def test_what_is_wrong_is_named_before_any_work(options, said):
     assert (code, said in " ".join(output.split())) == (2, True), output
 
 
+@pytest.mark.parametrize(
+    "command", [("run",), ("study", "trade"), ("study", "convergence"), ("recommend",), ("check",)]
+)
+@pytest.mark.parametrize("option", [("--elements", "4"), ("--element", "quintic"), ("--element", "cable")])
+def test_options_about_elements_are_refused_without_beams(tmp_path, command, option):
+    (tmp_path / "own.py").write_text(
+        "import anctmm as at\n"
+        "body = at.RigidBody('body', 1.0, 0.1, (0.5, 0.0), points={'o': (0.0, 0.0)})\n"
+        "scene = at.Scene('pendulum', [body], [at.Pin('body.o')], gravity=(0.0, -9.81))\n"
+        "CASES = [at.Case(scene, probes=['body.center'], t_end=0.3)]\n"
+    )
+    if command == ("check",) and option[0] == "--element":
+        pytest.skip("it has no such option")
+    error = ["--error", "1e-2"] if command == ("recommend",) else []
+    code, output = told(*command, "own.py", *option, *error)
+    assert code == 2
+    assert f"{option[0]} chooses the elements of beams; pendulum has none: leave it out" in " ".join(
+        output.split()
+    )
+
+
 def test_the_function_refuses_the_same():
     case = find_case(PORTAL_FRAME, "portal-frame")
     with pytest.raises(CaseError, match="error is 'a'"):

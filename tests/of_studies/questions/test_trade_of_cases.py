@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 
@@ -20,6 +21,7 @@ from studies.report.folder import write
 from studies.trade import recommend
 from studies.trade.choice import setting_of
 from studies.trade.own_ladder import SHARE, worth_trying
+from studies.trade.recommend_print import show
 
 ERROR = 1e-2
 
@@ -116,7 +118,9 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
     assert set(points["elements"]) == {"-"}
     texts = [setting_of(line) for line in points.to_dict("records")]
     texts += [*result.findings, *map(str, result.answers), *points["reference"], *advised(result)]
-    assert not [text for text in texts if re.search("elements|(?<!exudyn-)cable", text)]
+    assert not [text for text in texts if re.search("elements|(?<!exudyn-)cable|mesh", text)]
+    why = result.table("advice").frame["why"]
+    assert why.str.startswith("the whole error is the step's, ").all()
     explicit = points[points["integrator"] == "zhai"]
     assert len(explicit) > 1
     assert (explicit["status"] == "ok").all()
@@ -125,12 +129,62 @@ def test_bodies_without_beams_have_one_model_and_no_limit_of_explicit_steps(tmp_
     fine = at.solve(scene, dt=2e-4, t_end=0.3, output_dt=0.02)
     origin = recommend.Origin(case, "")
     assert choice.reached, choice.remarks
+    console = Console(record=True, width=300)
+    show(choice, "here", "", console)
+    assert re.search(r"error \S+ ± \S+ \(step \S+\); from here", console.export_text())
+    for line in points[points["status"] == "ok"].drop_duplicates("solver").to_dict("records"):
+        script = recommend.script(line, origin)
+        assert not re.search("mesh|element|quadrature|cable", script.replace("exudyn-cable", ""))
     assert recommend.rerun(choice.line, measured.histories, ERROR, True, origin).met
     kind = {"integrator": choice.line["integrator"], "dt": choice.line["dt"]}
     again = at.solve(scene, **kind, t_end=0.3, output_dt=0.02)
     assert at.compare(again, fine, case.probes).error < ERROR
     convergence = find("convergence")(Options(error=ERROR, cases=(case,)), runner)
-    assert set(convergence.table("step").frame["element"]) == {"cable"}
+    assert set(convergence.table("step").frame["element"]) == {"-"}
+
+
+PENDULUM = at.Case(
+    at.Scene(
+        "pendulum",
+        [at.RigidBody("body", 1.0, 0.1, (0.5, 0.0), points={"o": (0.0, 0.0)})],
+        [at.Pin("body.o")],
+        gravity=(0.0, -9.81),
+    ),
+    ["body.center"],
+    t_end=0.1,
+)
+
+
+@pytest.mark.parametrize("study", ["trade", "convergence"])
+@pytest.mark.parametrize(
+    "given", [{"meshes": ((4,),)}, {"element": "quintic"}, {"meshes": ((1, 2),), "element": "shear"}]
+)
+def test_options_about_elements_are_refused_without_beams(study, given):
+    """They were taken in silence."""
+    with pytest.raises(StudyError, match=r"the elements of beams; pendulum has none: leave (it|them) out"):
+        find(study)(Options(cases=(PENDULUM,), quick=True, **given), Runner(None))
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("study", ["trade", "convergence"])
+def test_of_several_cases_those_without_beams_are_told(study, tmp_path):
+    case = replace(find_case(THROWN_CHAIN), t_end=0.1, output_dt=0.01)
+    options = Options(
+        cases=(PENDULUM, case),
+        meshes=((1, 1, 1), (2, 2, 2)),
+        element="shear",
+        error=1e-2,
+        quick=True,
+        solvers=("anctmm",),
+    )
+    result = find(study)(options, Runner(tmp_path, repeats=1))
+    said = [text for text in result.findings if "has none" in text]
+    assert said == ["pendulum: --elements and --element choose the elements of beams, and it has none."]
+    rows = result.table("points" if study == "trade" else "step").frame
+    of = {scene: set(mine["elements"]) for scene, mine in rows.groupby("scene")}
+    assert of["pendulum"] == {"-"}
+    assert of["thrown-chain"] <= {"1/1/1", "2/2/2"}
+    assert (rows["status"] == "ok").any()
 
 
 def advised(result):
