@@ -290,6 +290,7 @@ def recommend(
         options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=target)
         helped = partial(sweeping, workers=whole("--workers", workers), cluster=cluster)
         measured = _measured_case(own, options, helped)
+    advice.check_case(measured, own or find_case(name))
     origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
     measured = replace(measured, points=advice.narrowed(measured.points, name, narrow, integrator))
     choice = advice.choose(measured.points, name, target, limit, element)

@@ -25,6 +25,7 @@ from studies.engine.storage.files import check_checksum
 from studies.engine.study import Options, Result
 from studies.engine.tables import milliseconds
 from studies.scenes import base_of, moving_scenes
+from studies.trade.case_digest import digest_of
 from studies.trade.choice import kinds_of, nearest, own_of, reaching, setting_of, stretch_of, sure_errors
 from studies.trade.snippet import snippet, snippet_of_file
 
@@ -130,6 +131,22 @@ def kept() -> Measured:
         return read(own)
     machine = json.loads((KEPT / "machine.json").read_text(encoding="utf-8"))["machine"]["processor"]
     return replace(read(KEPT), origin=f"the table that ships with anctmm, measured on {machine}")
+
+
+def check_case(measured: Measured, case: Case) -> None:
+    """Refuse tables of a case that was changed since; older tables, which do not say of what case they are, pass.
+
+    Raises
+    ------
+    RecommendError
+    """
+    known = measured.references
+    mine = known[known["scene"] == case.name]
+    if "case" in mine and len(mine) and digest_of(case) not in set(mine["case"]):
+        raise RecommendError(
+            f"{measured.origin} was measured before scene {case.name!r}, its probes or its times were changed; "
+            f"`anctmm study trade` measures it anew"
+        )
 
 
 def narrowed(points: pd.DataFrame, scene: str, options: Options, integrator: str | None) -> pd.DataFrame:

@@ -21,6 +21,7 @@ from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import NO_BEAMS, mesh_label
 from studies.engine.tables import BUILD, Table, failed, milliseconds, times
 from studies.trade import step_orders
+from studies.trade.case_digest import digest_of
 from studies.trade.choice import KIND, STEPPING, nearest, parts_of, reaching, setting_of, stepping
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 from studies.trade.second_road import Second
@@ -184,7 +185,8 @@ def references(traded: Sequence[Traded]) -> Table:
             rows.append({
                 "scene": t.base.scene.name, "element": element, **_found_with(found), "reference": found.name,
                 "uncertainty": found.uncertainty, "second_road": second.name, "apart": second.apart,
-                "from_cable": apart, "status": "ok" if found.solution is not None else found.name,
+                "from_cable": apart, "case": digest_of(t.base),
+                "status": "ok" if found.solution is not None else found.name,
             })  # fmt: skip
     said = (
         "element: whose settings are measured against it, with others of the same continuum; with: the element that "
@@ -192,7 +194,8 @@ def references(traded: Sequence[Traded]) -> Table:
         "error of any mesh.",
         "uncertainty: differences to a coarser mesh and to a coarser step, added. second_road: another solver with "
         "another method in time; apart: its difference to the reference, its own errors of mesh and step included. "
-        "from_cable: difference of the model to that of cables: no mesh of either removes it.",
+        "from_cable: difference of the model to that of cables: no mesh of either removes it. case: digest of scene, "
+        "probes and times.",
     )
     return Table("references", "References and the distance of the models", pd.DataFrame(rows), said)
 
