@@ -71,7 +71,7 @@ INTERPRETED = {
     "of_reference": ["acting_against_dae", "random_scenes"],
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["constraint_check", "drive_check", "drive_turns", "pictures"],
-    "statics": ["held", "static_start"],
+    "statics": ["damped_flutter", "held", "static_start"],
     "step_control": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 

@@ -69,7 +69,7 @@ class ShiftedStiffness:
         if problem.spin:
             self._factor_spinning()
             return 0.0
-        if problem.damping is None or problem.unstressed:
+        if problem.damping.material is None or problem.unstressed:
             return self._factor_with_damping()
         problem.factorize(0.0)
         if not self._singular():
@@ -82,8 +82,10 @@ class ShiftedStiffness:
     def _factor_with_damping(self) -> float:
         problem, connectors = self.problem, self.problem.system.loads.connectors
         s, tables = float(np.sqrt(problem.definite())), None
-        if problem.damping is not None:
-            tables = problem.system.chain.bodies.stiffened(1.0 + s * np.asarray(problem.damping)).tables()
+        if problem.damping.material is not None:
+            tables = problem.system.chain.bodies.stiffened(
+                1.0 + s * np.asarray(problem.damping.material)
+            ).tables()
         if connectors is not None:
             connectors.part[1] = s
         problem.factorize(s * s, tables)

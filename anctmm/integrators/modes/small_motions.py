@@ -7,17 +7,14 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 """
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables, damping_forces
+from anctmm.discretise.assembly import Tables
 from anctmm.discretise.joined import Joined
-from anctmm.discretise.maps import push
-from anctmm.forces.connectors import free_measure, measure, slopes, time_of
 from anctmm.integrators.connected import Connected
+from anctmm.integrators.statics.damping import Damping
 from anctmm.integrators.statics.equilibrium_stability import least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
-from anctmm.jit.compiling import uncompiled
 
 Array = NDArray[np.float64]
 
@@ -50,12 +47,11 @@ class SmallMotions:
         self.system, self.q, self.factor, self.spin = system, q, factor, spin
         self.unstressed = unstressed and spin == 0.0
         self.join = Joined(system.chain)
-        self.damping = system.chain.bodies.damping
-        self.dampers = dampers_of(system, q, factor)
+        self.damping = Damping(system, q, factor)
         self._noise, self._first_shift = _roundings(system, Connected(system.chain).bounds()[0])
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
-        self.damped = self.damping is not None or self.dampers is not None or spin != 0.0
+        self.damped = self.damping.there or spin != 0.0
 
     @property
     def symmetric(self) -> bool:
@@ -84,22 +80,12 @@ class SmallMotions:
 
     def damping_forces(self, x: Array) -> Array:
         """C x, with what a turning frame adds."""
-        u, system = self.join.spread(x), self.system
-        total = np.zeros_like(u)
-        if self.damping is not None:
-            lost = np.zeros_like(u)  # damping forces, linear in the velocities
-            t = system.tables
-            damping_forces(
-                t.formulations, self.q, u, t.first, t.kinds, t.constants, self.damping, t.buffer, lost
-            )
-            total -= lost
-        if self.dampers is not None:
-            rates, forces = self.dampers
-            total += (forces.T @ (rates * (forces @ u.reshape(-1)))).reshape(u.shape)
+        u = self.join.spread(x)
+        total = self.damping.forces(u)
         if self.spin:
             turned = np.empty_like(u)
             turned[::2], turned[1::2] = -u[1::2], u[::2]
-            total += 2.0 * self.spin * system.inertia(turned)
+            total += 2.0 * self.spin * self.system.inertia(turned)
         return self.join.gather(total)
 
     @property
@@ -130,35 +116,6 @@ class SmallMotions:
     def solve(self, force: Array) -> Array:
         """Displacements under forces that keep the constraints, with the matrix factored last."""
         return self.join.unknowns(self.system.solve(self.join.load(force)))
-
-
-def dampers_of(
-    system: StaticSystem, q: Array, factor: float
-) -> "tuple[Array, scipy.sparse.csr_matrix] | None":
-    """Dampers at coordinates q, (rows, nodes), under a part of the loads: N by the rate of each, and its force.
-
-    They are those of the configuration: laws are asked at the elongation, the turns and the time that they have there.
-
-    Returns
-    -------
-    (ndarray, csr_matrix) or None
-        (n,) and (n, rows · nodes): the generalized force of a unit of each connector. None where nothing damps.
-    """
-    c, values = system.loads.connectors, system.values_at(factor)
-    if c is None:
-        return None
-    rates, forces = [], []
-    for n in map(int, np.flatnonzero(c.lossy)):
-        m, ax, ay, bx, by = uncompiled(measure)(c, n, q)
-        free, faster = uncompiled(free_measure)(c, n, values)
-        _, rate = uncompiled(slopes)(c, n, m - free, -faster, float(uncompiled(time_of)(values)))
-        if rate != 0.0:
-            force = np.zeros_like(q)
-            uncompiled(push)(c.first, n, ax, ay, force)
-            uncompiled(push)(c.second, n, bx, by, force)
-            rates.append(float(rate))
-            forces.append(scipy.sparse.csr_matrix(force.reshape(1, -1)))
-    return (np.array(rates), scipy.sparse.vstack(forces, format="csr")) if rates else None
 
 
 def _roundings(system: StaticSystem, stiff: float) -> tuple[float, float]:

@@ -300,7 +300,7 @@ def _doubt(search: LoadPath, before: float) -> Status | None:
         case "singular":
             return singular(factor, *worst_element(search.chain, system.sizes(found.motion)))
         case "unstable":
-            free = system.conservative
+            free = system.conservative and not found.flutter
             mode = lowest_mode(system, search.q, factor)[1] if free else found.motion
             worst = worst_element(search.chain, system.sizes(mode))
             return unstable(factor, found.negative, *worst, before, ADVICE if free else LESS, found.flutter)

@@ -5,6 +5,7 @@ where K_T is positive definite on what the joints leave free. The elimination of
 pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -14,17 +15,20 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.joined import Joined
 from anctmm.integrators.stability import element_bound
+from anctmm.integrators.statics.damping import Damping
 from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 EPS = float(np.finfo(np.float64).eps)
 #: Relative change of coordinates, a few roundings, with which a solve is repeated, and how often.
 ROUNDING, TRIALS = 4.0 * EPS, 4
 #: Relative change of its answer from which on the tangent is singular as far as double precision can tell.
 SINGULAR = 0.5
-#: Unknowns up to which all motions are looked at, and the lowest of more; imaginary part that is no rounding.
-DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
+#: Unknowns up to which all motions are looked at, and the lowest of more; rates of each where motions are damped, some
+#: of which do not swing; real or imaginary part that is no rounding.
+DENSE, LOWEST, DAMPED, COMPLEX = 60, 12, 4, 1e-6
 #: Softness, relative to the largest, below which no motion is looked at.
 STIFF = 1e-9
 #: Shift, of the square of the highest frequency, that outweighs all stiffness, and answer that is none.
@@ -64,10 +68,11 @@ def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
         return Stability("singular", 0, lowest_mode(system, q, factor)[1])
     motion, singular = _softest(system, q, factor)
     negative = system.factorize(q, factor)
-    if not singular and not system.conservative:
-        return _by_motions(system, motion)
     if singular:
         return Stability("singular", negative, motion)
+    damping = Damping(system, q, factor)
+    if not system.conservative or (damping.feeds and not negative):
+        return _by_motions(system, damping, motion)
     return Stability("unstable" if negative else "stable", negative, motion)
 
 
@@ -92,36 +97,67 @@ def _forceless(system: StaticSystem, q: Array, factor: float) -> bool:
     return not (springs or element_bound(system.chain) > 0.0 or system.applied(q, factor).any())
 
 
-def _by_motions(system: StaticSystem, motion: Array) -> Stability:
-    """Stability under forces without a potential, with the tangent K factored last: small motions M ẍ + K x = 0.
+def _by_motions(system: StaticSystem, damping: Damping, motion: Array) -> Stability:
+    """Stability by small motions M ẍ + C ẋ + K x = 0, with the tangent K factored last.
 
-    They do not grow where the eigenvalues λ = ω² of K x = λ M x are positive. A negative one is a motion that leaves
-    without swinging; a complex pair is two frequencies that have become one (flutter). Both begin at low frequencies:
-    the lowest few are found, by inverse iteration in a Krylov space.
+    So where forces have no potential, or feed motions. Without damping motions do not grow where the eigenvalues λ = ω²
+    of K x = λ M x are positive: a negative one is a motion that leaves without swinging; a complex pair is two
+    frequencies that have become one (flutter). With damping, which may make a scene flutter far earlier (Ziegler),
+    the rates λ of the quadratic problem tell it. Both begin at low frequencies: the lowest few are found.
     """
+    rates, shapes = _lowest_damped(system, damping) if damping.there else _lowest_undamped(system)
+    grows = rates.real > COMPLEX * np.abs(rates)
+    if not grows.any():
+        return Stability("stable", 0, motion)
+    leaves = grows & (np.abs(rates.imag) <= COMPLEX * np.abs(rates)) & (not system.conservative)
+    worst = Joined(system.chain).spread(
+        np.real(shapes[:, int(np.argmin(np.where(grows, np.abs(rates), np.inf)))])
+    )
+    return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
+
+
+def _lowest_undamped(system: StaticSystem) -> tuple[Complex, Complex]:
+    """Rates √−λ of the lowest small motions without damping, one of each pair ±, and their unknowns."""
+    joined = Joined(system.chain)
+
+    def soften(x: Array) -> Array:
+        return _answer(system, joined, system.inertia(joined.spread(x)))
+
+    inverse, shapes = _largest(soften, joined.size, LOWEST)
+    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()  # the others are rounding, as of held directions
+    values = 1.0 / inverse[soft]
+    values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
+    return np.sqrt(-values.astype(complex)), shapes[:, soft]
+
+
+def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Complex]:
+    """Rates of the lowest small motions, and their unknowns: λ z = A z with z = (x, λ x), of which A⁻¹ is known."""
     joined = Joined(system.chain)
     n = joined.size
 
-    def soften(x: Array) -> Array:
-        return joined.unknowns(system.solve(joined.load(joined.gather(system.inertia(joined.spread(x))))))
+    def soften(z: Array) -> Array:
+        x, v = joined.spread(z[:n]), joined.spread(z[n:])
+        return np.concatenate([-_answer(system, joined, damping.forces(x) + system.inertia(v)), z[:n]])
 
-    if n <= DENSE:
-        inverse, shapes = np.linalg.eig(np.stack([soften(e) for e in np.eye(n)], axis=1))
+    inverse, shapes = _largest(soften, 2 * n, DAMPED * LOWEST)
+    soft = np.abs(inverse) > STIFF**0.5 * np.abs(inverse).max()
+    return 1.0 / inverse[soft], shapes[:n, soft]
+
+
+def _answer(system: StaticSystem, joined: Joined, force: Array) -> Array:
+    """Unknowns under forces of nodes, with the tangent factored last."""
+    return joined.unknowns(system.solve(joined.load(joined.gather(force))))
+
+
+def _largest(product: Callable[[Array], Array], n: int, count: int) -> tuple[Complex, Complex]:
+    """Largest eigenvalues of a product with n unknowns, all of them if n is small, and their vectors."""
+    if n <= max(DENSE, count + 2):
+        values, vectors = np.linalg.eig(np.stack([product(e) for e in np.eye(n)], axis=1))
     else:
-        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
+        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=product, dtype=float)
         start = np.random.default_rng(0).standard_normal(n)
-        inverse, shapes = scipy.sparse.linalg.eigs(operator, LOWEST, which="LM", v0=start)
-    # the others are rounding, as of directions that are held
-    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()
-    inverse, shapes = inverse[soft], shapes[:, soft]
-    values = 1.0 / inverse
-    swings = np.abs(values.imag) > COMPLEX * np.abs(values)
-    leaves = ~swings & (values.real < 0.0)
-    grows = swings | leaves
-    if not grows.any():
-        return Stability("stable", 0, motion)
-    worst = joined.spread(np.real(shapes[:, int(np.argmax(np.where(grows, np.abs(inverse), 0.0)))]))
-    return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
+        values, vectors = scipy.sparse.linalg.eigs(operator, count, which="LM", v0=start)
+    return values.astype(complex), vectors
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
