@@ -29,7 +29,7 @@ _PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), np.
 #: Operations of code that take a global, its number doubled, and that begin the number of the next one.
 _LOAD_GLOBAL, _EXTENDED_ARG = opmap["LOAD_GLOBAL"], opmap["EXTENDED_ARG"]
 
-#: Flag of code whose first constant is a docstring, from Python 3.13 on.
+#: Flag of code whose first constant is a docstring, from Python 3.14 on.
 _DOCSTRING = 0x4000000
 
 
@@ -132,7 +132,7 @@ def _code(code: CodeType) -> str:
 
 def _has_docstring(code: CodeType) -> bool:
     """Whether the first constant of a function is its docstring."""
-    if sys.version_info >= (3, 13):
+    if sys.version_info >= (3, 14):
         return bool(code.co_flags & _DOCSTRING)
     return code.co_name != "<lambda>" and bool(code.co_consts) and isinstance(code.co_consts[0], str)
 
