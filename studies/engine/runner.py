@@ -95,7 +95,20 @@ class Runner:
     def sweep(
         self, cases: Iterable[Trial], budget_s: float | None = None, timed: bool = True
     ) -> list[Outcome]:
-        """Run cases; those that differ in the solver only take their samples in turn.
+        """Run cases and keep what comes of all of them: see `each`.
+
+        Returns
+        -------
+        list of Outcome
+            In the order of the cases, without repetitions.
+        """
+        found = dict(self.each(cases, budget_s, timed))
+        return [found[place] for place in sorted(found)]
+
+    def each(
+        self, cases: Iterable[Trial], budget_s: float | None = None, timed: bool = True
+    ) -> Iterator[tuple[int, Outcome]]:
+        """Run cases, one after the other; those that differ in the solver only take their samples in turn.
 
         Workers, if there are any, compute the solutions first. Times are measured when none of them is at work.
 
@@ -108,10 +121,11 @@ class Runner:
             Whether times are wanted, too; without them each solution's cost has NaN in their place, and the only
             samples are of runs that were done here and now.
 
-        Returns
-        -------
-        list of Outcome
-            In the order of the cases, sorted so that contestants stand together.
+        Yields
+        ------
+        int
+            Place of the case among the cases without repetitions: contestants come together.
+        Outcome
 
         Raises
         ------
@@ -121,15 +135,15 @@ class Runner:
         ordered = list({_identity(case): case for case in cases}.values())
         self.compute(ordered)
         self.prepare(ordered)
+        places = {_identity(case): place for place, case in enumerate(ordered)}
         groups = [list(g) for _, g in groupby(sorted(ordered, key=_contest), key=_contest)]
-        outcomes: list[Outcome] = []
+        done = 0
         for group in groups:
-            self.on_start(label_of(group[0]), len(outcomes), len(ordered))
+            self.on_start(label_of(group[0]), done, len(ordered))
             for outcome in self._contest(group, self.budget_s if budget_s is None else budget_s, timed):
-                outcomes.append(outcome)
-                self.on_done(outcome.case, len(outcomes), len(ordered))
-        place = {_identity(case): i for i, case in enumerate(ordered)}
-        return sorted(outcomes, key=lambda o: place[_identity(o.case)])
+                done += 1
+                self.on_done(outcome.case, done, len(ordered))
+                yield places[_identity(outcome.case)], outcome
 
     def solve(self, case: Trial) -> Outcome:
         """One case, not timed."""

@@ -8,7 +8,7 @@ from anctmm.elements.kinds import KINDS
 from anctmm.model.scene import Scene
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
-from studies.engine.accuracy.dynamics import Sweep, measured_by
+from studies.engine.accuracy.dynamics import Planned
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome
 from studies.engine.running.rows import element_of
@@ -29,13 +29,13 @@ class SameMesh:
     uncertainty: float
 
 
-def same_mesh(swept: Sweep, dt: float, integrator: str, runner: Runner) -> Mapping[Place, SameMesh]:
+def same_mesh(planned: Planned, dt: float, integrator: str, runner: Runner) -> Mapping[Place, SameMesh]:
     """Runs of ANC-TMM with a fine step, s, on every mesh of a sweep; meshes that it cannot run are left out."""
-    fine = fine_runs([o.case for o in swept.outcomes], dt, integrator)
+    fine = fine_runs(planned.cases, dt, integrator)
     coarser = [replace(case, dt=2 * dt) for case in fine]
     found = {o.case: o.solution for o in runner.sweep([*fine, *coarser], timed=False)}
     return {
-        _place(case): SameMesh(found[case], compare(found[twice], found[case], swept.base.probes).error)
+        _place(case): SameMesh(found[case], compare(found[twice], found[case], planned.base.probes).error)
         for case, twice in zip(fine, coarser, strict=True)
         if found[case].status.ok and found[twice].status.ok
     }
@@ -51,14 +51,14 @@ def other_model(case: Trial) -> bool:
     return element_of(case.solver, case.element) not in KINDS
 
 
-def split(swept: Sweep, outcome: Outcome, fine: Mapping[Place, SameMesh]) -> dict[str, Any]:
+def split(planned: Planned, outcome: Outcome, fine: Mapping[Place, SameMesh]) -> dict[str, Any]:
     """A run's error of the mesh, of the step, and which outweighs the other; NaN and "-" where not known."""
     beside = None if other_model(outcome.case) else fine.get(_place(outcome.case))
     nan = float("nan")
     if beside is None or not outcome.solution.status.ok:
         return {"mesh_error": nan, "step_error": nan, "step_reference_error": nan, "error_from": "-"}
-    mesh = swept.references[measured_by(outcome.case, swept.references)].error_of(beside.solution)
-    step = compare(outcome.solution, beside.solution, swept.base.probes).error
+    mesh = planned.reference_of(outcome.case).error_of(beside.solution)
+    step = compare(outcome.solution, beside.solution, planned.base.probes).error
     return {
         "mesh_error": mesh,
         "step_error": step,
@@ -72,11 +72,6 @@ def weigh(mesh: float, step: float) -> str:
     if mesh > OUTWEIGHS * step:
         return "mesh"
     return "step" if step > OUTWEIGHS * mesh else "both"
-
-
-def places(swept: Sweep) -> Sequence[Place]:
-    """Elements, quadratures and meshes of a sweep."""
-    return list(dict.fromkeys(_place(o.case) for o in swept.outcomes))
 
 
 def _place(case: Trial) -> Place:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import count, product
-from typing import Any
+from typing import Any, NamedTuple
 
 import pandas as pd
 
@@ -14,12 +14,11 @@ from studies.engine.accuracy.dynamics import (
     AS_GIVEN,
     Fine,
     Plan,
-    Sweep,
+    Planned,
     cases_of,
     check_mesh,
-    measured_by,
+    planned,
     quick_plan,
-    sweep,
     with_references,
 )
 from studies.engine.accuracy.robust import robust_errors
@@ -27,7 +26,7 @@ from studies.engine.choices import choices_of, written
 from studies.engine.measuring.timing import in_turn, least
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Runner
-from studies.engine.running.outcomes import Outcome, Reference, Sample
+from studies.engine.running.outcomes import Reference, Sample
 from studies.engine.running.rows import row, sample_rows
 from studies.engine.running.trial import Trial, label_of
 from studies.engine.running.turns import at_work
@@ -170,22 +169,28 @@ def _plan(ladder: Ladder, options: Options) -> Plan:
     return quick_plan(ladder.plan(True), ladder.plan(False), options) if options.quick else ladder.plan(False)
 
 
+class Tried(NamedTuple):
+    """A setting that was run: its row, and its raw times. Its solution is not kept: there are thousands."""
+
+    case: Trial
+    row: dict[str, Any]
+    samples: list[dict[str, Any]]
+
+
 def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
     """Run one scene's plan, split the errors, and time what is near the front again, in turn."""
-    plan = _plan(ladder, options)
-    out = left_out(plan, ladder.base, options.solvers)
-    swept = sweep(ladder.base, without(plan, out), options, runner)
-    fine = same_mesh(swept, ladder.fine_step, ladder.fine_integrator, runner)
-    rows = [
-        row(o, swept.references[measured_by(o.case, swept.references)])
-        | _asked(o.case, ladder.base)
-        | split(swept, o, fine)
-        for o in swept.outcomes
-    ]
-    frame = pd.DataFrame(rows, columns=[c for c in COLUMNS if c not in ("robust_error", "in_turn", "excess")])
-    frame["family"] = [o.case.element for o in swept.outcomes]
-    frame["robust_error"] = _robust(frame, [o.case for o in swept.outcomes])
-    again = time_again(swept, frame, ROUNDS[options.quick], runner)
+    base, plan = ladder.base, _plan(ladder, options)
+    out = left_out(plan, base, options.solvers)
+    settings = planned(base, without(plan, out), options, runner)
+    tried = _tried(ladder, settings, plan.budget_s, runner)
+    cases = [one.case for one in tried]
+    frame = pd.DataFrame(
+        [one.row for one in tried],
+        columns=[c for c in COLUMNS if c not in ("robust_error", "in_turn", "excess")],
+    )
+    frame["family"] = [case.element for case in cases]
+    frame["robust_error"] = _robust(frame, cases)
+    again = time_again(cases, frame, ROUNDS[options.quick], runner)
     frame["in_turn"] = [k in again for k in frame.index]
     for k, found in again.items():
         times = vars(least([sample.cost for sample in found]))
@@ -193,15 +198,27 @@ def measure(ladder: Ladder, options: Options, runner: Runner) -> Traded:
             frame.loc[k, name] = times[name]
     frame["excess"] = excess(frame)
     samples = [
-        *(r | {"round": "sweep"} for o in swept.outcomes for r in sample_rows(o)),
-        *(r for k, found in again.items() for r in _samples(swept.outcomes[k], found)),
+        *(r | {"round": "sweep"} for one in tried for r in one.samples),
+        *(r | {"round": "in turn"} for k, found in again.items() for r in sample_rows(cases[k], found)),
     ]
-    said = said_of(ladder.base, out)
-    traded = Traded(ladder.base, frame[[*COLUMNS, "family"]], swept.references, samples, said=said)
+    said = said_of(base, out)
+    traded = Traded(base, frame[[*COLUMNS, "family"]], settings.references, samples, said=said)
     if options.quick:
         return traded
-    second = second_roads(ladder.base, ladder.second, swept.references, runner)
-    return replace(traded, second=second, orders=[*_orders(ladder, swept.references, runner)])
+    second = second_roads(base, ladder.second, settings.references, runner)
+    return replace(traded, second=second, orders=[*_orders(ladder, settings.references, runner)])
+
+
+def _tried(ladder: Ladder, settings: Planned, budget_s: float | None, runner: Runner) -> list[Tried]:
+    """All settings, run, in their order."""
+    fine = same_mesh(settings, ladder.fine_step, ladder.fine_integrator, runner)
+    found = {}
+    for place, outcome in runner.each(settings.cases, budget_s):
+        case = outcome.case
+        told = row(outcome, settings.reference_of(case)) | _asked(case, ladder.base)
+        told |= split(settings, outcome, fine)
+        found[place] = Tried(case, told, sample_rows(case, outcome.samples))
+    return [found[place] for place in sorted(found)]
 
 
 def _orders(ladder: Ladder, references: Mapping[str, Reference], runner: Runner) -> Iterator[dict[str, Any]]:
@@ -213,12 +230,12 @@ def _orders(ladder: Ladder, references: Mapping[str, Reference], runner: Runner)
 
 
 def time_again(
-    swept: Sweep, frame: pd.DataFrame, rounds: int, runner: Runner
+    every: Sequence[Trial], frame: pd.DataFrame, rounds: int, runner: Runner
 ) -> Mapping[int, Sequence[Sample]]:
     """Times of the settings near the front of their solver, which take their samples in turn; by their row."""
     near = pd.concat([excess(own) for _, own in frame.groupby("solver", sort=False)]) <= NEAR
     chosen = near.index[near].sort_values()
-    cases = {int(k): swept.outcomes[k].case for k in chosen}
+    cases = {int(k): every[k] for k in chosen}
 
     began, total = count(), rounds * len(cases)
 
@@ -258,10 +275,6 @@ def _asked(case: Trial, base: Case) -> dict[str, Any]:
     bounds = {name: asked.get(name, float("nan")) for name in ("tolerance", "newton_tolerance")}
     stretch = AS_GIVEN if case.scene == base.scene else "free"
     return bounds | {"own": written(case.own), "stretch": stretch}
-
-
-def _samples(outcome: Outcome, found: Sequence[Sample]) -> list[dict[str, Any]]:
-    return [row | {"round": "in turn"} for row in sample_rows(replace(outcome, samples=tuple(found)))]
 
 
 def _fitting(base: Case, options: Options) -> Options:

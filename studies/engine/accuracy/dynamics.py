@@ -119,6 +119,19 @@ class Plan:
 
 
 @dataclass(frozen=True)
+class Planned:
+    """Cases of a sweep that are to be run, and what their errors are measured against."""
+
+    base: Case
+    cases: Sequence[Trial]
+    references: Mapping[str, Reference]
+
+    def reference_of(self, case: Trial) -> Reference:
+        """The reference of a case."""
+        return self.references[measured_by(case, self.references)]
+
+
+@dataclass(frozen=True)
 class Sweep:
     """What a sweep gave."""
 
@@ -182,13 +195,18 @@ def quick_plan(quick: Plan, full: Plan, options: Options) -> Plan:
 
 def sweep(base: Case, plan: Plan, options: Options, runner: Runner) -> Sweep:
     """Run a plan, narrowed by the user's options."""
+    one = planned(base, plan, options, runner)
+    return Sweep(base, tuple(runner.sweep(one.cases, plan.budget_s)), one.references)
+
+
+def planned(base: Case, plan: Plan, options: Options, runner: Runner) -> Planned:
+    """Cases of a plan, narrowed by the user's options, and the references, found."""
     cases = cases_of(base, plan, options)
     every = with_references(base, plan, cases)
     runner.compute(every)
     runner.prepare(every)
     elements = dict.fromkeys(measured_by(case, plan.references) for case in cases)
-    references = {e: reference_of(base, e, plan.references[e], runner) for e in elements}
-    return Sweep(base, tuple(runner.sweep(cases, plan.budget_s)), references)
+    return Planned(base, cases, {e: reference_of(base, e, plan.references[e], runner) for e in elements})
 
 
 def with_references(base: Case, plan: Plan, cases: Sequence[Trial]) -> list[Trial]:
@@ -251,7 +269,11 @@ def check_mesh(scene: Scene, mesh: Mesh) -> None:
 
 def samples(outcomes: tuple[Outcome, ...]) -> Table:
     """All raw time samples."""
-    return Table("samples", "Raw time samples", pd.DataFrame([r for o in outcomes for r in sample_rows(o)]))
+    return Table(
+        "samples",
+        "Raw time samples",
+        pd.DataFrame([r for o in outcomes for r in sample_rows(o.case, o.samples)]),
+    )
 
 
 def measured_by(case: Trial, references: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import AnctmmError
 from anctmm.solvers import registry
 from studies.engine.measuring.timing import summarise
-from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.outcomes import Outcome, Reference, Sample
 from studies.engine.running.trial import STATIC, Trial
 
 #: Of a run's row.
@@ -72,9 +72,8 @@ def rows_frame(
     )
 
 
-def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
-    """The raw time samples of a run."""
-    case = outcome.case
+def sample_rows(case: Trial, samples: Sequence[Sample]) -> list[dict[str, Any]]:
+    """The raw time samples of a case."""
     names = ("solver", "element", "quadrature", "integrator")
     about = {"scene": case.scene.name, **{n: getattr(case, n) for n in names}}
     about |= {"elements": case.cut, "dt": case.dt}
@@ -84,5 +83,5 @@ def sample_rows(outcome: Outcome) -> list[dict[str, Any]]:
             **about, "sample": k, **{t: getattr(s.cost, t) for t in times},
             "machine": s.interval.machine, "began": s.interval.begin, "ended": s.interval.end,
         }
-        for k, s in enumerate(outcome.samples)
+        for k, s in enumerate(samples)
     ]  # fmt: skip

@@ -1,9 +1,11 @@
 """The trade of error for time on scenes that nobody tuned for: references, recommendations, and what cannot run."""
 
+import gc
 import re
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
+from weakref import ref
 
 import numpy as np
 import pandas as pd
@@ -13,6 +15,7 @@ from typer.testing import CliRunner
 from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THROWN_CHAIN
 
 import anctmm as at
+from anctmm.results.solution import Solution
 from studies.cases import cases_in, find_case
 from studies.cli import app
 from studies.engine.runner import Runner
@@ -24,6 +27,10 @@ from studies.trade.own_ladder import SHARE, worth_trying
 from studies.trade.recommend_print import show
 
 ERROR = 1e-2
+
+
+class Reached(Exception):
+    """A part of the study, which is asked about."""
 
 
 def traded(file, **options):
@@ -306,15 +313,39 @@ def test_a_case_whose_probes_rest_is_left_out_by_name(monkeypatch):
     with pytest.raises(StudyError, match=r"probes wheel\.center, none of which moves"):
         find("trade")(Options(quick=True, cases=(axle,), solvers=("anctmm",)), runner)
 
-    class Reached(Exception):
-        """The first ladder."""
-
     def measure(ladder, *_):
         raise Reached(ladder.base.name)
 
     monkeypatch.setattr("studies.trade.study.measure", measure)
     with pytest.raises(Reached, match="rim"):
         find("trade")(Options(quick=True, cases=(axle, rim), solvers=("anctmm",)), runner)
+
+
+@pytest.mark.interpreted
+def test_solutions_of_the_settings_are_not_kept(monkeypatch):
+    """Those of the four-bar took 5 GB."""
+    made = []
+    new = Solution.__init__
+
+    def counted(solution, *given, **named):
+        new(solution, *given, **named)
+        made.append(ref(solution))
+
+    def alive(settings, *_):
+        gc.collect()
+        raise Reached(len(settings), sum(one() is not None for one in made))
+
+    monkeypatch.setattr(Solution, "__init__", counted)
+    monkeypatch.setattr("studies.trade.study.time_again", alive)
+    scene = at.Scene("thrown", [at.RigidBody("b", 1.0, 0.02, (0.0, 0.0), velocity=(1.0, 2.0), spin=3.0)])
+    case = at.Case(scene, ["b.center"], t_end=0.2, output_dt=0.1)
+    with pytest.raises(Reached) as found:
+        find("trade")(
+            Options(quick=True, cases=(case,), solvers=("anctmm", "global-dae")), Runner(None, repeats=1)
+        )
+    settings, kept = found.value.args
+    assert settings > 10
+    assert kept < settings / 2
 
 
 @pytest.mark.interpreted
