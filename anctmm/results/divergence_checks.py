@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from anctmm.results.break_check import break_findings
 from anctmm.results.constraint_check import constraint_findings
-from anctmm.results.drive_check import drive_findings
+from anctmm.results.drive_check import drive_findings, with_drives
 from anctmm.results.ends import ends_of
 from anctmm.results.energy_check import energy_findings
 from anctmm.results.fields import HermiteField, LagrangeField
@@ -89,6 +89,11 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
         "diverged" or "failed"; or a whole one with the status "inaccurate" or "imprecise".
     """
+    found = _checked(solution, static, energies)
+    return found if static else with_drives(found)
+
+
+def _checked(solution: Solution, static: bool, energies: bool) -> Solution:
     explicit = not static and solution.run is not None and solution.run.explicit
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution

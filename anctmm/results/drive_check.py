@@ -6,6 +6,7 @@ work and start from the others. Where these are no derivatives, all of this is w
 """
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from anctmm.model.connectors import Spring, free_name, name_of
 from anctmm.model.drives import Pulse, Quintic, tabulate
 from anctmm.model.joints import drive_of
 from anctmm.model.scene import Scene
-from anctmm.results.finding import Finding
+from anctmm.results.finding import FATAL, Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -32,6 +33,8 @@ ROUNDING = 8.0 * float(np.finfo(float).eps)
 #: Intervals of a run that are searched for a jump, and halvings that find it; part of what a drive moves from which on
 #: it counts, and part of it that is left in the end.
 INTERVALS, HALVINGS, COUNTS, LEFT = 64, 20, 0.05, 0.5
+#: Part of a run within which after its failure a drive may be the cause: a step that failed ends there.
+MARGIN = 1e-3
 #: What derivatives are called, by the order of what they are derivatives of.
 NAMES = ("rate", "acceleration")
 
@@ -40,18 +43,33 @@ def drive_findings(solution: Solution) -> Iterator[Finding]:
     """Drives whose rate or acceleration is another one, at most of the times at which they move, or which jump."""
     if solution.run is None:
         return
-    for drive in drives_of(solution.scene):
+    for t, message in _faults(solution.scene, solution.run.t_end):
+        place = min(int(np.searchsorted(solution.t, t)), solution.t.size - 1)
+        yield Finding(place, "inaccurate", message, None, None)
+
+
+def with_drives(solution: Solution) -> Solution:
+    """A run that has failed, whose status names the drives that jump, or whose derivatives are wrong, until then."""
+    status, run = solution.status, solution.run
+    if status.code not in FATAL or status.time is None or run is None:
+        return solution
+    end = min(status.time + MARGIN * run.t_end, run.t_end)
+    causes = [message for _, message in _faults(solution.scene, end)]
+    return replace(solution, status=replace(status, message="; ".join([status.message, *causes])))
+
+
+def _faults(scene: Scene, end: float) -> Iterator[tuple[float, str]]:
+    """Drives that are wrong until a time, s: when, and what is told of it."""
+    for drive in drives_of(scene):
         if type(drive[1]) in (Quintic, Pulse):
             continue
         for look in (_wrong, _jumps):
             try:
-                told = look(drive, solution.run.t_end)
+                told = look(drive, end)
             except PropertyError:  # a history that knows the times of steps alone
                 continue
             if told is not None:
-                t, message = told
-                place = min(int(np.searchsorted(solution.t, t)), solution.t.size - 1)
-                yield Finding(place, "inaccurate", message, None, None)
+                yield told
                 break
 
 
