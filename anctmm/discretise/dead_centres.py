@@ -65,7 +65,7 @@ def _at_start(found: Constraints) -> Iterator[Term]:
     at = 1
     for drive in found.drives:
         ones |= {at} if drive.turns else set()
-        at += 2 if drive.turns else 1
+        at += drive.signals
     return (term for term in found.terms if term.signal in ones)
 
 

@@ -21,7 +21,7 @@ from anctmm.errors import (
     unknown_option,
 )
 from anctmm.model.kept import PREFIX
-from anctmm.model.scene import Beam, Scene, checked_scene
+from anctmm.model.scene import Scene, checked_scene
 from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
 
 INTEGRATORS = tuple(METHODS)
@@ -307,11 +307,6 @@ def parts_of_load(load_steps: object) -> int:
         If it is no whole number from 1 on, or too many.
     """
     return whole("load_steps", load_steps, MOST_LOAD_STEPS, DiscretisationError)
-
-
-def element_length(body: Beam, elements: int) -> float:
-    """Undeformed length of each of a body's equal elements, m."""
-    return body.length / elements
 
 
 def _by_body(what: str, value: Any, check: Callable[[str, Any, Any], Any]) -> Any:

@@ -158,7 +158,7 @@ class KeptUnknowns:
         """Unknowns that are eliminated together have one number."""
         starts = np.zeros(len(self.dual), dtype=np.int64)
         starts[[begin for begin in self.first.values() if begin < len(starts)]] = 1
-        starts[self.size + self.constraints.begins] = 1
+        starts[self.size + np.array(self.constraints.begins, dtype=np.int64)] = 1
         return np.asarray(np.cumsum(starts) - 1)
 
     def of_end(self, end: End) -> tuple[int | None, int | None, Vertex] | None:

@@ -124,8 +124,3 @@ def hermite_mass(l: float) -> Array:  # noqa: E741
 def hermite_load(l: float) -> Array:  # noqa: E741
     """∫ N dx of the Hermite functions, (4,)."""
     return np.array([l / 2, l**2 / 12, l / 2, -(l**2) / 12])
-
-
-def power(force: Array, velocity: Array) -> float:
-    """Power of nodal forces at nodal velocities, W; of elastic forces it is the strain energy's rate."""
-    return float(np.sum(force * velocity))

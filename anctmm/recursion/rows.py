@@ -142,7 +142,7 @@ def _rows(kept: KeptUnknowns, found: Constraints, number: Ints, matrix: Sparse |
     at = 1
     for drive in found.drives:  # they start at 0
         signals[0, at] = 1.0 if drive.turns else 0.0
-        at += 2 if drive.turns else 1
+        at += drive.signals
     return Rows(
         number[kept.size :], row, one, two, signal, np.array([t.factor for t in found.terms]),
         np.array(places, dtype=np.int64).reshape(3, -1), _pairs(found, number, matrix),

@@ -131,11 +131,6 @@ class Change:
             and all(np.frexp(unit)[0] == 0.5 for unit in (self.metre, self.kilogram, self.second))
         )
 
-    @property
-    def same_units(self) -> bool:
-        """Whether all numbers but those of places and directions stay as they are."""
-        return self.metre == self.kilogram == self.second == 1.0
-
     def scene(self, scene: Scene) -> Scene:
         """The scene with these numbers."""
         return replace(

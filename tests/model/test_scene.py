@@ -12,7 +12,6 @@ from samples import B, C, beam, refused, row_scene, run_of, scene_of
 
 import anctmm as at
 from anctmm import errors
-from anctmm.discretise.discretisation import element_length
 from anctmm.discretise.junctions.vertices import vertices_of
 from anctmm.discretise.plan import plan_of
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
@@ -182,7 +181,6 @@ def test_properties_of_bodies():
     b = beam("b", (1.0, 1.0), (4.0, 5.0))
     assert (b.length, distance(b.start, b.end)) == (5.0, 5.0)
     assert b.angle == pytest.approx(np.arctan2(4.0, 3.0))
-    assert element_length(b, 4) == 1.25
     lam, G = Material(1.0, 1.0, 0.25).lame
     assert (lam, G) == pytest.approx((0.4, 0.4))
     assert Circle(2.0).area == pytest.approx(pi)

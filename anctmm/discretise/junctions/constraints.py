@@ -8,7 +8,7 @@ derivatives are all found by one small kernel (`anctmm.recursion.rows`).
 Vectors of the plane are complex numbers here, x + iy, linear in the unknowns.
 """
 
-from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -43,11 +43,16 @@ class Term(NamedTuple):
 
 
 class Drive(NamedTuple):
-    """What drives a joint: its name, its history, whether that is an angle (of two signals) or a position (of one)."""
+    """What drives a joint: its name, its history, and whether that is an angle or a position."""
 
     name: str
     history: Motion
     turns: bool
+
+    @property
+    def signals(self) -> int:
+        """Number of its signals: the cosine and the sine of an angle, or a position."""
+        return 2 if self.turns else 1
 
 
 @dataclass(frozen=True)
@@ -84,19 +89,21 @@ class Constraints:
     prescribed : list of (int, int, complex)
         Rows that prescribe where nodes of beams are along a line in the ground, each node, and what a unit of the row
         is there, m. An explicit step sets these nodes, as it sets those of driven clamps.
+    size : int
+        Number of unknowns.
     """
 
     names: list[tuple[str, str]] = field(default_factory=list)
     terms: list[Term] = field(default_factory=list)
     drives: list[Drive] = field(default_factory=list)
-    begins: Any = field(default_factory=list)
+    begins: list[int] = field(default_factory=list)
     prescribed: list[tuple[int, int, complex]] = field(default_factory=list)
     size: int = 0
 
     @property
     def signals(self) -> int:
         """Number of signals, that which is always 1 included."""
-        return 1 + sum(2 if drive.turns else 1 for drive in self.drives)
+        return 1 + sum(drive.signals for drive in self.drives)
 
     @property
     def pairs(self) -> Ints:
@@ -140,29 +147,12 @@ class Constraints:
                 Term(number, one, two, signal, factor) for (signal, one, two), factor in row.items() if factor
             ]
 
-    def signals_of(self, chosen: Container[int]) -> set[int]:
-        """Signals of some of the drives, by their numbers."""
-        found, number = set[int](), 1
-        for k, drive in enumerate(self.drives):
-            width = 2 if drive.turns else 1
-            if k in chosen:
-                found |= set(range(number, number + width))
-            number += width
-        return found
-
     def driven(self, drive: Drive) -> int:
-        """Number of the first signal of a drive."""
-        for known in self.drives:
-            if known == drive:
-                break
-        else:
+        """Number of the first signal of a drive, which is added if it is not yet among the drives."""
+        if drive not in self.drives:
             self.drives.append(drive)
-        number = 1
-        for known in self.drives:
-            if known == drive:
-                break
-            number += 2 if known.turns else 1
-        return number
+        before = self.drives[: self.drives.index(drive)]
+        return 1 + sum(other.signals for other in before)
 
 
 class Situated(Protocol):
@@ -214,9 +204,7 @@ def constraints_of(chain: Situated, of_end: Callable[[End], Any], size: int) -> 
         writer.unit(name)
     for junction in chain.junctions:
         writer.junction(junction)
-    found = writer.found
-    found.begins = np.array(found.begins, dtype=np.int64)
-    return found
+    return writer.found
 
 
 class _Writer:
