@@ -6,7 +6,7 @@ turns as its drive does, but for what bends, and that is told by the velocities.
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,21 +14,24 @@ from numpy.typing import NDArray
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Clamp, Prismatic, Weld, drive_of
 from anctmm.model.topology import GROUND, held_directions
-from anctmm.results.fields import HermiteField, RigidField
+from anctmm.results.fields import Field, HermiteField, RigidField
 
 Array = NDArray[np.float64]
-F = TypeVar("F", bound=HermiteField | RigidField)
+F = TypeVar("F", bound=Field)
+C = TypeVar("C", bound=HermiteField | RigidField)
 
 
 def with_turns_of_drives(scene: Any, fields: Mapping[str, F], t: Array) -> dict[str, F]:
-    """Fields of a motion; those of bodies that drives turn further than velocities tell have their angles counted."""
+    """Fields of a motion, of any solver; of bodies that drives turn further than velocities tell angles are counted."""
     found = dict(fields)
     if len(t) < 2 or not any(isinstance(j, Clamp | Weld) and j.angle is not None for j in scene.joints):
         return found
     for name, (angle, rate) in _driven(scene, t).items():
         told = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)  # by velocities, from one output to the next
-        if np.abs(told - np.diff(angle)).max() > np.pi:
-            found[name] = _counted(found[name], angle, rate, t)
+        field = found[name]  # another kind keeps angles as they are, with all turns
+        if isinstance(field, HermiteField | RigidField) and np.abs(told - np.diff(angle)).max() > np.pi:
+            with np.errstate(all="ignore"):  # of a run that has diverged
+                found[name] = cast(F, _counted(field, angle, rate, t))
     return found
 
 
@@ -52,7 +55,7 @@ def _driven(scene: Any, t: Array) -> dict[str, tuple[Array, Array]]:
     return {name: (turns[0], turns[1]) for name, turns in found.items() if name is not None and turns.any()}
 
 
-def _counted(field: F, angle: Array, rate: Array, t: Array) -> F:
+def _counted(field: C, angle: Array, rate: Array, t: Array) -> C:
     """A field whose angles at its nodes are counted with the turn of what drives it."""
     if isinstance(field, HermiteField):
         places: list[Any] = np.linspace(0.0, 1.0, field.coordinates.shape[1]).tolist()
