@@ -8,6 +8,7 @@ from rich.table import Table
 from anctmm.errors import PluginError
 from anctmm.model.case import Case
 from anctmm.solvers import registry
+from studies.engine.place_texts import place_texts
 from studies.engine.study import STUDIES
 from studies.scenes import BaseScene
 
@@ -18,7 +19,7 @@ def scenes(cases: Iterable[Case]) -> Table:
     for case in cases:
         bodies = ", ".join(b.name for b in case.scene.bodies)
         told = case.source if isinstance(case, BaseScene) else case.note
-        cells = (case.name, bodies, ", ".join(map(probe_text, case.probes)), _run(case), told)
+        cells = (case.name, bodies, ", ".join(place_texts(case.probes).values()), _run(case), told)
         shown.add_row(*map(escape, cells))
     return shown
 
@@ -37,11 +38,6 @@ def studies() -> Table:
     for name, (_, question) in STUDIES.items():
         shown.add_row(name, question)
     return shown
-
-
-def probe_text(probe: str | tuple[str, float]) -> str:
-    """A probe in words."""
-    return probe if isinstance(probe, str) else f"{probe[0]} at {probe[1]:g}"
 
 
 def _run(case: Case) -> str:

@@ -1,6 +1,6 @@
 """What joints and springs carry, and how many digits of it hold."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -10,8 +10,10 @@ from anctmm.errors import ResultError, unknown_kind
 from anctmm.model.case import Case
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.places import Written
 from anctmm.results.solution import Solution
-from studies.engine.accuracy.digits import ROUNDING, Value, probe_text
+from studies.engine.accuracy.digits import ROUNDING, Value
+from studies.engine.place_texts import place_texts
 
 
 def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
@@ -26,16 +28,6 @@ def at_joints(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     least = {"N": ROUNDING * force, "N m": ROUNDING * max(moment, force * case.scene.length)}
     for series in every:
         yield series.largest(solution, case, least[series.unit]), series.size
-
-
-def joint_text(joint: Joint) -> str:
-    """A joint in words."""
-    return f"{type(joint).__name__.lower()} {', '.join(map(probe_text, joint.ends))}"
-
-
-def connector_text(connector: Connector) -> str:
-    """A connector in words."""
-    return f"{_kind(connector)[0]} {', '.join(map(probe_text, connector.places))}"
 
 
 def _kind(connector: Connector) -> tuple[str, str, str]:
@@ -71,16 +63,24 @@ class _Series:
 
 
 def _series(solution: Solution, case: Case) -> Iterator[_Series]:
-    for joint in case.scene.joints:
+    scene = case.scene
+    texts = place_texts(
+        [*(p for j in scene.joints for p in j.ends), *(p for c in scene.connectors for p in c.places)]
+    )
+
+    def name_of(kind: str, places: Iterable[Written]) -> str:
+        return f"{kind} {', '.join(texts[place] for place in places)}"
+
+    for joint in scene.joints:
         with suppress(ResultError):
-            reaction, name = solution.reaction(joint), joint_text(joint)
+            reaction, name = solution.reaction(joint), name_of(type(joint).__name__.lower(), joint.ends)
             yield _Series(name, "force", "N", np.linalg.norm(reaction[:, :2], axis=1))
             if what := _moment_of(joint):
                 yield _Series(name, what, "N m", reaction[:, 2])
-    for connector in case.scene.connectors:
-        _, what, unit = _kind(connector)
+    for connector in scene.connectors:
+        kind, what, unit = _kind(connector)
         with suppress(ResultError):
-            yield _Series(connector_text(connector), what, unit, solution.tension(connector))
+            yield _Series(name_of(kind, connector.places), what, unit, solution.tension(connector))
 
 
 def _moment_of(joint: Joint) -> str:

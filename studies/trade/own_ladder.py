@@ -7,10 +7,10 @@ from typing import TypeVar
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
-from studies.engine.accuracy.digits import probe_text
 from studies.engine.accuracy.dynamics import check_kinds
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.accuracy.resting import rests
+from studies.engine.place_texts import place_texts
 from studies.engine.runner import Runner
 from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
@@ -125,8 +125,9 @@ def _check_moves(case: Case, found: Iterable[Refined]) -> None:
     """Refuse a case at whose probes nothing is to be measured."""
     whole = [run.solution for run in found if run.solution.status.ok]
     if whole and all(rests(solution, probe) for solution in whole for probe in case.probes):
+        probes = ", ".join(place_texts(case.probes).values())
         raise NothingMovesError(
-            f"case {case.name!r} has probes {', '.join(map(probe_text, case.probes))}, none of which moves; errors are "
+            f"case {case.name!r} has probes {probes}, none of which moves; errors are "
             f"those of displacements, and a place that moves is needed"
         )
 

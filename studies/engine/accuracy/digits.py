@@ -12,11 +12,11 @@ import pandas as pd
 from anctmm.errors import ResultError
 from anctmm.model.case import Case
 from anctmm.model.rigid_bodies import PointMass
-from anctmm.model.scene import Probe
 from anctmm.results.metrics import EPS, ROUNDINGS
 from anctmm.results.solution import Solution
 from studies.engine.accuracy.refinement import Refined
 from studies.engine.accuracy.richardson import left_in
+from studies.engine.place_texts import place_texts
 from studies.engine.tables import Table
 
 #: Part of the whole history's error that every value has at least: two runs may agree in one number by chance.
@@ -82,18 +82,13 @@ def rounded(value: float, uncertainty: float) -> str:
     return f"{value:.{max(min(place, 11 - first), 0)}f}"
 
 
-def probe_text(probe: Probe) -> str:
-    """A probe in words."""
-    return probe if isinstance(probe, str) else f"{probe[0]} at {probe[1]:g}"
-
-
 def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """For each probe its place and its angle at the end, and its largest displacement, as `Reading` asks for."""
     if not len(solution.t):
         return
     when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
-    for probe in case.probes:
-        name, path = probe_text(probe), solution.position(probe)
+    for probe, name in place_texts(case.probes).items():
+        path = solution.position(probe)
         way = float(np.linalg.norm(path - path[0], axis=1).max())
         least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
         yield Value(name, f"x {when}", "m", float(path[-1, 0]), least), way
