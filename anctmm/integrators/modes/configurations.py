@@ -23,6 +23,8 @@ PARTS, ITERATIONS = 4, 25
 CONVERGED = 1e-11
 #: Part of Ω² whose matrix is taken where that of Ω² itself is singular by parts.
 BESIDE = 1.0 + 1e-6
+#: What two scenes must share to be the same.
+PARTS_OF_SCENES = ("bodies", "joints", "loads", "gravity", "connectors")
 #: Statuses of motions whose last output is no state of the scene.
 LOST = ("diverged", "failed")
 #: Solutions that find the forces of constraints of an equilibrium.
@@ -82,9 +84,16 @@ def checked(chain: Chain, about: object) -> Solution:
     DiscretisationError
         If it is no solution of the scene, its mesh and elements.
     """
-    if not isinstance(about, Solution) or about.scene != chain.scene or not len(about.t):
+    if not isinstance(about, Solution) or not len(about.t):
         raise DiscretisationError(
             f"about is {shown(about)}; a solution of scene {chain.scene.name!r} with an output is needed"
+        )
+    if others := [
+        part for part in PARTS_OF_SCENES if getattr(about.scene, part) != getattr(chain.scene, part)
+    ]:
+        raise DiscretisationError(
+            f"about is a solution of a scene {about.scene.name!r} with other {' and '.join(others)} than scene "
+            f"{chain.scene.name!r}; one of the same scene is needed (functions are the same where they are one object)"
         )
     _check_cut(chain, about)
     if about.status.code in LOST and not about.static:

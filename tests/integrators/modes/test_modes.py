@@ -1,5 +1,7 @@
 """Natural modes against exact frequencies, published blades, and small vibrations in runs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
@@ -131,6 +133,10 @@ def test_wrong_questions_are_refused_by_name():
         ({"spin": float("nan")}, "spin"),
         ({"about": 3}, "about is 3"),
         ({"about": at.solve_static(scene, mesh=3)}, "another mesh"),
+        (
+            {"about": at.solve_static(replace(scene, gravity=(0, -1.0)), mesh=2)},
+            "other gravity than scene 'bar'",
+        ),
         ({"element": {"bar": "rigid"}, "mesh": 1}, "nothing that can move"),
     ]:
         with pytest.raises(DiscretisationError, match=words):
