@@ -1,12 +1,14 @@
 """Meshes, steps and references of a case that nobody has tuned: all follow from its refinement."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from math import isfinite
 from typing import TypeVar
 
 from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.needs import needs
+from anctmm.results.solution import Solution
 from studies.engine.accuracy.dynamics import check_kinds
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.accuracy.resting import rests
@@ -57,34 +59,23 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     NothingMovesError
         If none of its probes moves.
     """
-    if options.element not in (None, *ELEMENTS):
-        raise StudyError(
-            f"--element is {options.element!r}; a trade is measured with {' or '.join(ELEMENTS)}, each against a "
-            f"refined run of its own: `anctmm study fidelity` tells what rigid beams cost and save"
-        )
-    if case.static:
-        raise StudyError(
-            f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
-            f"study convergence tells its errors over the mesh"
-        )
-    _check_kinds(case, options)
+    _check_asked(case, options)
     smallest = options.error or SMALLEST[options.quick]
-    outer, runner.heading = runner.heading, f"{case.name}, reference: "
     high = smallest < HIGH_BELOW and not _jointed_inside(case)
-    found = {
-        element: Refinement(case, Setup(element=element), runner).refined(
-            SHARE * (HIGH_BELOW if high and element == "cable" else smallest)
-        )
-        for element in ELEMENTS
-        if options.element == element or (options.element is None and element in _models(case))
-    }
-    _check_moves(case, found.values())
-    references = {element: run.reference for element, run in found.items()}
-    if high and "cable" in found:
-        finest = Refinement(case, FINEST, runner).refined(SHARE * smallest)
-        if finest.error < found["cable"].error:
-            references["cable"] = finest.reference
-    runner.heading = outer  # of several cases the last one's name stood before the runs of all
+    with _headed(runner, f"{case.name}, reference: "):
+        found = {
+            element: Refinement(case, Setup(element=element), runner).refined(
+                SHARE * (HIGH_BELOW if high and element == "cable" else smallest)
+            )
+            for element in ELEMENTS
+            if options.element == element or (options.element is None and element in _models(case))
+        }
+        _check_moves(case, [run.solution for run in found.values()])
+        references = {element: run.reference for element, run in found.items()}
+        if high and "cable" in found:
+            finest = Refinement(case, FINEST, runner).refined(SHARE * smallest)
+            if finest.error < found["cable"].error:
+                references["cable"] = finest.reference
     of = {element: meshes(run, element == "cable" and not options.quick) for element, run in found.items()}
     stepped = next(iter(found.values()))
     steps = tuple(stepped.levels.dt_at(stepped.i, j) for j in range(stepped.j + 1))[-MOST_STEPS:]
@@ -111,6 +102,40 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     )
 
 
+def check_first(case: Case, options: Options, runner: Runner) -> None:
+    """Refuse what `own_ladder` refuses, as far as one coarse run tells it; parameters and errors are the same."""
+    _check_asked(case, options)
+    levels = Refinement(case, Setup(element=options.element or "cable"), runner)
+    with _headed(runner, f"{case.name}, first: "):
+        # a level that is needed for the reference anyhow
+        _check_moves(case, [levels.solution(int(levels.chooses_mesh), int(levels.chooses_step))])
+
+
+@contextmanager
+def _headed(runner: Runner, heading: str) -> Iterator[None]:
+    """Runs that are told under a heading; of several cases the last one's name stood before the runs of all."""
+    outer, runner.heading = runner.heading, heading
+    try:
+        yield
+    finally:
+        runner.heading = outer
+
+
+def _check_asked(case: Case, options: Options) -> None:
+    """Refuse a case without motion, and elements and integrators that nothing is run with."""
+    if options.element not in (None, *ELEMENTS):
+        raise StudyError(
+            f"--element is {options.element!r}; a trade is measured with {' or '.join(ELEMENTS)}, each against a "
+            f"refined run of its own: `anctmm study fidelity` tells what rigid beams cost and save"
+        )
+    if case.static:
+        raise StudyError(
+            f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
+            f"study convergence tells its errors over the mesh"
+        )
+    _check_kinds(case, options)
+
+
 def _check_kinds(case: Case, options: Options) -> None:
     """Refuse an element and an integrator that nothing will be run with, before any reference is refined."""
     mesh = ((1,),)
@@ -121,9 +146,9 @@ def _check_kinds(case: Case, options: Options) -> None:
     check_kinds(case, outline.plan(options.quick).schemes, options)
 
 
-def _check_moves(case: Case, found: Iterable[Refined]) -> None:
+def _check_moves(case: Case, found: Iterable[Solution]) -> None:
     """Refuse a case at whose probes nothing is to be measured."""
-    whole = [run.solution for run in found if run.solution.status.ok]
+    whole = [solution for solution in found if solution.status.ok]
     if whole and all(rests(solution, probe) for solution in whole for probe in case.probes):
         probes = ", ".join(place_texts(case.probes).values())
         raise NothingMovesError(

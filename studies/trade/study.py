@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import count, product
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import pandas as pd
 
@@ -37,7 +37,7 @@ from studies.trade import pictures as trade_pictures
 from studies.trade.advice import advice
 from studies.trade.contestants import left_out, said_of, without
 from studies.trade.control import error_control
-from studies.trade.own_ladder import NothingMovesError, own_ladder
+from studies.trade.own_ladder import NothingMovesError, check_first, own_ladder
 from studies.trade.plan import Ladder, ladders
 from studies.trade.second_road import second_roads
 from studies.trade.split import fine_runs, same_mesh, split
@@ -54,6 +54,8 @@ from studies.trade.tables import (
     recommended,
     references,
 )
+
+T = TypeVar("T")
 
 #: What settings share that differ in a choice of their solver alone.
 ALIKE = ("solver", "family", "quadrature", "integrator", "elements", "dt", "tolerance", "stretch")
@@ -92,6 +94,8 @@ def run(options: Options, runner: Runner) -> Result:
     resting = [case for case in options.cases or () if case.static]
     if len(resting) < len(options.cases or ()):
         options = replace(options, cases=tuple(c for c in options.cases or () if not c.static))
+        for case in resting:
+            runner.note(_left_out(case))
     every, unmoved = _ladders(options, runner)
     _check_meshes(every, options)
     runner.prepare(trials(options))
@@ -153,16 +157,25 @@ def _ladders(options: Options, runner: Runner) -> tuple[list[Ladder], list[str]]
         if case.scene.beams:
             check_mesh(case.scene, mesh)
     by_hand = {} if options.error else {ladder.base: ladder for ladder in ladders(options.quick)}
-    found: list[Ladder] = []
-    unmoved: list[str] = []
-    for case in options.cases:
+    cases, unmoved = options.cases, dict[str, str]()
+
+    def tried(make: Callable[..., T], case: Case) -> T | None:
         try:
-            found.append(by_hand.get(case) or own_ladder(case, of_case(options, case), runner))
+            return make(case, of_case(options, case), runner)
         except NothingMovesError as error:
-            if len(options.cases) == len(unmoved) + 1:
+            if len(cases) == len(unmoved) + 1:
                 raise
-            unmoved.append(f"{case.name}: left out; {error}.")
-    return found, unmoved
+            unmoved[case.name] = f"{case.name}: left out; {error}."
+            runner.note(unmoved[case.name])
+            return None
+
+    for (
+        case
+    ) in cases:  # one coarse run of each tells what is wrong before any is refined, which takes minutes
+        if case not in by_hand:
+            tried(check_first, case)
+    found = [by_hand.get(case) or tried(own_ladder, case) for case in cases if case.name not in unmoved]
+    return [ladder for ladder in found if ladder is not None], list(unmoved.values())
 
 
 def _plan(ladder: Ladder, options: Options) -> Plan:

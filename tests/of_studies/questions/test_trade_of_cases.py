@@ -23,7 +23,7 @@ from studies.engine.study import Options, StudyError, find
 from studies.report.folder import write
 from studies.trade import recommend
 from studies.trade.choice import setting_of
-from studies.trade.own_ladder import SHARE, worth_trying
+from studies.trade.own_ladder import SHARE, NothingMovesError, worth_trying
 from studies.trade.recommend_print import show
 
 ERROR = 1e-2
@@ -319,6 +319,31 @@ def test_a_case_whose_probes_rest_is_left_out_by_name(monkeypatch):
     monkeypatch.setattr("studies.trade.study.measure", measure)
     with pytest.raises(Reached, match="rim"):
         find("trade")(Options(quick=True, cases=(axle, rim), solvers=("anctmm",)), runner)
+
+
+@pytest.mark.interpreted
+def test_cases_that_are_left_out_are_told_before_any_is_refined(monkeypatch):
+    """Others that stand before them were refined first, which may take minutes."""
+    wheel = at.RigidBody("wheel", 3.0, 0.02, (0.0, 0.0), points={"rim": (0.1, 0.0)}, spin=1.0)
+    rim, axle, other = (
+        at.Case(at.Scene(name, [wheel]), [f"wheel.{at_}"], t_end=0.1, output_dt=0.05)
+        for name, at_ in (("rim", "rim"), ("axle", "center"), ("other", "rim"))
+    )
+    still = at.Case(at.Scene("still", [wheel]), ["wheel.rim"], t_end=None)
+    refined, told = [], []
+
+    def refine(case, *_):
+        refined.append((case.name, len(told)))
+        raise Reached(case.name) if case is other else NothingMovesError("nothing after all")
+
+    monkeypatch.setattr("studies.trade.study.own_ladder", refine)
+    runner = Runner(None, repeats=1, note=told.append, heading="trade, ")
+    with pytest.raises(Reached, match="other"):
+        find("trade")(Options(quick=True, cases=(rim, axle, still, other), solvers=("anctmm",)), runner)
+    assert refined[0] == ("rim", 2)
+    assert [text.partition(":")[0] for text in told] == ["still", "axle", "rim"]
+    assert "probes wheel.center, none of which moves" in told[1]
+    assert runner.heading == "trade, "
 
 
 @pytest.mark.interpreted
