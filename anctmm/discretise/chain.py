@@ -284,7 +284,7 @@ class Chain:
         v = self.bodies.initial_velocity()
         if not v.any():  # rest fits all joints
             return v
-        for row, ends in self.shared():
+        for row, ends in self.shared_vectors():
             nodes = [self.node(end) for end in ends]
             turns = [complex(*self.turn_between(ends[0], end)) if row else 1.0 for end in ends]
             mean = np.mean(
@@ -311,7 +311,7 @@ class Chain:
                     (end, self.kept.port(kept, end, True)) for end in group if end != (vertex.body, 1)
                 )
 
-    def shared(self) -> Iterator[tuple[int, list[End]]]:
+    def shared_vectors(self) -> Iterator[tuple[int, list[End]]]:
         """Vectors that several ends share, by their first rows: places of joined ends, gradients of welded ones.
 
         Those that ends share with rigid bodies are left out: `on_bodies` has them.

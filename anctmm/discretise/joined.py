@@ -26,7 +26,7 @@ class Joined:
         index = np.arange(bodies.rows * bodies.nodes).reshape(self.shape)
         master = ~chain.prescribed
         entries: list[tuple[int, int, float]] = []
-        for row, ends in chain.shared():
+        for row, ends in chain.shared_vectors():
             if row == 0 and not free and ends[0] in guided:
                 continue
             first, *others = sorted(ends, key=chain.node)
