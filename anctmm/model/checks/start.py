@@ -16,12 +16,12 @@ from warnings import warn
 import numpy as np
 
 from anctmm.errors import JointGapError, StartWarning, shown
-from anctmm.model.bodies import Beam, Body
+from anctmm.model.bodies import Beam
 from anctmm.model.drives import value_at
 from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Weld, drive_of
 from anctmm.model.places import Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
-from anctmm.model.topology import Junction, junctions_of
+from anctmm.model.topology import Graph, Junction, junctions_of
 from anctmm.model.velocities import Point
 
 #: Difference of velocities that counts as none, of the scene's largest speed; and of rates, whose slopes are found by
@@ -35,30 +35,12 @@ MADE = (
 EPS = float(np.finfo(float).eps)
 
 
-class Starting(Protocol):
+class Starting(Graph, Protocol):
     """What is asked of a scene here; `anctmm.model.scene.Scene` has it."""
-
-    @property
-    def bodies(self) -> Sequence[Body]:
-        """All bodies."""
-        ...
 
     @property
     def beams(self) -> Sequence[Beam]:
         """Bodies that bend."""
-        ...
-
-    @property
-    def joints(self) -> Sequence[Joint]:
-        """All joints."""
-        ...
-
-    def body(self, name: str) -> Body:
-        """The body of a name."""
-        ...
-
-    def place(self, place: Written) -> Place:
-        """A place of a body."""
         ...
 
 
@@ -81,32 +63,31 @@ def check_start(scene: Starting) -> None:
 
 def _check_junctions(scene: Starting) -> None:
     allowed = EQUAL * _largest_speed(scene) + EPS * _wave_speed(scene)
+    allowed_turning = EQUAL_SLOPES / EQUAL * allowed
     for junction in junctions_of(scene):
         ends = [Moving(scene.place(_as_written(end))) for end in junction.ends]
         _check_velocities(ends, junction.grounded, allowed)
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
             first, *others = (Moving(scene.place(_as_written(end))) for end in group)
             for other in others:
-                _check_gradients(first, other, 0.0, EQUAL_SLOPES / EQUAL * allowed)
+                _check_gradients(first, other, 0.0, allowed_turning)
             if clamp is not None:
-                _compare_turning(clamp, first, drive_rate(clamp), EQUAL_SLOPES / EQUAL * allowed)
-        _check_moving_joints(scene, junction, allowed)
+                _compare_turning(clamp, first, drive_rate(clamp), allowed_turning)
+        _check_moving_joints(scene, junction, allowed, allowed_turning)
 
 
-def _check_moving_joints(scene: Starting, junction: Junction, allowed: float) -> None:
-    """Driven welds and guides of a junction."""
+def _check_moving_joints(scene: Starting, junction: Junction, allowed: float, allowed_turning: float) -> None:
+    """Driven welds and guides of a junction; `allowed_turning` is for velocities that come of turning, m/s."""
     for hinge in junction.hinges:
         one, *others = (Moving(scene.place(end)) for end in hinge.ends)
         for two in others:
-            _check_gradients(
-                one, two, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed, hinge.stretch == "held"
-            )
+            _check_gradients(one, two, drive_rate(hinge), allowed_turning, hinge.stretch == "held")
         if isinstance(hinge, Clamp):
-            _compare_turning(hinge, one, drive_rate(hinge), EQUAL_SLOPES / EQUAL * allowed, 7)
+            _compare_turning(hinge, one, drive_rate(hinge), allowed_turning, 7)
     for guide in junction.guides:
         spin = _check_guide(scene, guide, allowed)
         if isinstance(guide, Prismatic):
-            _compare_turning(guide, Moving(scene.place(guide.place)), spin, EQUAL_SLOPES / EQUAL * allowed, 7)
+            _compare_turning(guide, Moving(scene.place(guide.place)), spin, allowed_turning, 7)
 
 
 def drive_rate(joint: Joint) -> float:
