@@ -146,10 +146,11 @@ def node_mesh(body: Body, gravity: tuple[float, float]) -> NodeMesh:
         case PointMass():
             return NodeMesh(body, body.mass, None, body.position, body.velocity, 0.0, gravity)
         case Beam():
-            mass = body.material.density * body.section.area * body.length
             (x, y), (u, v) = body.start, body.end
             center = (0.5 * (x + u), 0.5 * (y + v))
-            return BarMesh(body, mass, mass * body.length**2 / 12.0, center, *_mean_motion(body), gravity)
+            return BarMesh(
+                body, body.mass, body.mass * body.length**2 / 12.0, center, *_mean_motion(body), gravity
+            )
         case _:
             raise unknown_kind("body", body, BODIES)
 

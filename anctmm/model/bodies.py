@@ -145,6 +145,11 @@ class Beam(BodyKind):
         return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
 
     @property
+    def mass(self) -> float:
+        """ρ A l, kg."""
+        return self.material.density * self.section.area * self.length
+
+    @property
     def angle(self) -> float:
         """Direction from start to end, rad."""
         return atan2(self.end[1] - self.start[1], self.end[0] - self.start[0])

@@ -104,15 +104,14 @@ def _root_inertias(body: Body) -> Array:
     """Roots of mass, mass and moment of inertia about the centre of a body, by its velocity and its spin."""
     match body:
         case Beam():
-            mass = body.material.density * body.section.area * body.length
-            inertia = mass * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
+            inertia = body.mass * (body.length**2 / 12.0 + body.section.second_moment / body.section.area)
         case RigidBody():
-            mass, inertia = body.mass, body.inertia
+            inertia = body.inertia
         case PointMass():
-            mass, inertia = body.mass, body.mass  # it has no spin: any inertia will do
+            inertia = body.mass  # it has no spin: any inertia will do
         case _:
             raise unknown_kind("body", body, BODIES)
-    return np.sqrt([mass, mass, inertia])
+    return np.sqrt([body.mass, body.mass, inertia])
 
 
 class _Rows:

@@ -26,11 +26,7 @@ def length_of(scene: Scene) -> float:
 @kept
 def mass_of(scene: Scene) -> float:
     """Mass of all bodies, kg."""
-    return sum(_mass(body) for body in scene.bodies)
-
-
-def _mass(body: Body) -> float:
-    return body.material.density * body.section.area * body.length if isinstance(body, Beam) else body.mass
+    return sum(body.mass for body in scene.bodies)
 
 
 def ends_of(body: Body) -> tuple[Any, ...]:

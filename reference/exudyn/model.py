@@ -257,7 +257,7 @@ class Model:
         Exudyn's explicit solvers solve with the whole mass matrix and zero the fixed coordinates afterwards,
         as if they were free while the others accelerate; the inertia keeps them still in the solve itself.
         """
-        mass = sum(b.material.density * b.section.area * b.length for b in self.scene.beams)
+        mass = sum(beam.mass for beam in self.scene.beams)
         for node, coordinates in self.held.items():
             diagonal = np.zeros(self.beams.width)
             diagonal[list(coordinates)] = HUGE * mass

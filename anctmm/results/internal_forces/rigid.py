@@ -56,10 +56,9 @@ def holding(solution: Any, name: str) -> tuple[Array, Array, Array | None]:
     q, a = field.coordinates, field.accelerations
     a = np.zeros_like(q) if a is None else a
     if isinstance(body, Beam):  # both of its nodes have r, and r_x, a unit vector that turns with it
-        mass = body.material.density * body.section.area * body.length
-        inertia = mass * body.length**2 / 12.0
+        inertia = body.mass * body.length**2 / 12.0
         center, weight = field.position(0.5), body.length * along(solution, name)
-        force, turning = mass * a[:, :, 0].mean(axis=1) - weight, cross(q[:, 0, 1], a[:, 0, 1])
+        force, turning = body.mass * a[:, :, 0].mean(axis=1) - weight, cross(q[:, 0, 1], a[:, 0, 1])
     else:
         factor = solution.t if solution.static else np.ones(len(q))
         center, inertia = q[:, 0], getattr(body, "inertia", 0.0)

@@ -215,7 +215,6 @@ class Layout:
 
 def _bar(beam: Beam) -> RigidBody:
     """A thin bar in place of a beam of element "rigid"."""
-    mass = beam.material.density * beam.section.area * beam.length
     one, two = (complex(*beam.velocity_at(s)) for s in (0.0, 1.0))
     axis = complex(beam.end[0] - beam.start[0], beam.end[1] - beam.start[1])
     turning = (two - one) / axis
@@ -227,5 +226,5 @@ def _bar(beam: Beam) -> RigidBody:
         )
     center, mean = beam.position_at(0.5), 0.5 * (one + two)
     points = {"start": beam.start, "end": beam.end}
-    inertia = mass * beam.length**2 / 12.0
-    return RigidBody(beam.name, mass, inertia, center, points, (mean.real, mean.imag), turning.imag)
+    inertia = beam.mass * beam.length**2 / 12.0
+    return RigidBody(beam.name, beam.mass, inertia, center, points, (mean.real, mean.imag), turning.imag)
