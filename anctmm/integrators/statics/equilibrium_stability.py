@@ -5,7 +5,6 @@ where K_T is positive definite on what the joints leave free. The elimination of
 pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -26,9 +25,10 @@ EPS = float(np.finfo(np.float64).eps)
 ROUNDING, TRIALS = 4.0 * EPS, 4
 #: Relative change of its answer from which on the tangent is singular as far as double precision can tell.
 SINGULAR = 0.5
-#: Unknowns up to which all motions are looked at, and the lowest of more; rates of each where motions are damped, some
-#: of which do not swing; real or imaginary part that is no rounding.
-DENSE, LOWEST, DAMPED, COMPLEX = 60, 12, 4, 1e-6
+#: Unknowns up to which all motions are looked at, and the lowest of more; real or imaginary part that is no rounding.
+DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
+#: Part of the largest below which a square is that of motions that repeat others; against division by zero.
+APART, TINY = 1e-12, 1e-300
 #: Softness, relative to the largest, below which no motion is looked at.
 STIFF = 1e-9
 #: Shift, of the square of the highest frequency, that outweighs all stiffness, and answer that is none.
@@ -118,46 +118,64 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array) -> Stabil
 
 def _lowest_undamped(system: StaticSystem) -> tuple[Complex, Complex]:
     """Rates √−λ of the lowest small motions without damping, one of each pair ±, and their unknowns."""
-    joined = Joined(system.chain)
-
-    def soften(x: Array) -> Array:
-        return _answer(system, joined, system.inertia(joined.spread(x)))
-
-    inverse, shapes = _largest(soften, joined.size, LOWEST)
-    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()  # the others are rounding, as of held directions
-    values = 1.0 / inverse[soft]
+    inverse, shapes = _softest_shapes(system, Joined(system.chain), LOWEST)
+    values = 1.0 / inverse
     values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
-    return np.sqrt(-values.astype(complex)), shapes[:, soft]
+    return np.sqrt(-values.astype(complex)), shapes
 
 
 def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Complex]:
-    """Rates of the lowest small motions, and their unknowns: λ z = A z with z = (x, λ x), of which A⁻¹ is known."""
+    """Rates of the lowest small motions, and their unknowns: λ z = A z with z = (x, λ x).
+
+    In the space of the lowest motions without damping, x, and of what its forces displace, K⁻¹ C x: a Krylov space of A
+    does not find them beside the many rates −1/τ that a strong Kelvin-Voigt damping gives.
+    """
     joined = Joined(system.chain)
+    inverse, shapes = _softest_shapes(system, joined, LOWEST)
+
+    def damped(x: Array) -> Array:
+        return joined.gather(damping.forces(joined.spread(x)))
+
+    def heavy(x: Array) -> Array:
+        return joined.gather(system.inertia(joined.spread(x)))
+
+    held = (
+        np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) / inverse
+    )  # K x = M x / inverse
+    x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
+    lost = np.stack([damped(one) for one in x.T], axis=1)
+    x = np.concatenate(
+        [x, np.stack([joined.unknowns(system.solve(joined.load(f))) for f in lost.T], axis=1)], axis=1
+    )
+    forces = np.concatenate([forces, lost], axis=1)
+    size = np.maximum(np.abs(x).max(axis=0), TINY)
+    x, forces = x / size, forces / size
+    squares, turn = np.linalg.eigh(x.T @ np.stack([heavy(one) for one in x.T], axis=1))
+    kept = squares > APART * squares.max()
+    turn = turn[:, kept] / np.sqrt(squares[kept])  # of mass 1, and orthogonal
+    basis = x @ turn
+    stiffness = basis.T @ forces @ turn
+    loss = basis.T @ np.stack([damped(one) for one in basis.T], axis=1)
+    n = len(stiffness)
+    rates, vectors = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -loss]]))
+    return rates.astype(complex), basis @ vectors[:n]
+
+
+def _softest_shapes(system: StaticSystem, joined: Joined, count: int) -> tuple[Complex, Complex]:
+    """Largest 1/λ of K x = λ M x, all of them if there are few, and x, with the tangent factored last."""
     n = joined.size
 
-    def soften(z: Array) -> Array:
-        x, v = joined.spread(z[:n]), joined.spread(z[n:])
-        return np.concatenate([-_answer(system, joined, damping.forces(x) + system.inertia(v)), z[:n]])
+    def soften(x: Array) -> Array:
+        return joined.unknowns(system.solve(joined.load(joined.gather(system.inertia(joined.spread(x))))))
 
-    inverse, shapes = _largest(soften, 2 * n, DAMPED * LOWEST)
-    soft = np.abs(inverse) > STIFF**0.5 * np.abs(inverse).max()
-    return 1.0 / inverse[soft], shapes[:n, soft]
-
-
-def _answer(system: StaticSystem, joined: Joined, force: Array) -> Array:
-    """Unknowns under forces of nodes, with the tangent factored last."""
-    return joined.unknowns(system.solve(joined.load(joined.gather(force))))
-
-
-def _largest(product: Callable[[Array], Array], n: int, count: int) -> tuple[Complex, Complex]:
-    """Largest eigenvalues of a product with n unknowns, all of them if n is small, and their vectors."""
-    if n <= max(DENSE, count + 2):
-        values, vectors = np.linalg.eig(np.stack([product(e) for e in np.eye(n)], axis=1))
+    if n <= DENSE:
+        inverse, shapes = np.linalg.eig(np.stack([soften(e) for e in np.eye(n)], axis=1))
     else:
-        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=product, dtype=float)
+        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
         start = np.random.default_rng(0).standard_normal(n)
-        values, vectors = scipy.sparse.linalg.eigs(operator, count, which="LM", v0=start)
-    return values.astype(complex), vectors
+        inverse, shapes = scipy.sparse.linalg.eigs(operator, count, which="LM", v0=start)
+    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()  # the others are rounding, as of held directions
+    return inverse[soft].astype(complex), shapes[:, soft].astype(complex)
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
