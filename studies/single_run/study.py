@@ -199,9 +199,7 @@ def run_case(
     judged = levels.refines_mesh or levels.refines_step or error is not None
     allowed = found.target if judged else inf
     compared = tuple(_other(found, name, runner, allowed) for name in others)
-    read = (
-        found.solution.status.ok or len(found.solution.t) > 1
-    )  # of what fails at once nothing is but the start
+    read = found.solution.status.ok or len(found.solution.t) > 1  # else nothing is there but the start
     return SingleRun(case, found, tuple(values_of(found)) if read else (), compared)
 
 

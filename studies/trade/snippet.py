@@ -84,9 +84,8 @@ def code(value: Any, indent: int = 0) -> str:
         return _call(type(value).__name__, parts, indent)
     if is_dataclass(value) and not isinstance(value, type):
         always: tuple[str, ...] = ALWAYS.get(type(value).__name__, ())
-        if (
-            isinstance(value, Discretisation) and value.mesh is None
-        ):  # of a scene without beams: nothing is cut
+        # of a scene without beams nothing is cut
+        if isinstance(value, Discretisation) and value.mesh is None:
             always = tuple(name for name in always if name != "element")
         shown = [f for f in fields(value) if f.init and f.repr]
         given = [f for f in shown if f.name in always or not _is_default(value, f)]

@@ -169,9 +169,8 @@ def _ladders(options: Options, runner: Runner) -> tuple[list[Ladder], list[str]]
             runner.note(unmoved[case.name])
             return None
 
-    for (
-        case
-    ) in cases:  # one coarse run of each tells what is wrong before any is refined, which takes minutes
+    # one coarse run of each tells what is wrong before any is refined, which takes minutes
+    for case in cases:
         if case not in by_hand:
             tried(check_first, case)
     found = [by_hand.get(case) or tried(own_ladder, case) for case in cases if case.name not in unmoved]

@@ -104,9 +104,8 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         try:
             target_context.refresh()
             content = path.read_bytes()
-            if content.startswith(KIND) and not content.startswith(
-                MAGIC
-            ):  # of another layout: it is replaced
+            of_another_layout = content.startswith(KIND) and not content.startswith(MAGIC)
+            if of_another_layout:  # it is replaced
                 return None
             payload = _payload(content)
             needed, *parts = pickle.loads(payload)

@@ -165,9 +165,8 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
         arguments = tuple(sigutils.normalize_signature(sig)[0])
         with global_compiler_lock:
             known = arguments in self.overloads
-            alone = (
-                nullcontext if known else getattr(self._cache, "alone", nullcontext)
-            )  # inlined ones are not kept
+            # inlined ones are not kept
+            alone = nullcontext if known else getattr(self._cache, "alone", nullcontext)
             with alone(arguments):
                 entry = super().compile(sig)
             found = self.overloads[arguments]

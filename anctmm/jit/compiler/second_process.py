@@ -213,9 +213,8 @@ def _compile(kernel: Any, types: tuple[Any, ...], by_python: bool) -> None:
 def _worthwhile() -> bool:
     """Whether a second process would find a processor that is free, and an interpreter to run."""
     processors, program = _processors(), Path(sys.executable or "").name.lower()
-    if not program.startswith("python") or getattr(
-        sys, "frozen", False
-    ):  # another program, with Python inside
+    inside_another = not program.startswith("python") or getattr(sys, "frozen", False)
+    if inside_another:
         return False
     with suppress(OSError, AttributeError):
         return processors > 1 and os.getloadavg()[0] < processors
