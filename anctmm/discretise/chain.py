@@ -28,7 +28,7 @@ from anctmm.discretise.plan import BREAK, TANGENT, WELD, Kept, Plan, plan_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
 from anctmm.model.bodies import Beam, Point
-from anctmm.model.joints import Prismatic, Weld
+from anctmm.model.joints import Weld
 from anctmm.model.needs import refuse
 from anctmm.model.places import End
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -264,7 +264,7 @@ class Chain:
     def _does_not_turn(self, junction: Junction, group: tuple[End, ...]) -> bool:
         """Whether a prismatic joint in the ground holds the gradients of a group."""
         return any(
-            isinstance(guide, Prismatic) and guide.body is None and end_of(self.parts, guide.place) in group
+            guide.holds_direction and guide.body is None and end_of(self.parts, guide.place) in group
             for guide in junction.guides
         )
 

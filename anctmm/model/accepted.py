@@ -1,10 +1,11 @@
 """What constructors accept, for type checkers: any ordered iterable of things, any pair of numbers.
 
-Attributes hold what validation made of it, tuples. Classes of one kind have a base in common, without any content, so
-that a list of several of them is a list of that kind, whatever its order.
+Attributes hold what validation made of it, tuples. Classes of one kind have a base in common, so that
+a list of several of them is a list of that kind, whatever its order.
 """
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,12 @@ class BodyKind:
 
 
 class JointKind:
-    """Base of all joints."""
+    """Base of all joints. What a kind does is told by its class, for whoever asks no more than that."""
+
+    #: Whether it holds the direction of its places.
+    holds_direction: ClassVar[bool]
+    #: Whether its place moves on a line, along which a drive moves it; drives of other joints turn.
+    on_line: ClassVar[bool]
 
 
 class LoadKind:

@@ -33,6 +33,7 @@ class Pin(JointKind):
         The places as one argument, as `dataclasses.replace` gives them; then none stands before it.
     """
 
+    holds_direction, on_line = False, False
     ends: tuple[Written, ...]
     grounded: bool
 
@@ -63,6 +64,7 @@ class Weld(JointKind):
         As of `Pin`.
     """
 
+    holds_direction, on_line = True, False
     ends: tuple[Written, ...]
     grounded: bool
     angle: Angle | None
@@ -108,6 +110,7 @@ class Clamp(JointKind):
         alone, so that the beam is stretched at the clamp as beside it.
     """
 
+    holds_direction, on_line = True, False
     end: Written
     angle: Angle | None = None
     stretch: str = "held"
@@ -140,6 +143,7 @@ def _stretch_text(joint: Weld | Clamp) -> str:
 class _LineGuide(JointKind):
     """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
 
+    on_line = True
     place: Written
     direction: Point = (1.0, 0.0)
     body: str | None = None
@@ -190,6 +194,8 @@ class Slider(_LineGuide):
         If the direction has no length, or the position cannot be called.
     """
 
+    holds_direction = False
+
 
 @final
 @dataclass(frozen=True, init=False)  # that of both kinds
@@ -198,6 +204,8 @@ class Prismatic(_LineGuide):
 
     Parameters and errors are those of `Slider`.
     """
+
+    holds_direction = True
 
 
 Guide = Slider | Prismatic

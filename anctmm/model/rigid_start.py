@@ -148,7 +148,7 @@ class _Rows:
         found = [(x * rows[1] - y * rows[0], 0.0)]
         if guide.position is not None:
             found.append((x * rows[0] + y * rows[1], drive_rate(guide)))
-        if isinstance(guide, Prismatic):
+        if guide.holds_direction:
             found.append((self.extent(guide.place) * rows[2], 0.0))
         return found
 

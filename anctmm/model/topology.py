@@ -103,12 +103,12 @@ def held_directions(scene: Graph) -> list[tuple[Joint, str | None, str]]:
     """Joints that hold the direction of a body, or turn it, against another or against the ground, with these two."""
     found: list[tuple[Joint, str | None, str]] = []
     for joint in scene.joints:
-        if isinstance(joint, Clamp | Weld | Prismatic):
+        if joint.holds_direction:
             first, *others = [scene.place(end).body.name for end in joint.ends]
             if isinstance(joint, Weld):
                 found += [(joint, first, other) for other in others]
             else:
-                found.append((joint, joint.body if isinstance(joint, Prismatic) else GROUND, first))
+                found.append((joint, joint.body if isinstance(joint, Guide) else GROUND, first))
     return found
 
 

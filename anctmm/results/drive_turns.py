@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.model.drives import tabulate
-from anctmm.model.joints import Clamp, Prismatic, Weld, drive_of
+from anctmm.model.joints import drive_of
 from anctmm.model.topology import GROUND, held_directions
 from anctmm.results.fields import Field, HermiteField, RigidField
 
@@ -24,7 +24,7 @@ C = TypeVar("C", bound=HermiteField | RigidField)
 def with_turns_of_drives(scene: Any, fields: Mapping[str, F], t: Array) -> dict[str, F]:
     """Fields of a motion, of any solver; of bodies that drives turn further than velocities tell angles are counted."""
     found = dict(fields)
-    if len(t) < 2 or not any(isinstance(j, Clamp | Weld) and j.angle is not None for j in scene.joints):
+    if len(t) < 2 or not any(not j.on_line and drive_of(j) for j in scene.joints):
         return found
     for name, (angle, rate) in _driven(scene, t).items():
         told = 0.5 * (rate[1:] + rate[:-1]) * np.diff(t)  # by velocities, from one output to the next
@@ -40,7 +40,7 @@ def _driven(scene: Any, t: Array) -> dict[str, tuple[Array, Array]]:
     edges: dict[str | None, list[tuple[str | None, Array]]] = {}
     for joint, first, other in held_directions(scene):
         turns = np.zeros((2, len(t)))
-        drive = None if isinstance(joint, Prismatic) else drive_of(joint)
+        drive = None if joint.on_line else drive_of(joint)
         if drive is not None:
             turns = tabulate(drive[0], drive[1], t, 3)[:, :2].T
         edges.setdefault(first, []).append((other, turns))

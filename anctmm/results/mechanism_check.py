@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import tabulate
-from anctmm.model.joints import Guide, Joint, Prismatic, drive_of
+from anctmm.model.joints import Guide, Joint, drive_of
 from anctmm.model.kept import kept
 from anctmm.model.needs import features_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
-from anctmm.model.scene import Clamp, Scene, Slider, Weld
+from anctmm.model.scene import Clamp, Scene
 from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
@@ -70,9 +70,9 @@ def _misfits(look: "_Look", joint: Joint, parted: float, turned: float) -> Itera
     if joint.grounded:
         away = np.abs(where - complex(*first.position))
         yield away, parted, f"{first}, which is held, has left its place by", "m"
-    if isinstance(joint, Slider | Prismatic):
+    if isinstance(joint, Guide):
         yield from _from_line(look, joint, first, parted)
-    if isinstance(joint, Clamp | Weld | Prismatic):
+    if joint.holds_direction:
         yield from _from_direction(look, joint, first, others, turned)
 
 
@@ -94,7 +94,7 @@ def _from_line(look: "_Look", guide: Guide, place: Place, parted: float) -> Iter
 def _from_direction(
     look: "_Look", joint: Joint, first: Place, others: list[Place], turned: float
 ) -> Iterator[Misfit]:
-    if isinstance(joint, Prismatic):
+    if isinstance(joint, Guide):
         against = np.ones(1) if joint.body is None else look.turn(Place(look.scene.body(joint.body), CENTER))
         off = np.abs(look.turn(first) - against)
         yield off, turned, f"{first}, which does not turn against its line, has turned by", "rad"

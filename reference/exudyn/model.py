@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import UnsupportedError, unknown_kind
 from anctmm.model.drives import Angle, Quintic, value_at
-from anctmm.model.joints import JOINTS
+from anctmm.model.joints import JOINTS, Guide
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Written
 from anctmm.model.scene import (
@@ -204,7 +204,7 @@ class Model:
                 mechanisms.add_body(self, other)
         for joint in self.scene.joints:
             driven_weld = isinstance(joint, Weld) and joint.angle is not None
-            if isinstance(joint, Slider | Prismatic) or driven_weld or not self._of_beams(joint):
+            if isinstance(joint, Guide) or driven_weld or not self._of_beams(joint):
                 mechanisms.add_joint(self, joint)
             else:
                 self._add_joint(joint)

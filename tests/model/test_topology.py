@@ -7,6 +7,7 @@ import pytest
 from samples import beam, scene_of
 
 from anctmm.model.drives import Quintic
+from anctmm.model.joints import JOINTS
 from anctmm.model.scene import Clamp, Pin, Scene, Weld
 from anctmm.model.topology import Junction, junctions_of
 
@@ -85,3 +86,9 @@ def test_a_loop_of_bodies_and_bodies_side_by_side_are_allowed():
     twins = [beam("a"), beam("b")]
     both = scene_of(Weld(*starts(*"ab")), Weld("a.end", "b.end"), bodies=twins)
     assert [len(j.ends) for j in junctions_of(both)] == [2, 2]
+
+
+@pytest.mark.parametrize("kind", JOINTS)
+def test_a_kind_of_joint_tells_what_others_ask_of_it(kind):
+    """None is given by the base: a new kind without them is not taken for one that holds nothing."""
+    assert {type(kind.holds_direction), type(kind.on_line)} == {bool}

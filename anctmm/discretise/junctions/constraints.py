@@ -424,7 +424,7 @@ def _passed(end: End) -> End:
 def _drive(joint: Clamp | Weld | Slider | Prismatic) -> Drive:
     found = drive_of(joint)
     assert found is not None  # who asks has seen that it is driven
-    return Drive(found[0], found[1], isinstance(joint, Clamp | Weld))
+    return Drive(found[0], found[1], not joint.on_line)
 
 
 def _vector(first: int) -> Vector:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from anctmm.model.bodies import Point
-from anctmm.model.joints import Prismatic
 from anctmm.model.places import End
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Scene
@@ -116,7 +115,7 @@ class _Vertices:
     def _turns(self, junction: Junction, group: Sequence[End]) -> bool:
         """Whether constraints act on the gradients of a group."""
         turned = [place for weld in junction.hinges for place in weld.ends]
-        turned += [g.place for g in junction.guides if isinstance(g, Prismatic) and g.body is not None]
+        turned += [g.place for g in junction.guides if g.holds_direction and g.body is not None]
         return any(end_of(self.scene, place) in group for place in turned)
 
 

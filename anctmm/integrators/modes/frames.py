@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anctmm.errors import DiscretisationError, shown
 from anctmm.model.connectors import Spring
 from anctmm.model.drives import value_at
-from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, drive_of
+from anctmm.model.joints import Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld, drive_of
 from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
@@ -153,6 +153,6 @@ def _follows(guide: Slider | Prismatic, velocity: Array, time: float) -> bool:
     return bool(np.linalg.norm(rate * along - velocity) <= PARALLEL * np.linalg.norm(velocity))
 
 
-def _guides(scene: Scene) -> list[Slider | Prismatic]:
+def _guides(scene: Scene) -> list[Guide]:
     """Guides that are fixed in the ground."""
-    return [joint for joint in scene.joints if isinstance(joint, Slider | Prismatic) and joint.body is None]
+    return [joint for joint in scene.joints if isinstance(joint, Guide) and joint.body is None]

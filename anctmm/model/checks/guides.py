@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ContradictingJointsError, RepeatedJointError, UnknownKindError, shown
-from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Slider
+from anctmm.model.joints import Clamp, Guide, Joint
 from anctmm.model.places import End
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.topology import Graph, Junction, Sets, junctions_of
@@ -30,7 +30,7 @@ def check_guides(scene: Graph) -> None:
         If two joints, one of them driven, hold one direction.
     """
     for joint in scene.joints:
-        if isinstance(joint, Slider | Prismatic) and joint.body is not None:
+        if isinstance(joint, Guide) and joint.body is not None:
             _check_line(scene, joint, joint.body)
     for junction in junctions_of(scene):
         if junction.guides:
@@ -96,7 +96,7 @@ def _check_directions(scene: Graph, junction: Junction) -> None:
     ]
     clamped += [(scene.place(hinge.end).end, hinge) for hinge in junction.hinges if isinstance(hinge, Clamp)]
     guided: list[tuple[End, Joint]] = [
-        (scene.place(g.place).end, g) for g in junction.guides if isinstance(g, Prismatic)
+        (scene.place(g.place).end, g) for g in junction.guides if g.holds_direction
     ]
     for end, joint in clamped + guided:
         body = None if isinstance(joint, Clamp) else joint.body  # type: ignore[union-attr]

@@ -62,10 +62,10 @@ def _check_ends(scene: Graph, joint: Joint) -> None:
     places = [scene.place(name) for name in joint.ends]
     known = [place.canonical for place in places]
     for place in places:
-        if not place.turns and not isinstance(joint, Pin | Slider):
+        if not place.turns and joint.holds_direction:
             raise UnknownKindError(
                 f"{shown(joint)} holds the direction of the point mass {place.body.name!r}, which has none; "
-                f"a {'Slider' if isinstance(joint, Prismatic) else 'Pin'} does the same there"
+                f"a {'Slider' if joint.on_line else 'Pin'} does the same there"
             )
     for name, end in zip(joint.ends, known, strict=True):
         if known.count(end) > 1:

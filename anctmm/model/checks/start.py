@@ -18,7 +18,7 @@ import numpy as np
 from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import value_at
-from anctmm.model.joints import Clamp, Guide, Joint, Prismatic, Weld, drive_of
+from anctmm.model.joints import Clamp, Guide, Joint, drive_of
 from anctmm.model.places import Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import Graph, Junction, junctions_of
@@ -86,7 +86,7 @@ def _check_moving_joints(scene: Starting, junction: Junction, allowed: float, al
             _compare_turning(hinge, one, drive_rate(hinge), allowed_turning, 7)
     for guide in junction.guides:
         spin = _check_guide(scene, guide, allowed)
-        if isinstance(guide, Prismatic):
+        if guide.holds_direction:
             _compare_turning(guide, Moving(scene.place(guide.place)), spin, allowed_turning, 7)
 
 
@@ -101,7 +101,7 @@ def _largest_speed(scene: Starting) -> float:
     """Largest speed of bodies and drives at t = 0, m/s."""
     speeds = [b.speed for b in scene.bodies if b.moving]
     for joint in scene.joints:
-        extent = scene.place(joint.ends[0]).body.extent if isinstance(joint, Clamp | Weld) else 1.0
+        extent = 1.0 if joint.on_line else scene.place(joint.ends[0]).body.extent
         speeds.append(abs(drive_rate(joint)) * extent)
     return max(speeds, default=0.0)
 

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import ResultError, UnknownNameError, shown, unknown_kind
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Place
 from anctmm.model.topology import Sets
 from anctmm.results.internal_forces.actions import turn_since_placed
@@ -76,7 +76,7 @@ def _holders(solution: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
     """Places of beams that bend, and whole rigid bodies, that a joint acts on."""
     for place in map(solution.scene.place, joint.ends):
         yield (place.body.name, "") if is_rigid(solution, place.body) else place.end
-    if isinstance(joint, Slider | Prismatic) and joint.body is not None:
+    if isinstance(joint, Guide) and joint.body is not None:
         yield joint.body, ""
 
 
@@ -157,7 +157,7 @@ class _System:
                 if joint.position is None:
                     direction = self._direction(joint)
                     self._add([(self.columns[k, 0] + c, direction[:, c]) for c in (0, 1)])
-                if isinstance(joint, Slider):
+                if not joint.holds_direction:
                     self._sum(pairs, 2)
                 return
             case _:
