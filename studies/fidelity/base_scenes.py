@@ -1,6 +1,6 @@
 """Kinds of element by body on the built-in scenes: how far each choice is from the richest, its cost, and rules."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from math import inf, log10, pi, sqrt
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from anctmm.discretise.chain import Chain
 from anctmm.integrators.zhai import advance, integrate
+from anctmm.jit.compiler.addresses import named_in
 from anctmm.jit.compiling import OPTIONS
 from anctmm.model.scene import Beam
 from anctmm.results.metrics import compare
@@ -293,8 +294,8 @@ def _cpu(outcome: Outcome) -> float:
 def compiled_functions(case: Trial) -> dict[str, bool]:
     """Whether functions that only a feature needs are in the code compiled for a run without any.
 
-    The kernel of the steps is compiled anew: code from the cache cannot be looked into. `strain_energy`, which every
-    run needs, shows that functions can be found there by their names.
+    The kernel of the steps, and those that it calls, are compiled anew: code from the cache cannot be looked into.
+    `strain_energy`, which every run needs, shows that functions can be found there by their names.
 
     Parameters
     ----------
@@ -303,10 +304,17 @@ def compiled_functions(case: Trial) -> dict[str, bool]:
     """
     integrate(Chain(case.scene, case.run()))
     plain = next(types for types in advance.signatures if not any(f in str(types) for f in TYPES_OF_FEATURES))
-    anew = numba.njit(advance.py_func, **OPTIONS)
-    anew.compile(plain)
-    code = anew.inspect_llvm(plain)
+    code = _compiled_anew(advance.py_func, plain)
     return {name: name in code for name in ("strain_energy", *(function for _, function in FEATURES))}
+
+
+def _compiled_anew(function: Callable[..., Any], types: tuple[Any, ...]) -> str:
+    """LLVM's text of a kernel, and of the separate kernels that it calls."""
+    anew = numba.njit(function, **OPTIONS)
+    anew.compile(types)
+    code = str(anew.inspect_llvm(types))
+    called = named_in(code)
+    return "\n".join([code, *(_compiled_anew(one.kernel.py_func, one.types) for one in called)])
 
 
 def _notes() -> tuple[str, ...]:

@@ -56,6 +56,11 @@ def called_in(module: Any) -> list[str]:
     return [f.name for f in module.functions if f.is_declaration and f.name.startswith(PREFIX)]
 
 
+def named_in(code: str) -> list[Declared]:
+    """The separate kernels that code calls, written as LLVM's text."""
+    return [found for name, found in _declared.items() if name in code]
+
+
 def needed_in(module: Any) -> list[Needed]:
     """The separate kernels that a module of LLVM's calls."""
     called = [(_declared[name].kernel.py_func, _declared[name].types) for name in called_in(module)]
