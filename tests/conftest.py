@@ -70,7 +70,7 @@ INTERPRETED = {
     "modes": ["growth"],
     "of_reference": ["acting_against_dae", "random_scenes"],
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
-    "results": ["constraint_check", "drive_check", "drive_turns", "pictures"],
+    "results": ["constraint_check", "drive_check", "pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "static_start"],
     "step_control": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip

@@ -69,8 +69,8 @@ class Turns(NamedTuple):
 def new_turns(chain: Chain) -> Turns:
     """Turns of the bodies of a scene, none of them known to turn freely."""
     bodies, q, directions = chain.bodies, chain.start_coordinates(), Sets[str | None]()
-    for _, one, other in held_directions(chain.parts):
-        directions.unite(one, other)
+    for _, by, place in held_directions(chain.parts):
+        directions.unite(by.body.name if by else GROUND, place.body.name)
     ground = directions.of(GROUND)
     table, start, held, first = [], [], [], 0
     for step, mesh in zip(chain.plan.steps, bodies.meshes, strict=True):

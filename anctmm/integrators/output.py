@@ -22,7 +22,6 @@ from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
-from anctmm.results.drive_turns import with_turns_of_drives
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import (
     Cost,
@@ -111,7 +110,7 @@ class Record:
         if (turned := self._turned()) is not None:
             angles = angles_by_body(chain, turned[:kept])
             fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
-        return fields if static else with_turns_of_drives(chain.scene, fields, light(chain, _times)[:kept])
+        return fields
 
     def solution(
         self,

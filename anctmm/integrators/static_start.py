@@ -1,6 +1,5 @@
 """Where a run starts from: an equilibrium that was found before."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,8 +8,9 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain, Start
 from anctmm.discretise.turning import angles_of_nodes
 from anctmm.errors import DiscretisationError, shown
-from anctmm.results.fields import Field, HermiteField, RigidField
+from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
+from anctmm.results.whole_turns import WholeTurns
 
 Array = NDArray[np.float64]
 
@@ -62,21 +62,14 @@ def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
 
 def turned_at_end(chain: Chain, solution: Solution) -> Array:
     """Angles of all nodes' sections since the undeformed scene at the last output of a solution, (nodes,)."""
-    return turned_of_nodes(chain, solution.fields, solution.t)[-1]
+    return turned_of_nodes(chain, solution.whole_turns)[-1]
 
 
-def turned_of_nodes(chain: Chain, fields: Mapping[str, Field], t: Array) -> Array:
+def turned_of_nodes(chain: Chain, turns: WholeTurns) -> Array:
     """Angles of all nodes' sections since the undeformed scene at each output, (n, nodes)."""
-    angles = dict[str, Array]()
-    for name, field in fields.items():
-        match field:
-            case HermiteField(coordinates=q):
-                places = np.linspace(0.0, 1.0, q.shape[1])
-                angles[name] = np.stack([field.turned_before(x) + field.angle(x, t) for x in places], axis=1)
-            case RigidField():
-                angles[name] = (field.turned_before() + field.angle("center", t))[:, None]
+    angles = {name: turns.of_nodes(name) for name in turns.fields}
     return np.stack(
-        [angles_of_nodes(chain, {name: at[k] for name, at in angles.items()}) for k in range(len(t))]
+        [angles_of_nodes(chain, {name: at[k] for name, at in angles.items()}) for k in range(len(turns.t))]
     )
 
 

@@ -2,14 +2,14 @@
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.kept import kept
 from anctmm.model.places import End, Place, Written
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 
 T = TypeVar("T", bound=Hashable)
 #: What stands for the ground among names of bodies, which are texts.
@@ -99,16 +99,25 @@ class Sets(Generic[T]):
         return list(sets.values())
 
 
-def held_directions(scene: Graph) -> list[tuple[Joint, str | None, str]]:
-    """Joints that hold the direction of a body, or turn it, against another or against the ground, with these two."""
-    found: list[tuple[Joint, str | None, str]] = []
+class HeldDirection(NamedTuple):
+    """A joint, the place whose direction it holds, or turns, and the place against which; None is the ground."""
+
+    joint: Joint
+    by: Place | None
+    place: Place
+
+
+def held_directions(scene: Graph) -> list[HeldDirection]:
+    """All directions that joints hold, or turn, against another body or against the ground."""
+    found: list[HeldDirection] = []
     for joint in scene.joints:
         if joint.holds_direction:
-            first, *others = [scene.place(end).body.name for end in joint.ends]
+            first, *others = [scene.place(end) for end in joint.ends]
             if isinstance(joint, Weld):
-                found += [(joint, first, other) for other in others]
+                found += [HeldDirection(joint, first, other) for other in others]
             else:
-                found.append((joint, joint.body if isinstance(joint, Guide) else GROUND, first))
+                body = joint.body if isinstance(joint, Guide) else None
+                found.append(HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first))
     return found
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,13 @@ class MovingField(Field, Protocol):
         ...
 
 
+class Root(NamedTuple):
+    """A place of a body whose angles since the undeformed scene are known, (n,), rad, whole turns included."""
+
+    place: Any
+    angles: Array
+
+
 @dataclass(frozen=True)
 class HermiteField:
     """Axis of an ANCF body.
@@ -81,12 +88,49 @@ class HermiteField:
         return self._axis(_known(self.velocities), place)
 
     def angle(self, place: float, t: Array) -> Array:
-        """Angle of the section since t = 0, (n,), rad: of the axis' tangent or, for the shear element, of r_y."""
-        counted = self._counted(place)
-        if len(counted) == len(t) > 0:
-            return np.asarray(counted - counted[0])
-        rates = None if self.velocities is None else self._direction(self.velocities, place)
-        return continuous(self._direction(self.coordinates, place), rates, t)
+        """Angle of the section since t = 0, (n,), rad: of the axis' tangent or, for the shear element, of r_y.
+
+        Of a motion alone, without what holds the body: see `anctmm.results.whole_turns`.
+        """
+        known = self._counted(place) if self.counted(t) else self.angle_from(place, self.own_root(t))
+        return np.asarray(known - known[:1])
+
+    def counted(self, t: Array) -> bool:
+        """Whether angles are counted at all outputs."""
+        return self.turned is not None and len(self.turned) == len(t)
+
+    def direction_angle(self, place: float) -> Array:
+        """Angle of the section since the undeformed scene, (n,), rad, but for whole turns."""
+        vectors = self._direction(self.coordinates, place)
+        return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
+
+    def own_root(self, t: Array) -> Root:
+        """The start, whose angle follows the mean rate of all nodes from one output to the next."""
+        vectors, rates = self._direction(self.coordinates, 0.0), None
+        if self.velocities is not None:
+            r, v = _complex(self.coordinates[:, :, 0]), _complex(self.velocities[:, :, 0])
+            rates = 1j * vectors * mean_spin(r, v)
+        return Root(0.0, self.turned_before(0.0) + continuous(vectors, rates, t))
+
+    def angle_from(self, place: float, root: Root) -> Array:
+        """Angle of the section since the undeformed scene, (n,), rad, from that of another of the body."""
+        node = round(place * (self.coordinates.shape[1] - 1))
+        return nearest(self.direction_angle(place), self.node_angles(root)[:, node])
+
+    def node_angles(self, root: Root) -> Array:
+        """Angles of all nodes' sections since the undeformed scene, (n, nodes), rad, from that of one section.
+
+        From node to node sections turn by less than half a turn.
+        """
+        vectors = _complex(self.coordinates[:, :, 2 if self.sections else 1])
+        angles = np.angle(vectors * np.conj(vectors[:1]))
+        if self.turned is not None:
+            angles += self.turned[:1]
+        k = round(root.place * (self.coordinates.shape[1] - 1))
+        angles[:, k] = nearest(angles[:, k], root.angles)
+        angles[:, k:] = np.unwrap(angles[:, k:], axis=1)
+        angles[:, k::-1] = np.unwrap(angles[:, k::-1], axis=1)
+        return np.asarray(angles)
 
     def turned_before(self, place: float) -> float:
         """Angle of the section at the first output since the undeformed scene, rad."""
@@ -290,11 +334,34 @@ class RigidField:
         return self._point(_known(self.velocities), place)
 
     def angle(self, place: str, t: Array) -> Array:
-        """Angle of the body since t = 0, (n,), rad; the same at all its points."""
-        if self.turned is not None and len(self.turned) == len(t) > 0:
-            return np.asarray(self.turned[:, 0] - self.turned[0, 0])
+        """Angle of the body since t = 0, (n,), rad; the same at all its points.
+
+        Of a motion alone, without what holds the body: see `anctmm.results.whole_turns`.
+        """
+        known = self.own_root(t).angles if self.turned is None or not self.counted(t) else self.turned[:, 0]
+        return np.asarray(known - known[:1])
+
+    def counted(self, t: Array) -> bool:
+        """Whether angles are counted at all outputs."""
+        return self.turned is not None and len(self.turned) == len(t)
+
+    def direction_angle(self, place: str = "center") -> Array:
+        """Angle of the body since the undeformed scene, (n,), rad, but for whole turns."""
+        vectors = _complex(self.coordinates[:, 1])
+        return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
+
+    def own_root(self, t: Array) -> Root:
+        """The body, whose angle follows its rate from one output to the next."""
         rates = None if self.velocities is None else _complex(self.velocities[:, 1])
-        return continuous(_complex(self.coordinates[:, 1]), rates, t)
+        return Root("center", self.turned_before() + continuous(_complex(self.coordinates[:, 1]), rates, t))
+
+    def angle_from(self, place: str, root: Root) -> Array:
+        """Angle since the undeformed scene, (n,), rad: the same at all points."""
+        return root.angles
+
+    def node_angles(self, root: Root) -> Array:
+        """The same, (n, 1)."""
+        return root.angles[:, None]
 
     def turned_before(self, place: Any = "center") -> float:
         """Angle of the body at the first output since the undeformed scene, rad; the same at all its points."""
@@ -320,6 +387,11 @@ class RigidField:
         x, y = (0.0, 0.0) if place == "center" else self.points[place]
         t = q[:, 1]
         return np.asarray(q[:, 0] + x * t + y * np.stack([-t[:, 1], t[:, 0]], axis=1))
+
+
+def nearest(angle: Array, about: Array) -> Array:
+    """The angles, rad, with those whole turns that bring them nearest to others."""
+    return np.asarray(angle + 2.0 * np.pi * np.round((about - angle) / (2.0 * np.pi)))
 
 
 def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
@@ -349,6 +421,12 @@ def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
 def spin_of(vectors: Complex, rates: Complex) -> Array:
     """Rate at which a vector turns, (n,), rad/s."""
     return np.asarray(np.imag(rates * np.conj(vectors)) / np.abs(vectors) ** 2)
+
+
+def mean_spin(positions: Complex, velocities: Complex) -> Array:
+    """Rate at which a body's nodes, (n, nodes), turn about their middle in the mean, (n,), rad/s."""
+    arms, rates = (x - x.mean(axis=1, keepdims=True) for x in (positions, velocities))
+    return np.asarray(np.imag(rates * np.conj(arms)).sum(axis=1) / (np.abs(arms) ** 2).sum(axis=1))
 
 
 def _complex(vectors: Array) -> Complex:

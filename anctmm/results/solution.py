@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeGuard, cast
@@ -27,6 +28,7 @@ from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingFiel
 from anctmm.results.internal_forces.actions import tension_of
 from anctmm.results.internal_forces.reactions import reaction
 from anctmm.results.internal_forces.section_forces import section_force
+from anctmm.results.whole_turns import WholeTurns
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -188,6 +190,11 @@ class Solution:
             f"{self.cost.newton_iterations} Newton corrections"
         )
 
+    @cached_property
+    def whole_turns(self) -> WholeTurns:
+        """Angles of sections since the undeformed scene."""
+        return WholeTurns(self.scene, self.fields, self.t, self.static)
+
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
 
@@ -204,7 +211,7 @@ class Solution:
         UnknownNameError, PropertyError
             If there is no such place.
         """
-        return self._each(place, fraction, lambda field, at: field.position(at), 2)
+        return self._each(place, fraction, lambda name, at: self.fields[name].position(at), 2)
 
     def velocity(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Velocities of a material point, (n, 2), m/s; of k fractions (n, k, 2). Parameters as of `position`.
@@ -214,15 +221,16 @@ class Solution:
         ResultError
             If the solver keeps no velocities, or the solution is a static one.
         """
-        return self._each(place, fraction, lambda field, at: cast(MovingField, field).velocity(at), 2)
+        return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), 2)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Angles that sections have turned by since the first output, (n,), rad, counter-clockwise; of k fractions
         (n, k). Parameters as of `position`; of a rigid body its name is enough.
 
         A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
-        angle is continuous: whole turns between two outputs are counted by the velocities, and by the drives of what is
-        clamped or welded to them. Where a solver keeps none, outputs must be less than half a turn apart.
+        angle is continuous, whole turns included, however few outputs there are, along beams and from one body to what
+        is clamped or welded to it, or driven. What is free to turn is followed by its velocities: there outputs must be
+        less than half a turn apart, or its rate change little between them. See `anctmm.results.whole_turns`.
 
         Raises
         ------
@@ -230,16 +238,15 @@ class Solution:
             If the solver keeps no angles, or the place is that of a point mass, which has none.
         """
         turning = self._turning(place, fraction)
-        return self._each(
-            turning, fraction, lambda field, at: cast(MovingField, field).angle(at, self.t), turns=True
-        )
+        known = self.whole_turns
+        return self._each(turning, fraction, lambda name, at: _since_first(known.angle(name, at)), turns=True)
 
     def spin(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Rates of the angles that `angle` gives, (n,) or (n, k), rad/s; parameters as of `angle`, errors as of
         `velocity`.
         """
         turning = self._turning(place, fraction)
-        return self._each(turning, fraction, lambda field, at: cast(MovingField, field).spin(at), turns=True)
+        return self._each(turning, fraction, lambda name, at: self._moving(name).spin(at), turns=True)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """N, Q, M of the part of a beam beyond a section on the part before it, (n, 3), N, N, N m; of k fractions
@@ -314,11 +321,11 @@ class Solution:
         self,
         place: Probe,
         fraction: Fractions | None,
-        read: Callable[[Field, Any], Array],
+        read: Callable[[str, Any], Array],
         *width: int,
         turns: bool = False,
     ) -> Array:
-        """What is read of a field at a place, or at each of several fractions; turns: of places that have an angle."""
+        """What is read of a body at a place, or at each of several fractions; turns: of places that have an angle."""
         if _several(fraction):
             parts = [self._read(self._given(place, x), read, *width, turns=turns) for x in fraction]
             return np.stack(parts, axis=1) if parts else np.empty((len(self.t), 0, *width))
@@ -326,12 +333,15 @@ class Solution:
         return self._read(at, read, *width, turns=turns)
 
     def _read(
-        self, place: Probe, read: Callable[[Field, Any], Array], *width: int, turns: bool = False
+        self, place: Probe, read: Callable[[str, Any], Array], *width: int, turns: bool = False
     ) -> Array:
         name, at = self.scene.probe(place)
         if turns and isinstance(self.scene.body(name), PointMass):
             raise ResultError(f"point mass {name!r} has no angle; position and velocity are what it has")
-        return read(self.fields[name], at) if self.fields else np.empty((0, *width))
+        return read(name, at) if self.fields else np.empty((0, *width))
+
+    def _moving(self, name: str) -> MovingField:
+        return cast(MovingField, self.fields[name])
 
     def _given(self, place: Probe, fraction: Any) -> Probe:
         """A place as the scene knows it: also of a rigid body and its point, given apart."""
@@ -369,6 +379,10 @@ class Solution:
     def with_cost(self, cost: Cost) -> "Solution":
         """The same solution with another cost."""
         return replace(self, cost=cost)
+
+
+def _since_first(angles: Array) -> Array:
+    return np.asarray(angles - angles[:1])
 
 
 def _several(fraction: Fractions | None) -> TypeGuard[Sequence[float]]:

@@ -36,7 +36,6 @@ from anctmm.model.scene import (
 )
 from anctmm.results.acting import ends_of
 from anctmm.results.divergence_checks import checked
-from anctmm.results.drive_turns import with_turns_of_drives
 from anctmm.results.fields import Field
 from anctmm.results.mechanism_check import is_mechanism
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
@@ -337,8 +336,6 @@ def _solution(
     for name, q in history.coordinates.items():
         body, rates = scene.body(name), [] if model.static else history.rates(name)
         fields[name] = beams.field(body, q, rates) if isinstance(body, Beam) else rigid_field(body, q, rates)
-    if not model.static:
-        fields = with_turns_of_drives(scene, fields, history.t)
     with np.errstate(all="ignore"):  # Exudyn's explicit runs go on where they have diverged
         known = not is_mechanism(scene)  # of mechanisms energies are not read
         energy = _energy(model, history, loads) if known else Energy.unknown(len(history.t))

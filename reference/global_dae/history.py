@@ -12,7 +12,6 @@ from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.results.divergence_checks import checked
-from anctmm.results.drive_turns import with_turns_of_drives
 from anctmm.results.fields import beam_field
 from anctmm.results.solution import (
     Cost,
@@ -246,13 +245,12 @@ def solution(
     `rates` are velocities and accelerations, like coordinates; without them it is a static one.
     """
     series = [model.bodies.by_body(x) for x in (kept, *rates)]
-    moved = {
+    fields = {
         name: beam_field(
             model.bodies.mesh(name).kind, model.scene.beam(name), q, *(x[name] for x in series[1:])
         )
         for name, q in series[0].items()
     }
-    fields = with_turns_of_drives(model.scene, moved, t) if rates else moved
     energy = Energy(*(column.copy() for column in energies.T))
     found = Solution(
         solver, model.scene, model.run, t, fields, energy, cost, status, model.dofs, static=not rates

@@ -22,6 +22,7 @@ from anctmm.integrators.output import Output, Record, actuation_of
 from anctmm.integrators.static_start import turned_of_nodes
 from anctmm.jit.compiling import uncompiled
 from anctmm.recursion.rows import Rows, set_signals
+from anctmm.results.whole_turns import WholeTurns
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -102,7 +103,8 @@ def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | 
     connectors = system.loads.connectors
     if connectors is None or not (connectors.kinds == TURN).any():
         return None
-    return turned_of_nodes(chain, record.fields(kept), chain.run.times(chain.run.output_steps[:kept]))
+    times = chain.run.times(chain.run.output_steps[:kept])
+    return turned_of_nodes(chain, WholeTurns(chain.scene, record.fields(kept), times))
 
 
 def _of_clamps(tables: Tables, clamps: DrivenClamps, drives: Array, a: Array) -> tuple[Array, Array]:

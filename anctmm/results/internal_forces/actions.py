@@ -12,7 +12,6 @@ from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spr
 from anctmm.model.drives import tabulate
 from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, load_text, width_of
 from anctmm.model.places import Place
-from anctmm.results.fields import HermiteField, RigidField
 
 Array = NDArray[np.float64]
 
@@ -168,9 +167,7 @@ def _turn(solution: Any, place: Any) -> tuple[Array, Array]:
 def turn_since_placed(solution: Any, place: Any) -> Array:
     """Angle of a place since the undeformed scene, (n,), rad: a motion may start from an equilibrium."""
     name, at = solution.scene.probe(place)
-    field = solution.fields[name]
-    before = field.turned_before(at) if isinstance(field, HermiteField | RigidField) else 0.0
-    return np.asarray(before + solution.angle(place))
+    return np.asarray(solution.whole_turns.angle(name, at))
 
 
 def _as_placed(solution: Any, connector: Connector) -> float:

@@ -10,7 +10,6 @@ from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.results.divergence_checks import checked
-from anctmm.results.drive_turns import with_turns_of_drives
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
 from reference.global_dae.mechanisms.layout import Layout
@@ -135,8 +134,6 @@ class Record:
         """The answer as far as it goes."""
         layout, n = self.system.layout, self.count
         fields = fields_of(layout, self.q[:n], *(() if static else (self.v[:n], self.a[:n])))
-        if not static:
-            fields = with_turns_of_drives(layout.scene, fields, t)
         energy = Energy(*(column.copy() for column in self.energies[:n].T))
         found = Solution(
             solver, layout.scene, layout.run, t, fields, energy, cost, status, layout.size, static=static

@@ -1,4 +1,4 @@
-"""Whole turns that drives make between two outputs."""
+"""Whole turns that sections make, or do not make, between two outputs."""
 
 from math import pi
 
@@ -49,9 +49,9 @@ def test_turns_from_rest_to_rest_are_those_of_the_drive(often, output):
         np.testing.assert_allclose(rare.reaction(joint)[-1], often.reaction(joint)[-1], atol=1e-9)
 
 
-def arms():
+def arms(E=5e7):
     """An arm that turns once from rest to rest, and one that turns against it three times the other way."""
-    rubber = at.Material(E=5e7, density=1100.0)
+    rubber = at.Material(E, density=1100.0)
     one = at.Beam("one", (0, 0), (0.2, 0), ROD, rubber)
     two = at.Beam("two", (0.2, 0), (0.3, 0), ROD, rubber)
     drives = at.Quintic(2.0 * pi, 2.0), at.Quintic(-6.0 * pi, 2.0)
@@ -112,3 +112,43 @@ def test_a_motion_that_starts_from_an_equilibrium_counts_from_there():
     rare = at.solve(scene, start=rest, mesh=1, dt=0.02, t_end=2.0, output_dt=2.0)
     assert rare.angle("arm.start")[-1] == pytest.approx(2.0 * pi, abs=1e-9)
     assert rare.tension(scene.connectors[0])[-1] == pytest.approx(2.0 * pi * 1e-4, abs=1e-9)
+
+
+def hanging():
+    """A soft arm that is let go, and swings to and fro with a plate at its end."""
+    arm = at.Beam("arm", (0, 0), (1.0, 0), ROD, RUBBER)
+    plate = at.RigidBody("plate", 0.05, 1e-4, (1.0, 0.02), points={"a": (1.0, 0)})
+    springs = [
+        at.RotationalSpring("arm.end", stiffness=1e-3),
+        at.RotationalSpring("plate.center", stiffness=1e-3),
+    ]
+    joints = [at.Clamp("arm.start"), at.Weld("arm.end", "plate.a")]
+    return at.Scene("hanging", [arm, plate], joints, gravity=(0, -9.81), connectors=springs)
+
+
+def tumbling():
+    """A soft beam, free, that turns at a steady rate and shakes."""
+    motion = at.RigidVelocity((0.0, 0.0), (1.0, 0.0), center=(0.5, 0.0), spin=3.0)
+    beam = at.Beam("beam", (0, 0), (1.0, 0), ROD, RUBBER, velocity=motion)
+    push = at.Force("beam.end", lambda t: (0.0, 1.5 * at.Pulse(1.0, 0.1)(t)))
+    return at.Scene("tumbling", [beam], loads=[push])
+
+
+@pytest.mark.parametrize("output", [0.5, 1.0, 2.0])
+@pytest.mark.parametrize(
+    "make", [hanging, tumbling, lambda: arms(5e6)], ids=["hanging", "tumbling", "soft arms"]
+)
+def test_vibrations_are_no_turns(make, output):
+    """The rates of vibrations, times the way to the next output, were taken for turns, with status ok."""
+    scene, steps = make(), {"mesh": 4, "dt": 5e-3, "t_end": 2.0}
+    often, rare = at.solve(scene, **steps), at.solve(scene, **steps, output_dt=output)
+    assert often.status.ok
+    assert rare.status.ok
+    for body in scene.bodies:
+        beam = isinstance(body, at.Beam)
+        for place in [(body.name, x) for x in (0.0, 0.3, 0.5, 1.0)] if beam else [f"{body.name}.center"]:
+            angle = often.angle(place)
+            assert np.abs(np.diff(angle)).max() < 1.0  # so that there is no doubt about these
+            assert rare.angle(place)[-1] == pytest.approx(angle[-1], abs=1e-9)
+    for spring in scene.connectors:
+        assert rare.tension(spring)[-1] == pytest.approx(often.tension(spring)[-1], abs=1e-12)
