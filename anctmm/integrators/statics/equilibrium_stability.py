@@ -139,9 +139,8 @@ def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Com
     def heavy(x: Array) -> Array:
         return joined.gather(system.inertia(joined.spread(x)))
 
-    held = (
-        np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) / inverse
-    )  # K x = M x / inverse
+    # K x = M x / inverse
+    held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) / inverse
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
     lost = np.stack([damped(one) for one in x.T], axis=1)
     x = np.concatenate(
