@@ -207,9 +207,8 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
             (np.abs(table[i] - v) <= 1e-12 * np.abs(v)).all() for i, v in samples.items()
         )
     except (Exception, SystemExit):
-        vectorised = (
-            False  # it may take numbers only: whatever it raises on an array, it is called for each time
-        )
+        # it may take numbers only: whatever it raises on an array, it is called for each time
+        vectorised = False
     if not vectorised:
         for i, time in enumerate(t):
             table[i] = one(float(time))

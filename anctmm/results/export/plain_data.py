@@ -180,12 +180,11 @@ def _instance(name: str, names: list[str], values: list[Any]) -> Any:
     if [f.name for f in now[: len(names)]] != names or not known or not now:
         raise NotPlain(f"{name} has other fields now")
     made = object.__new__(kind)
-    for name_, value in zip(names, values, strict=True):
-        object.__setattr__(made, name_, value)
+    for known_name, value in zip(names, values, strict=True):
+        object.__setattr__(made, known_name, value)
     for f in later:
-        object.__setattr__(
-            made, f.name, f.metadata["earlier"](made) if "earlier" in f.metadata else f.default
-        )
+        find = f.metadata.get("earlier")
+        object.__setattr__(made, f.name, find(made) if find else f.default)
     return made
 
 
