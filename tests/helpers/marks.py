@@ -13,5 +13,10 @@ def interpreted_where(rare, cases):
     return _marked(pytest.mark.interpreted, rare, cases)
 
 
+def slow_where(long, cases):
+    """Cases of `parametrize`, those marked slow of which a function says so."""
+    return _marked(pytest.mark.slow, long, cases)
+
+
 def _marked(mark, chosen, cases):
     return [pytest.param(case, marks=mark) if chosen(case) else case for case in cases]

@@ -795,6 +795,7 @@ def test_the_table_is_long_and_its_categories_are_full():
     assert sum(counts) >= 120
 
 
+@pytest.mark.interpreted
 def test_without_exudyn_the_others_run(monkeypatch):
     monkeypatch.setitem(sys.modules, "exudyn", None)
     both = [case("exudyn-cable"), case("anctmm")]

@@ -1,5 +1,7 @@
 """Values of two probes are told apart."""
 
+import pytest
+
 import anctmm as at
 from studies.convergence.joint_forces import at_joints
 from studies.engine.accuracy.digits import at_probes
@@ -18,6 +20,7 @@ def test_places_have_six_digits_where_these_tell_them_apart():
     assert list(place_texts([("b", x) for x in NEAR]).values()) == ["b at 0.5", "b at 0.5000001"]
 
 
+@pytest.mark.interpreted
 def test_values_and_forces_of_near_places_have_names_of_their_own():
     """Both were those of "bar at 0.5"."""
     bar = at.Beam("bar", (0, 0), (1, 0), at.Circle(0.02), at.Material(E=1e7, density=1e3))
