@@ -1,5 +1,6 @@
 """Steps of fourth order where constraints are nonlinear or driven: their order, other roads, gaps, work, locking."""
 
+from functools import cache
 from itertools import pairwise
 from math import pi
 
@@ -70,30 +71,34 @@ def motion(found, places):
     return np.concatenate([found.position(place) for place in places], axis=1)
 
 
-def runs(name, **options):
-    make, places, dt = SCENES[name]
-    options = {"t_end": 0.2, "output_dt": 0.02, "newton_tolerance": 1e-12} | options
-    scene = make()
-    beams = {"mesh": 1} if scene.beams else {}
-    return [at.solve(scene, dt=dt / k, **beams | options) for k in (1, 2, 4)], places
+def run(name, **options):
+    scene = SCENES[name][0]()
+    return at.solve(scene, t_end=0.2, output_dt=0.02, **({"mesh": 1} if scene.beams else {}) | options)
+
+
+@cache
+def fixed(name, divisor, **options):
+    """A run with the longest step, or a part of it, which several tests look at."""
+    return run(name, dt=SCENES[name][2] / divisor, newton_tolerance=1e-12, **options)
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_their_order_is_four_and_their_limit_that_of_steps_of_second_order(name):
-    found, places = runs(name, integrator="esdirk")
-    assert {run.status.code for run in found} == {"ok"}
-    four, two, one = (motion(run, places) for run in found)
+    places = SCENES[name][1]
+    found = [fixed(name, k, integrator="esdirk") for k in (1, 2, 4)]
+    assert {each.status.code for each in found} == {"ok"}
+    four, two, one = (motion(each, places) for each in found)
     assert np.log2(np.abs(four - two).max() / np.abs(two - one).max()) == pytest.approx(4.0, abs=0.5)
-    (_, coarse, fine), _ = runs(name, integrator="generalized-alpha", spectral_radius=1.0)
-    coarse, fine = motion(coarse, places), motion(fine, places)
+    second = {"integrator": "generalized-alpha", "spectral_radius": 1.0}
+    coarse, fine = (motion(fixed(name, k, **second), places) for k in (2, 4))
     off = np.abs(fine + (fine - coarse) / 3.0 - one).max()
     assert 1e-13 < off < 0.1 * np.abs(fine - one).max()  # as far as the extrapolation is exact
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_drives_and_forces_do_the_work_that_energies_show(name):
-    found, _ = runs(name, integrator="esdirk")
-    lost = [np.abs(run.energy.balance).max() for run in found]
+    found = [fixed(name, k, integrator="esdirk") for k in (1, 2, 4)]
+    lost = [np.abs(each.energy.balance).max() for each in found]
     size = max(np.abs(found[-1].energy.kinetic).max(), np.abs(found[-1].energy.work).max())
     assert lost[2] < 1e-5 * size
     assert lost[2] < lost[0] / 64.0 + 1e-13 * size
@@ -125,14 +130,11 @@ def test_forces_of_a_driven_guide_are_those_of_the_motion(steps):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_errors_stay_within_three_times_what_is_asked(name):
-    make, places, dt = SCENES[name]
-    scene = make()
-    options = {"t_end": 0.2, "output_dt": 0.02, "integrator": "esdirk"} | ({"mesh": 1} if scene.beams else {})
-    exact = at.solve(scene, dt=dt / 4, newton_tolerance=1e-12, **options)
+    exact = fixed(name, 4, integrator="esdirk")
     for tolerance in (1e-2, 1e-4):
-        run = at.solve(scene, tolerance=tolerance, **options)
-        assert run.status.ok
-        assert at.compare(run, exact, places).error <= 3.0 * tolerance
+        found = run(name, integrator="esdirk", tolerance=tolerance)
+        assert found.status.ok
+        assert at.compare(found, exact, SCENES[name][1]).error <= 3.0 * tolerance
 
 
 @pytest.mark.parametrize("steps", [{"dt": 0.02}, {"tolerance": 1e-3, "output_dt": 0.02}])
