@@ -36,10 +36,10 @@ def struck():
 #: Scenes, and the step of their reference, s.
 SCENES = {
     "falling": (falling, 1e-3),
-    "hinge": (hinge, 5e-4),
+    "hinge": (hinge, 1e-3),
     "linkage": (partial(linkage, 0.1), 1e-3),
     "struck": (struck, 2.5e-4),
-    "acted on": (acted_on, 1e-3),
+    "acted on": (acted_on, 2.5e-3),
 }
 RUN = {"t_end": 0.2, "output_dt": 0.01, "integrator": "esdirk"}
 
