@@ -103,7 +103,7 @@ def test_derivatives_that_are_none_are_told(what, solve):
 STEPS = {
     "generalized-alpha": {"dt": 2e-3},
     "esdirk": {"dt": 2e-3, "integrator": "esdirk"},
-    "zhai": {"dt": 1e-5, "integrator": "zhai", "t_end": 0.11},
+    "zhai": {"dt": 1e-4, "integrator": "zhai", "t_end": 0.11},
 }
 
 
