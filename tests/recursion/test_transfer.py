@@ -17,6 +17,7 @@ from direct import (
     stiffness_of,
     torque_stiffness,
 )
+from marks import interpreted_where
 from numpy.testing import assert_array_equal
 from samples import INTEGRATORS, KINDS, SOFT, SQUARE, SUPPORTS, chain_of, deformed, row_scene
 from scipy.linalg import eigvals
@@ -243,7 +244,7 @@ def test_recursion_solves_newtons_matrix(kind, start, end):
 
 
 @pytest.mark.slow  # kernels whose factors are rounded
-@every_kind
+@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "shear", KINDS))
 def test_factors_in_single_precision_are_those_in_double_rounded(kind):
     """And both sweeps read them as they are: the same solution as with the rounded numbers in double precision."""
     chain = chain_of(row_scene("clamp", [("pin", 0.5), ("weld", 1.0)], "free"), mesh=20, element=kind)

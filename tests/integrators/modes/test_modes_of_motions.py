@@ -143,6 +143,7 @@ def test_a_clamp_that_turns_steadily_spins_the_scene(kind):
     assert np.abs(held / exact - 1.0).max() > 1e-3
 
 
+@pytest.mark.interpreted
 @pytest.mark.parametrize("speed", [12.0, 35.0, 40.0])
 @pytest.mark.parametrize("damping", [0.0, 3.0])
 @pytest.mark.parametrize("driven", [False, True])
@@ -169,6 +170,7 @@ def test_a_mass_on_springs_in_a_hub_that_turns(speed, damping, driven):
         assert (found.damping[0] < 0.0) == (speed > own)
 
 
+@pytest.mark.interpreted
 def test_loads_are_those_of_the_last_output():
     """A pendulum in a uniform force that has grown: its frequency is that of the force then."""
     bob = at.RigidBody(
