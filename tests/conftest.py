@@ -9,6 +9,7 @@ from contextlib import nullcontext
 import pytest
 from hypothesis import settings
 
+from anctmm.jit.compiler.second_process import one_process
 from anctmm.jit.interpreting import interpreted
 
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=25)
@@ -78,9 +79,9 @@ INTERPRETED = {
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
-    "implicit", "esdirk", "stage_control", "second_process", "agreement", "exact_mechanisms", "adaptive", "growth",
-    "dae_mechanisms", "transfer", "kept_motions", "inputs", "laws", "explicit", "pictures", "histories", "gallery",
-    "exact", "failures", "ahead",
+    "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement", "exact_mechanisms",
+    "adaptive", "growth", "dae_mechanisms", "transfer", "free_turns", "kept_motions", "inputs", "laws", "explicit",
+    "pictures", "histories", "gallery", "whole_turns", "balanced", "exact", "failures", "ahead",
 )  # fmt: skip
 
 
@@ -102,10 +103,14 @@ def pytest_ignore_collect(collection_path, config):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item):
-    """Run kernels by Python where that takes less time."""
+    """Run kernels by Python where that takes less time, and compile in one process where another one runs tests."""
     by_python = "compiled" if listed(item.path, INTERPRETED) else "interpreted"
     marked = item.get_closest_marker(by_python) is not None
-    with interpreted() if marked == (by_python == "interpreted") else nullcontext():
+    beside = hasattr(item.config, "workerinput") and item.path.stem != "test_second_process"
+    with (
+        interpreted() if marked == (by_python == "interpreted") else nullcontext(),
+        one_process() if beside else nullcontext(),
+    ):
         return (yield)
 
 
