@@ -82,6 +82,7 @@ from anctmm.integrators.step_control import (
     stiffen,
 )
 from anctmm.integrators.step_error import filtered_error, largest_error, measure_motion
+from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, kernel
 from anctmm.recursion.constrained import set_drives, work_of_drives
@@ -331,6 +332,7 @@ def _accept(h, stop, c, system, control, out):  # type: ignore[no-untyped-def]
     out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
     out.work[0] += work_of_drives(loops, True, q)
     out.work[0] += dissipated(system.damping, q, state.q_before)
+    count_turns(q, out.turns)
     pass_stops(control)
 
 

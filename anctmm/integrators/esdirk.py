@@ -48,6 +48,7 @@ from anctmm.integrators.implicit.step import copy, predict
 from anctmm.integrators.implicit.system import System, new_system
 from anctmm.integrators.output import Output, actuation_of, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages, projected
+from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel, shared
 from anctmm.jit.copies import writes
@@ -166,6 +167,7 @@ def advance(
             copy(flat_w, room.w[count - 1])
             room.power[count - 1] = stage_power(state, tables, factors, clamps, loads, load_table[0], damping)
             break
+        count_turns(q, out.turns)
         if step % stride == 0 or step == steps:
             if too_large(q, STRETCH_LIMIT):
                 newton.history[:] = 0.0  # no iteration failed

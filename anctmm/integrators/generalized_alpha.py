@@ -38,6 +38,7 @@ from anctmm.integrators.output import (
     keep,
     too_large,
 )
+from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiler.second_process import Task
 from anctmm.jit.compiling import kernel
@@ -114,6 +115,7 @@ def advance(
             out.work[0] += work_done(step > 0, q, clamps, loads, values)
         if step >= 0:
             out.work[0] += work_of_drives(factors.loops, step > 0, q)
+            count_turns(q, out.turns)
         if step >= 0 and (step % stride == 0 or step == steps):
             if too_large(q, STRETCH_LIMIT):
                 newton.history[:] = 0.0  # no iteration failed

@@ -16,6 +16,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
+from anctmm.integrators.turn_count import TurnCount, begin_count, counted_bodies, new_count, put_angles
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
@@ -45,7 +46,8 @@ TOGETHER = 1 << 17
 @by_address
 class Output(NamedTuple):
     """What kernels fill: coordinates, velocities and accelerations, (outputs, rows, nodes), kinetic and strain energy
-    and work, (outputs, 3), and the work done until now, (1,).
+    and work, (outputs, 3), and the work done until now, (1,); angles of the bodies whose turns are counted, (outputs,
+    bodies), and their turns until now.
     """
 
     q: Array
@@ -53,6 +55,8 @@ class Output(NamedTuple):
     a: Array
     energy: Array
     work: Array
+    angles: Array
+    turns: TurnCount
 
 
 @dataclass
@@ -72,6 +76,8 @@ class Record:
     v: Array = field(init=False)
     a: Array = field(init=False)
     energy: Array = field(init=False)
+    #: Angles of the bodies whose turns are counted in the steps, (n, bodies), rad.
+    angles: Array = field(init=False)
     #: Angles of the sections at nodes since the undeformed scene, (k, nodes), at the first k outputs, where counted.
     turned: Array | None = field(init=False, default=None)
     started: tuple[float, float] = field(init=False)
@@ -85,10 +91,14 @@ class Record:
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.v, self.a = np.empty_like(self.q), np.empty_like(self.q)
         self.energy = np.zeros((n, 3))
+        self.angles = np.zeros((n, len(counted_bodies(self.chain))))
 
     def arrays(self) -> Output:
-        """What kernels fill."""
-        return Output(self.q, self.v, self.a, self.energy, np.zeros(1))
+        """What kernels fill, before the first step."""
+        turns = new_count(self.chain)
+        if len(turns.nodes):
+            begin_count(self.chain.start_coordinates(), turns)
+        return Output(self.q, self.v, self.a, self.energy, np.zeros(1), self.angles, turns)
 
     def start(self) -> None:
         """Start the clocks."""
@@ -110,6 +120,9 @@ class Record:
         if (turned := self._turned()) is not None:
             angles = angles_by_body(chain, turned[:kept])
             fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
+        if not static:
+            for name, angle in zip(counted_bodies(chain), self.angles[:kept].T, strict=True):
+                fields[name] = replace(fields[name], start_angle=angle.copy())
         return fields
 
     def solution(
@@ -296,3 +309,4 @@ def keep(
     out.energy[place, 1] = strain_energy(tables.formulations, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 1] += connectors_energy(connectors)
     out.energy[place, 2] = out.work[0]
+    put_angles(q, out.turns, out.angles[place])

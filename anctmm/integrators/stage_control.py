@@ -88,6 +88,7 @@ from anctmm.integrators.step_control import (
     stiffen,
 )
 from anctmm.integrators.step_error import measure_motion
+from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, kernel, shared
 from anctmm.results.divergence_checks import STRETCH_LIMIT
@@ -383,6 +384,7 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
     room.power[0] = room.power[last]
     copy_actions(control.angles, control.values, last, 0)
     pass_stops(control)
+    count_turns(system.state.q, out.turns)
     measure_motion(system.state.q, control)
     follow_turns(system.state.q, progress[TIME], control.t_end, control.turns)
 

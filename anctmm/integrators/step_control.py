@@ -52,6 +52,7 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.integrators.turn_count import begin_count
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.pacing import paced
@@ -356,6 +357,7 @@ def _march(
     begin_turns(control.turns, look, run.t_end)
     control.scale[0] = scale
     out.work[0] = 0.0
+    begin_count(state.q, out.turns)
     first = FIRST * min(1.0, (tolerance / LOOSE) ** (1.0 / scheme.order)) * run.exact_dt
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = times[-1] if guess else first, 1.0
@@ -384,7 +386,8 @@ def _from_outputs(
 ) -> Callable[[int, Newton], int]:
     """What starts a motion anew in the present state at the k-th of some outputs: for its accelerations alone."""
     times, progress = chain.run.times(outputs), control.progress
-    aside = Output(*(np.empty_like(room[:1]) for room in out))
+    rooms = {name: np.empty_like(room[:1]) for name, room in out._asdict().items() if name != "turns"}
+    aside = out._replace(**rooms)
 
     def start(k: int, newton: Newton) -> int:
         progress[:] = 0.0

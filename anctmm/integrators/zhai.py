@@ -39,6 +39,7 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.stability import check_step, largest_step
+from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import embedded, kernel
@@ -336,6 +337,7 @@ def advance(begin: int, end: int, system: System, out: Output, clamp_table: Arra
             return step
         if acted:
             out.work[0] += work_done(step > 0, q, clamps, loads, values)
+        count_turns(q, out.turns)
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):
                 return step

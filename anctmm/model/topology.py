@@ -6,8 +6,8 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
-from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
-from anctmm.model.kept import kept
+from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld, drive_of
+from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, Place, Written
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 
@@ -119,6 +119,24 @@ def held_directions(scene: Graph) -> list[HeldDirection]:
                 body = joint.body if isinstance(joint, Guide) else None
                 found.append(HeldDirection(joint, Place(scene.body(body), CENTER) if body else None, first))
     return found
+
+
+@alike
+def turning_bodies(scene: Graph) -> list[str]:
+    """Names of bodies whose turns are to be counted: those of all others follow.
+
+    They are the first of each set whose directions joints hold to each other and not to the ground, drives apart: a
+    file may not have their functions.
+    """
+    sets, found = Sets[str | None](), dict[str | None, str]()
+    for joint, by, place in held_directions(scene):
+        if joint.on_line or drive_of(joint) is None:
+            sets.unite(by.body.name if by else GROUND, place.body.name)
+    for body in scene.bodies:
+        if not isinstance(body, PointMass):  # it has no direction
+            found.setdefault(sets.of(body.name), body.name)
+    held = sets.of(GROUND)
+    return [name for one, name in found.items() if one != held]
 
 
 def end_of(scene: Graph, place: Written) -> End:

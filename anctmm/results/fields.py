@@ -65,6 +65,9 @@ class HermiteField:
     turned : ndarray, shape (k, nodes), optional
         Angles of the nodes' sections since the undeformed scene at the first k outputs, rad, where they are counted: in
         statics at each, in a motion that starts from an equilibrium at the first.
+    start_angle : ndarray, shape (n,), optional
+        Angle of the body's start, rad, from any direction, whole turns included, as the solver counted them at each
+        step.
     """
 
     coordinates: Array
@@ -72,6 +75,7 @@ class HermiteField:
     velocities: Array | None = None
     accelerations: Array | None = None
     turned: Array | None = None
+    start_angle: Array | None = None
 
     def position(self, place: float) -> Array:
         """Positions at a fraction of the undeformed length, (n, 2), m."""
@@ -105,7 +109,9 @@ class HermiteField:
         return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
 
     def own_root(self, t: Array) -> Root:
-        """The start, whose angle follows the mean rate of all nodes from one output to the next."""
+        """The start, whose angle is as counted, or follows the mean rate of all nodes from one output to the next."""
+        if self.start_angle is not None:
+            return Root(0.0, self.turned_before(0.0) + self.start_angle - self.start_angle[:1])
         vectors, rates = self._direction(self.coordinates, 0.0), None
         if self.velocities is not None:
             r, v = _complex(self.coordinates[:, :, 0]), _complex(self.velocities[:, :, 0])
@@ -160,7 +166,7 @@ class HermiteField:
     def until(self, outputs: int) -> "HermiteField":
         """The first outputs."""
         q, v, a = self.coordinates, self.velocities, self.accelerations
-        kept = (_first(series, outputs) for series in (v, a, self.turned))
+        kept = (_first(series, outputs) for series in (v, a, self.turned, self.start_angle))
         return type(self)(q[:outputs], self.length, *kept)
 
     @property
@@ -309,7 +315,7 @@ class RigidField:
         Where its points stand from the centre, before the start, m.
     velocities, accelerations : ndarray, shape (n, 2, 2), optional
         Rates, per s and s².
-    turned : ndarray, shape (k, 1), optional
+    turned, start_angle : ndarray, shapes (k, 1) and (n,), optional
         As of `HermiteField`.
     """
 
@@ -318,6 +324,7 @@ class RigidField:
     velocities: Array | None = None
     accelerations: Array | None = None
     turned: Array | None = None
+    start_angle: Array | None = None
 
     def position(self, place: str = "center") -> Array:
         """Positions of a point, (n, 2), m."""
@@ -351,7 +358,9 @@ class RigidField:
         return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
 
     def own_root(self, t: Array) -> Root:
-        """The body, whose angle follows its rate from one output to the next."""
+        """The body, whose angle is as counted, or follows its rate from one output to the next."""
+        if self.start_angle is not None:
+            return Root("center", self.turned_before() + self.start_angle - self.start_angle[:1])
         rates = None if self.velocities is None else _complex(self.velocities[:, 1])
         return Root("center", self.turned_before() + continuous(_complex(self.coordinates[:, 1]), rates, t))
 
@@ -380,7 +389,7 @@ class RigidField:
     def until(self, outputs: int) -> "RigidField":
         """The first outputs."""
         q, v, a = self.coordinates, self.velocities, self.accelerations
-        kept = (_first(series, outputs) for series in (v, a, self.turned))
+        kept = (_first(series, outputs) for series in (v, a, self.turned, self.start_angle))
         return RigidField(q[:outputs], self.points, *kept)
 
     def _point(self, q: Array, place: str) -> Array:

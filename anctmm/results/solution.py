@@ -229,8 +229,9 @@ class Solution:
 
         A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
         angle is continuous, whole turns included, however few outputs there are, along beams and from one body to what
-        is clamped or welded to it, or driven. What is free to turn is followed by its velocities: there outputs must be
-        less than half a turn apart, or its rate change little between them. See `anctmm.results.whole_turns`.
+        is clamped or welded to it, or driven. Turns of what is free to turn are counted in the steps of ANC-TMM and of
+        the global DAE. Of other solvers it is followed by its velocities: there outputs must be less than half a turn
+        apart, or its rate change little between them. See `anctmm.results.whole_turns`.
 
         Raises
         ------

@@ -2,9 +2,10 @@
 
 A direction at an output tells an angle but for whole turns. Along a beam a section has turned by less than half a turn
 against the next one, so that one place of a body tells all others, at each output by itself. What a clamp, a weld or a
-guide holds has turned by as much as what holds it, and by as much more as their drive turns it. What is free to turn is
-followed from one output to the next by the mean rate of the body, as its velocities tell it: for that outputs must be
-less than half a turn apart, or the rate must change little between them.
+guide holds has turned by as much as what holds it, and by as much more as their drive turns it. The turns of what is
+free to turn are counted at each step (`integrators.turn_count`). Where a solver does not count them, a body is followed
+from one output to the next by its mean rate, as its velocities tell it: for that outputs must be less than half a turn
+apart, or the rate must change little between them.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,7 +20,7 @@ from anctmm.errors import AnctmmError
 from anctmm.model.drives import tabulate
 from anctmm.model.joints import Joint, drive_of
 from anctmm.model.places import Place
-from anctmm.model.topology import GROUND, held_directions
+from anctmm.model.topology import GROUND, held_directions, turning_bodies
 from anctmm.results.fields import Field, HermiteField, RigidField, Root, nearest
 
 Array = NDArray[np.float64]
@@ -65,7 +66,9 @@ class WholeTurns:
         """A place of each body whose angle is known, with its angles."""
         found: dict[str, Root] = {}
         self._follow(GROUND, found)
-        for name, field in self.fields.items():
+        # first those that solvers count: all others follow
+        for name in [*turning_bodies(self.scene), *self.fields]:
+            field = self.fields.get(name)
             if name not in found and isinstance(field, HermiteField | RigidField):
                 found[name] = field.own_root(self.t)
                 self._follow(name, found)

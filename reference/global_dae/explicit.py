@@ -17,6 +17,7 @@ from reference.global_dae.history import HUGE, Acting, Marcher, Motion, Outputs,
 from reference.global_dae.loads import Loads, add_loads, work_since
 from reference.global_dae.lu import Factors, Index, factorise, no_factors, solve_factored
 from reference.global_dae.model import Model, Parts, kkt, typical
+from reference.global_dae.turning import turn
 
 Array = NDArray[np.float64]
 
@@ -134,7 +135,7 @@ def march(equations: Equations, span: tuple[int, int, int], acting: Acting, out:
     """
     scheme, parts, rows, loads, factors, constant, s, damping = equations
     values, angles = acting
-    wanted, kept, energies = out
+    wanted, kept, energies, turned = out
     count, m, size = 0, s.motion, s.before.size
     flat_q, flat_v, b, rate, acceleration, trail = (
         m.flat_q, m.flat_v, m.b, m.rate, m.acceleration, m.trail
@@ -160,8 +161,9 @@ def march(equations: Equations, span: tuple[int, int, int], acting: Acting, out:
         if len(trail):
             work = work_since(loads, values, at, rows, left, size, flat_q, trail)
             m.work[0] += work if n > 0 else 0.0
+        turn(flat_q, m.turned)
         if n == wanted[count]:
-            keep(parts, m, left, count, kept, energies)
+            keep(parts, m, left, count, kept, energies, turned)
             count += 1
         if n == span[2]:
             break

@@ -20,10 +20,12 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
+from anctmm.model.topology import turning_bodies
 from reference.global_dae.history import HUGE, Acting, Marcher, Outputs, Reached
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Matrix, Model
 from reference.global_dae.reduced import Given, Reduced
+from reference.global_dae.turning import at_starts, not_turned, turn
 
 Array = NDArray[np.float64]
 
@@ -98,6 +100,8 @@ class Gauss(Marcher):
         # the velocities nearest to those given that joints and drives allow, as where multipliers project them
         self.v = reduced.speeds(v, self.y, given)
         self.stages = np.tile(reduced.accelerations(self.y, self.v, given, values[0, -1]), (STAGES, 1))
+        q = model.bodies.reference().reshape(-1)
+        self.turned = not_turned(at_starts(model.bodies, turning_bodies(model.scene)), q)
         self.work, self.factors = 0.0, None
         self.newton_iterations = self.factorizations = 0
 
@@ -108,8 +112,11 @@ class Gauss(Marcher):
             at = n - first
             if n > 0 and not self._step(values[at], drives[at]):
                 return Reached(n, outputs, self._worst(), "Newton's iteration does not converge")
+            given = self.reduced.given(drives[at, -1])
+            turn(self.reduced.configuration(self.y, given).reshape(-1), self.turned)
             if n == out.wanted[outputs]:
-                self._keep(values[at, -1], drives[at, -1], out.states[outputs], out.energies[outputs])
+                out.angles[outputs] = self.turned.angles
+                self._keep(values[at, -1], given, out.states[outputs], out.energies[outputs])
                 outputs += 1
         return Reached(last, outputs)
 
@@ -167,10 +174,9 @@ class Gauss(Marcher):
         self.v = self.v + h * (b @ w)
         self.stages = w
 
-    def _keep(self, values: Array, drives: Array, kept: Array, energies: Array) -> None:
+    def _keep(self, values: Array, given: Given, kept: Array, energies: Array) -> None:
         """Store coordinates, velocities, accelerations and energies."""
         reduced, parts = self.reduced, self.model.parts
-        given = reduced.given(drives)
         w = reduced.accelerations(self.y, self.v, given, values)
         for k, moved in enumerate(reduced.motion(self.y, self.v, w, given)):
             kept[k] = 0.0

@@ -1,6 +1,6 @@
 """Marching in time: state shared by both integrators, batches of steps, output, cost and status."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter, process_time
 from typing import NamedTuple
 
@@ -11,6 +11,7 @@ from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
+from anctmm.model.topology import turning_bodies
 from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import beam_field
 from anctmm.results.solution import (
@@ -26,6 +27,7 @@ from anctmm.results.solution import (
 )
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
+from reference.global_dae.turning import Turned, at_starts, not_turned, with_angles
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -39,7 +41,8 @@ HUGE = 1e60
 class Motion(NamedTuple):
     """Coordinates and velocities, (rows, nodes) and flat in the same memory, and what goes with them.
 
-    b, rate, acceleration (m, 2) are b, ḃ, b̈ of the constraints; trail and work the account of work done.
+    b, rate, acceleration (m, 2) are b, ḃ, b̈ of the constraints; trail and work the account of work done; turned tells
+    the angles of bodies.
     """
 
     q: Array
@@ -51,6 +54,7 @@ class Motion(NamedTuple):
     acceleration: Array
     trail: Array
     work: Array
+    turned: Turned
     buffer: Array
 
 
@@ -60,15 +64,16 @@ def motion_of(model: Model, reference: Array) -> Motion:
     entries = len(model.loads.place) + sum(row.drive >= 0 for row in model.joints)
     zeros = np.zeros_like(reference)
     trail = np.zeros((entries, 4))
+    flat, places = q.reshape(-1), at_starts(model.bodies, turning_bodies(model.scene))
     return Motion(
-        q, v, q.reshape(-1), v.reshape(-1), reference.copy(), zeros, zeros.copy(), trail, np.zeros(1),
-        model.bodies.buffer(),
+        q, v, flat, v.reshape(-1), reference.copy(), zeros, zeros.copy(), trail, np.zeros(1),
+        not_turned(places, flat), model.bodies.buffer(),
     )  # fmt: skip
 
 
 @kernel
-def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array) -> None:
-    """Store coordinates, velocities and accelerations a (flat), kept[k, 0 … 2], and the energies as output k."""
+def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array, angles: Array) -> None:
+    """Store coordinates, velocities and accelerations a (flat), kept[k, 0 … 2], energies and angles as output k."""
     nodes = m.q.shape[1]
     for n in range(m.q.shape[0]):
         for i in range(m.q.shape[1]):
@@ -80,6 +85,8 @@ def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array
         potential -= parts.dead[i] * (m.flat_q[i] - parts.reference[i])
     energies[k, 2] = potential
     energies[k, 3] = m.work[0]
+    for n in range(angles.shape[1]):
+        angles[k, n] = m.turned.angles[n]
 
 
 @dataclass
@@ -117,16 +124,18 @@ class Acting(NamedTuple):
 class Outputs(NamedTuple):
     """What a batch keeps: the steps wanted, ascending, from the first one not yet kept, and −1 at their end.
 
-    states: coordinates, velocities and accelerations, (outputs, 3, rows, nodes); energies, (outputs, 4).
+    states: coordinates, velocities and accelerations, (outputs, 3, rows, nodes); energies, (outputs, 4); angles of the
+    bodies whose turns are counted, (outputs, bodies).
     """
 
     wanted: Ints
     states: Array
     energies: Array
+    angles: Array
 
     def after(self, count: int) -> "Outputs":
         """Those behind the first ones."""
-        return Outputs(self.wanted[count:], self.states[count:], self.energies[count:])
+        return Outputs(self.wanted[count:], *(room[count:] for room in self[1:]))
 
 
 class Marcher:
@@ -160,7 +169,8 @@ class Marcher:
         kept = np.zeros((len(wanted) - 1, 3, self.model.bodies.rows, self.model.bodies.nodes))
         energies = np.zeros((len(kept), 4))
         self.prepare()
-        out = Outputs(wanted, kept, energies)
+        turning = turning_bodies(self.model.scene)
+        out = Outputs(wanted, kept, energies, np.zeros((len(kept), len(turning))))
         self.batch(0, 0, self._tables(0, 0), out)  # compiles
         self.begin()
         start = process_time(), perf_counter()  # what is set up is no cost of steps, here as in ANC-TMM
@@ -177,7 +187,8 @@ class Marcher:
             )
             t = run.times(wanted[:count])
             q, v, a = kept[:count, 0], kept[:count, 1], kept[:count, 2]
-            return solution(solver, self.model, t, q, energies[:count], cost, status, v, a)
+            found = solution(solver, self.model, t, q, energies[:count], cost, status, v, a)
+            return replace(found, fields=with_angles(found.fields, turning, out.angles[:count]))
 
         def part(first: int, last: int) -> None:
             nonlocal step, count, ended

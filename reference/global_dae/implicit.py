@@ -21,6 +21,7 @@ from reference.global_dae.history import HUGE, Acting, Marcher, Motion, Outputs,
 from reference.global_dae.loads import Loads, add_loads, work_since
 from reference.global_dae.lu import Factors, Pattern, choose, no_factors, refactor, solve_factored
 from reference.global_dae.model import Model, Parts, kkt, typical
+from reference.global_dae.turning import turn
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -302,7 +303,7 @@ def march(equations: Equations, span: tuple[int, int], acting: Acting, out: Outp
     """
     c, parts, _, rows, loads, _, _, _, s, damping = equations
     values, angles = acting
-    wanted, kept, energies = out
+    wanted, kept, energies, turned = out
     m = s.motion
     s.counts[5] = 0
     for n in range(span[0], span[1]):
@@ -320,8 +321,9 @@ def march(equations: Equations, span: tuple[int, int], acting: Acting, out: Outp
             work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)
             if n > 0:
                 m.work[0] += work
+        turn(m.flat_q, m.turned)
         if n == wanted[s.counts[5]]:
-            keep(parts, m, s.acceleration, s.counts[5], kept, energies)
+            keep(parts, m, s.acceleration, s.counts[5], kept, energies, turned)
             s.counts[5] += 1
     s.counts[4] = span[1]
     return CONVERGED

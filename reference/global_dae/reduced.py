@@ -196,6 +196,10 @@ class Reduced:
         q, v, a = (self.basis @ x + known for x, known in zip(z, p, strict=True))
         return q, v, a
 
+    def configuration(self, y: Array, given: Given) -> Array:
+        """Coordinates of y as the kernels have them, (rows, nodes)."""
+        return self.flat(self.basis @ self.spread(y, given.along[0]) + given.p[0])
+
     def flat(self, coordinates: Array) -> Array:
         """Coordinates, (dofs,), as the kernels have them, (rows, nodes)."""
         out = self._reference.copy()
@@ -244,7 +248,7 @@ class Reduced:
     def stiffness(self, y: Array, given: Given, values: Array) -> Matrix:
         """RᵀBᵀK B R, K the tangent of all forces."""
         model, system, along = self.model, self._system, given.along[0]
-        q, rows = self.flat(self.basis @ self.spread(y, along) + given.p[0]), model.bodies.rows
+        q, rows = self.configuration(y, given), model.bodies.rows
         data, K = np.zeros(len(system.row) + 1), np.zeros((2 * rows, 2 * rows))
         assemble(system, 0.0, model.parts, model.loads, values, q, np.zeros(TANGENT_BUFFER), K, data)
         tangent = matrix_of(system, data)[: model.dofs, : model.dofs]

@@ -63,14 +63,16 @@ def arms(E=5e7):
     )
 
 
+SERIES = ("coordinates", "velocities", "accelerations", "start_angle")
+
+
 def with_fewer_outputs(solution, every):
     """What a run with fewer outputs gives: each step is the same."""
 
     def fewer(field):
-        kept = {
-            name: getattr(field, name)[::every] for name in ("coordinates", "velocities", "accelerations")
-        }
-        return replace(field, **kept)
+        return replace(
+            field, **{name: x[::every] for name in SERIES if (x := getattr(field, name)) is not None}
+        )
 
     fields = {name: fewer(field) for name, field in solution.fields.items()}
     return replace(solution, t=solution.t[::every], fields=fields)
@@ -167,3 +169,109 @@ def test_vibrations_are_no_turns(make):
                 np.testing.assert_allclose(rare.angle(place), angle[::every], atol=1e-9)
         for spring in scene.connectors:
             np.testing.assert_allclose(rare.tension(spring), often.tension(spring)[::every], atol=1e-12)
+
+
+def pendulum():
+    """A bar that swings from the level by half a turn, to and fro."""
+    bar = at.RigidBody("bar", 1.0, 1.0 / 12.0, (0.5, 0), points={"a": (0, 0)})
+    return at.Scene("pendulum", [bar], [at.Pin("bar.a")], gravity=(0, -9.81))
+
+
+def double():
+    """Two bars, of which a spring counts the turns of the second one."""
+    one = at.RigidBody("one", 1.0, 0.1, (0, 0.5), points={"a": (0, 0), "b": (0, 1)})
+    two = at.RigidBody("two", 0.5, 0.05, (0.4, 1), points={"b": (0, 1)}, spin=20.0, velocity=(0.0, 8.0))
+    joints = [at.Pin("one.a"), at.Pin("one.b", "two.b")]
+    springs = [at.RotationalSpring("two.center", stiffness=1e-4)]
+    return at.Scene("double", [one, two], joints, gravity=(0, -9.81), connectors=springs)
+
+
+def swinging():
+    """A soft arm drawn from its tip to its pin, with a plate welded to its middle."""
+    arm = at.Beam("arm", (-0.5, 0.1), (0, 0), ROD, RUBBER)
+    plate = at.RigidBody("plate", 0.05, 1e-4, (-0.25, 0.06), points={"a": (-0.25, 0.05)})
+    joints = [at.Weld(("arm", 0.5), "plate.a"), at.Pin("arm.end")]
+    return at.Scene("swinging", [plate, arm], joints, gravity=(0, -9.81))
+
+
+STEPS = {
+    "zhai": {"integrator": "zhai", "dt": 2e-4},
+    "alpha": {"integrator": "generalized-alpha", "dt": 2e-3},
+    "esdirk": {"integrator": "esdirk", "dt": 4e-3},
+}
+
+
+def angles(solution):
+    """By body its angle, (n,), rad."""
+    names = [body.name for body in solution.scene.bodies]
+    return {name: solution.angle((name, 1.0) if name == "arm" else name) for name in names}
+
+
+@pytest.mark.parametrize("steps", STEPS.values(), ids=STEPS)
+@pytest.mark.parametrize("make", [pendulum, double, swinging])
+def test_turns_of_what_is_free_to_turn_are_counted_in_the_steps(make, steps):
+    """They were guessed from the rates at outputs: a pendulum seen once a period was wrong by four turns."""
+    scene, mesh = make(), {"mesh": 2} if make is swinging else {}
+    often = at.solve(scene, t_end=2.4, output_dt=0.02, **mesh, **steps)
+    rare = at.solve(scene, t_end=2.4, output_dt=1.2, **mesh, **steps)
+    assert often.status.ok
+    assert rare.status.ok
+    for name, angle in angles(often).items():
+        assert np.abs(np.diff(angle)).max() < 1.5  # so that there is no doubt about these
+        np.testing.assert_allclose(angles(rare)[name], angle[::60], atol=1e-9)
+    for spring in scene.connectors:
+        np.testing.assert_allclose(rare.tension(spring), often.tension(spring)[::60], atol=1e-9)
+
+
+@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
+@pytest.mark.parametrize("make", [pendulum, swinging])
+def test_they_are_counted_where_an_error_drives_the_steps(make, integrator):
+    scene, mesh = make(), {"mesh": 2} if make is swinging else {}
+    run = {"t_end": 2.4, "tolerance": 1e-4, "integrator": integrator, **mesh}
+    often, rare = (at.solve(scene, output_dt=dt, **run) for dt in (0.02, 1.2))
+    assert often.status.ok
+    assert rare.status.ok
+    for name, angle in angles(often).items():
+        np.testing.assert_allclose(angles(rare)[name], angle[::60], atol=0.05)
+
+
+def test_rates_at_outputs_do_not_tell_them():
+    """What a solver that does not count them gives."""
+    rare = at.solve(pendulum(), t_end=2.4, output_dt=1.2, **STEPS["alpha"])
+    fields = {name: replace(field, start_angle=None) for name, field in rare.fields.items()}
+    assert abs(replace(rare, fields=fields).angle("bar")[1] - rare.angle("bar")[1]) > 6.0
+
+
+def arm():
+    """A soft arm alone."""
+    beam = at.Beam("arm", (0, 0), (-0.5, 0), ROD, RUBBER)
+    return at.Scene("arm", [beam], [at.Pin("arm.start")], gravity=(0, -9.81))
+
+
+@pytest.mark.parametrize(
+    ("make", "steps"),
+    [
+        (pendulum, "zhai"),
+        (double, "alpha"),
+        (swinging, "alpha"),
+        (arm, "zhai"),
+        (arm, "alpha"),
+        (arm, "esdirk"),
+    ],
+)
+def test_the_global_dae_counts_free_turns_too(make, steps):
+    scene, mesh = make(), {} if make in (pendulum, double) else {"mesh": 2}
+    run = {"t_end": 2.4, "output_dt": 1.2, **mesh, **STEPS[steps]}
+    ours, other = at.solve(scene, **run), global_dae.solve(scene, **run)
+    assert ours.status.ok
+    assert other.status.ok
+    for name, angle in angles(other).items():
+        np.testing.assert_allclose(angle, angles(ours)[name], atol=1e-2)
+
+
+def test_a_file_has_the_turns_of_a_drive_whose_function_it_has_not(tmp_path):
+    arm = at.Beam("arm", (0, 0), (0.2, 0), ROD, RUBBER)
+    turn = at.Clamp("arm.start", angle=lambda t: at.Quintic(2.0 * pi, 2.0)(t))
+    rare = at.solve(at.Scene("arm", [arm], [turn]), mesh=1, dt=0.02, t_end=2.0, output_dt=2.0)
+    assert rare.angle("arm.end")[-1] == pytest.approx(2.0 * pi, abs=1.0)
+    assert np.array_equal(at.load(rare.save(tmp_path / "rare.npz")).angle("arm.end"), rare.angle("arm.end"))

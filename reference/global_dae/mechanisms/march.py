@@ -8,12 +8,15 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
-from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.places import Place
+from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
+from anctmm.model.topology import turning_bodies
 from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
 from reference.global_dae.mechanisms.layout import Layout
 from reference.global_dae.mechanisms.system import Account, System
+from reference.global_dae.turning import Ints, not_turned, turn, with_angles
 
 Array = NDArray[np.float64]
 
@@ -94,6 +97,7 @@ class Marcher:
                         status = self._failed(failure, n, t)
                         break
                 self.account.add(state.q, state.v, t, state.p, state.mu)
+                turn(state.q, record.turned)
                 if n == wanted[record.count]:
                     record.keep(
                         state.q, state.v, state.a, system.energies(state.q, state.v, t, self.account.work)
@@ -121,11 +125,15 @@ class Record:
         self.system, self.count = system, 0
         self.q, self.v, self.a = np.zeros((3, count, system.size))
         self.energies = np.zeros((count, 4))
+        self.turning = turning_bodies(system.layout.scene)
+        self.turned = not_turned(_turning(system.layout, self.turning), system.layout.reference)
+        self.angles = np.zeros((count, len(self.turning)))
 
     def keep(self, q: Array, v: Array, a: Array, energies: Array) -> None:
         """One more output."""
         k = self.count
         self.q[k], self.v[k], self.a[k], self.energies[k] = q, v, a, energies
+        self.angles[k] = self.turned.angles
         self.count += 1
 
     def solution(
@@ -134,6 +142,8 @@ class Record:
         """The answer as far as it goes."""
         layout, n = self.system.layout, self.count
         fields = fields_of(layout, self.q[:n], *(() if static else (self.v[:n], self.a[:n])))
+        if not static:
+            fields = with_angles(fields, self.turning, self.angles[:n])
         energy = Energy(*(column.copy() for column in self.energies[:n].T))
         found = Solution(
             solver, layout.scene, layout.run, t, fields, energy, cost, status, layout.size, static=static
@@ -158,6 +168,13 @@ def fields_of(layout: Layout, q: Array, *rates: Array) -> dict[str, Field]:
             first, *others = (_vectors(layout, body, x, k == 0) for k, x in enumerate(series))
             found[body.name] = RigidField(first, points, *others)
     return found
+
+
+def _turning(layout: Layout, names: list[str]) -> Ints:
+    """Coordinates of the vectors that turn with the starts of bodies, (names, 2)."""
+    bodies = [layout.scene.body(name) for name in names]
+    places = [Place(body, 0.0 if isinstance(body, Beam) else CENTER) for body in bodies]
+    return np.array([layout.direction(place).at for place in places], dtype=np.int64).reshape(-1, 2)
 
 
 def _nodal(layout: Layout, q: Array) -> dict[str, Array]:

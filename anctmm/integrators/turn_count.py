@@ -1,0 +1,89 @@
+"""Turns of bodies that no fixed joint holds against the ground, counted at each step of a run.
+
+A direction at an output tells an angle but for whole turns, and the rate there tells them where it is nearly steady
+from one output to the next: not of a pendulum that swings between two outputs. From step to step a body turns by less
+than half a turn: a whole one is counted where its direction passes that of −x, which takes a comparison of signs.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.kept_chains import once
+from anctmm.jit.by_address import by_address
+from anctmm.jit.compiling import inlined
+from anctmm.model.topology import turning_bodies
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+TURN = 2.0 * np.pi
+
+
+@by_address
+class TurnCount(NamedTuple):
+    """Turns of bodies until now.
+
+    Parameters
+    ----------
+    nodes : ndarray of int, shape (bodies, 2)
+        Node at the start of each, or its only one, and the first row of the vector that turns there.
+    before : ndarray, shape (bodies, 2)
+        That vector after the last step.
+    turns : ndarray, shape (bodies,)
+        How often it has passed the direction of −x, counter-clockwise less clockwise.
+    """
+
+    nodes: Ints
+    before: Array
+    turns: Array
+
+
+def counted_bodies(chain: Chain) -> list[str]:
+    """Names of the bodies whose turns are counted."""
+    return turning_bodies(chain.scene)
+
+
+def new_count(chain: Chain) -> TurnCount:
+    """Turns of a scene before its first step."""
+    nodes = once(chain, _nodes)
+    return TurnCount(nodes, np.zeros(nodes.shape), np.zeros(len(nodes)))
+
+
+def begin_count(q: Array, count: TurnCount) -> None:
+    """Start to count at coordinates q, (rows, nodes)."""
+    nodes, rows = count.nodes.T
+    count.before[:, 0], count.before[:, 1], count.turns[:] = q[rows, nodes], q[rows + 1, nodes], 0.0
+
+
+def _nodes(chain: Chain) -> Ints:
+    parts, bodies = chain.segments.parts, chain.bodies
+    first = [parts[name][0].name if name in parts else name for name in counted_bodies(chain)]
+    table = [(bodies.node(name, 0), bodies.turning_row(name)) for name in first]
+    return np.array(table, dtype=np.int64).reshape(-1, 2)
+
+
+@inlined
+def count_turns(q, count):  # type: ignore[no-untyped-def]
+    """Bring turns up to date after a step to q, (rows, nodes)."""
+    nodes, before, turns = count.nodes, count.before, count.turns
+    for n in range(nodes.shape[0]):
+        i, row = nodes[n, 0], nodes[n, 1]
+        x, y, u, v = before[n, 0], before[n, 1], q[row, i], q[row + 1, i]
+        if (y < 0.0) != (v < 0.0):
+            onward = x * v - y * u
+            turns[n] += 1.0 if v < 0.0 and onward > 0.0 else -1.0 if y < 0.0 and onward < 0.0 else 0.0
+        before[n, 0], before[n, 1] = u, v
+
+
+@inlined
+def put_angles(q, count, angles):  # type: ignore[no-untyped-def]
+    """Angles of the vectors at q, less than half a turn from the last step, rad, 0 in the direction of x."""
+    nodes, before = count.nodes, count.before
+    for n in range(nodes.shape[0]):
+        i, row = nodes[n, 0], nodes[n, 1]
+        x, y, u, v = before[n, 0], before[n, 1], q[row, i], q[row + 1, i]
+        last = np.arctan2(y + 0.0, x) + TURN * count.turns[n]
+        angles[n] = last + np.arctan2(x * v - y * u, x * u + y * v)
