@@ -80,8 +80,9 @@ MEMORY, RECENT = 0.05, 100
 UNLIMITED = 1 << 60
 #: Length to which steps are fitted between two stops, of the one aimed at, at most.
 FITTED = 1.15
-#: Steps, as parts of the run, that guess how far nodes move; what they find counts up to FAR of the scene's length.
-GUESS, FAR = (0.5, 0.125), 0.5
+#: Steps, as parts of the run, that guess how far nodes move, and about the shortest; what they find counts up to FAR of
+#: the scene's length.
+GUESS, SHORTEST, FAR = (0.5, 0.125), 1e-6, 0.5
 #: Times what a guess finds, that it may miss of what acts: beyond, it has seen none of it.
 BLIND = 1e3
 #: Displacement assumed at least of a scene that is found at rest, and that below which nothing moves, of the scene's
@@ -229,7 +230,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     record.start()
     counts[:] = 0.0
     system.newton.counts[:] = 0
-    guesses = [march(part * ends, still, chain.length, guess=1) for part in GUESS]
+    guesses = _guesses(lambda part: march(part * ends, still, chain.length, guess=1))
     assumed, scale = _assumed(chain, [guess.moved for guess in guesses])
     if scale < max(STILL * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
         scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
@@ -247,6 +248,20 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     # after the look at where it failed: it writes the state
     settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
     return so_far(done.kept, status)
+
+
+def _guesses(step: Callable[[float], March]) -> list[March]:
+    """What single steps over parts of the run find; where none of them can be taken, a shorter one.
+
+    By its mean speed nodes move on: without any guess errors are relative to what hardly moves yet, and a frame that is
+    let go under its load took 7,618 steps instead of 1,576.
+    """
+    guesses, part = [step(part) for part in GUESS], GUESS[-1]
+    while not any(guess.t for guess in guesses) and part > SHORTEST:
+        part *= 0.25
+        guess = step(part)
+        guesses.append(guess._replace(moved=guess.moved * (GUESS[0] / part)))
+    return guesses
 
 
 def _assumed(chain: Chain, guesses: list[Array]) -> tuple[Array, float]:
