@@ -57,7 +57,7 @@ SLOW = {
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
     "statics": ["static_start", "statics"],
-    "step_control": ["adaptive", "free_turns", "stage_control", "stage_outputs", "step_choice"],
+    "step_control": ["adaptive", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling

@@ -28,9 +28,11 @@ Ints = NDArray[np.int64]
 SPRING, TURN = 0, 1
 #: Relative change of a law's arguments by which it is differentiated: a central difference.
 DIFFERENCE = 1e-5
+#: Second difference, of the first one, that shows a law to bend or jump there, and what that changes the arguments by.
+BENDS, CLOSER = 0.1, 1e-4
 
 
-@writes("now", "memory", "v", "part")
+@writes("now", "memory", "v", "part", "tangent")
 @by_address
 class Connectors(NamedTuple):
     """Connectors for kernels.
@@ -60,6 +62,8 @@ class Connectors(NamedTuple):
     part : ndarray, shape (2,)
         Part of preloads and of free measures less those placed, that acts: 1 but in statics. Weight of damping in the
         matrix of an implicit step, relative to stiffness, 1/s.
+    tangent : ndarray, shape (n,)
+        Stiffness along the measure in the last matrix of a step, damping included.
     """
 
     kinds: Ints
@@ -75,6 +79,7 @@ class Connectors(NamedTuple):
     memory: Array
     v: Array
     part: Array
+    tangent: Array
 
 
 def driven_connectors(scene: Scene) -> list[Connector]:
@@ -161,7 +166,7 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
     lossy = (laws != 0) | (numbers[:, 1] != 0.0)
     return Connectors(
         kinds, laws, numbers, lossy, driven, first, second, placed, unit, memory.copy(), memory, np.zeros_like(q),
-        np.array([1.0, 0.0]),
+        np.array([1.0, 0.0]), np.zeros(n),
     )  # fmt: skip
 
 
@@ -248,9 +253,29 @@ def slopes(c, n, x, rate, t):  # type: ignore[no-untyped-def]
     if c.laws[n] == 0:
         return c.numbers[n, 0], c.numbers[n, 1]
     h, g = DIFFERENCE * max(abs(x), c.unit[n]), DIFFERENCE * max(abs(rate), c.unit[n])
-    k = (call_law(c.laws[n], x + h, rate, t) - call_law(c.laws[n], x - h, rate, t)) / (2.0 * h)
-    d = (call_law(c.laws[n], x, rate + g, t) - call_law(c.laws[n], x, rate - g, t)) / (2.0 * g)
+    here = call_law(c.laws[n], x, rate, t)
+    k = d = 0.0
+    for _ in range(2):
+        less, more = call_law(c.laws[n], x - h, rate, t), call_law(c.laws[n], x + h, rate, t)
+        k = (more - less) / (2.0 * h)
+        if abs(less - 2.0 * here + more) <= BENDS * abs(more - less):
+            break
+        h *= CLOSER
+    for _ in range(2):
+        less, more = call_law(c.laws[n], x, rate - g, t), call_law(c.laws[n], x, rate + g, t)
+        d = (more - less) / (2.0 * g)
+        if abs(less - 2.0 * here + more) <= BENDS * abs(more - less):
+            break
+        g *= CLOSER
     return k, d
+
+
+@embedded
+def bends_at(c, n, x, rate, t):  # type: ignore[no-untyped-def]
+    """Whether a law bends or jumps near an elongation x."""
+    h = DIFFERENCE * max(abs(x), c.unit[n])
+    less, more = call_law(c.laws[n], x - h, rate, t), call_law(c.laws[n], x + h, rate, t)
+    return abs(less - 2.0 * call_law(c.laws[n], x, rate, t) + more) > BENDS * abs(more - less)
 
 
 @embedded

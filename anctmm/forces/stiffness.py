@@ -284,7 +284,8 @@ def tangent_of(connectors, n, q, stiffness, values):  # type: ignore[no-untyped-
     k, d = slopes(connectors, n, x, rate, t)
     force = stiffness * force_of(connectors, n, x, rate, t)
     across = force / max(m, 1e-300) if connectors.kinds[n] == SPRING else 0.0
-    return ax, ay, bx, by, force, stiffness * (k + connectors.part[1] * d), across
+    connectors.tangent[n] = stiffness * (k + connectors.part[1] * d)
+    return ax, ay, bx, by, force, connectors.tangent[n], across
 
 
 @embedded

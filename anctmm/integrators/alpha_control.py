@@ -40,12 +40,21 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
+from anctmm.forces.connectors import end_velocities
 from anctmm.forces.timeline import set_actions
 from anctmm.integrators.free_turns import follow_turns
 from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
 from anctmm.integrators.implicit.system import System
+from anctmm.integrators.law_kinks import (
+    before_kink,
+    crosses,
+    missed_at_kinks,
+    near_kink,
+    pass_kink,
+    stop_at_kink,
+)
 from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.step_control import (
     CAP,
@@ -59,6 +68,7 @@ from anctmm.integrators.step_control import (
     RATE,
     REPEATED,
     SMALLEST,
+    SPENT,
     STARTS,
     STEADY_STEPS,
     STUCK,
@@ -84,7 +94,7 @@ from anctmm.integrators.step_control import (
 from anctmm.integrators.step_error import filtered_error, largest_error, measure_motion
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
@@ -114,6 +124,10 @@ ALIKE = 4
 HARD = 12
 #: Part of the last step below which the motion starts anew, where there are constraints.
 MUCH_SHORTER = 0.5
+#: Part of the step aimed at, below which one that ends before a bend tells nothing.
+SHORT = 0.1
+#: Peano's kernel of the trapezoidal rule, at most: near an end of the step, times the way to it, and between.
+EDGE, MIDDLE = 0.5, 0.125
 #: Places at which a step sees what acts, parts of its length, and the rows of `Control.values` that stand for them.
 PLACES, ROWS = (0.0, 1.0), (0, 1)
 
@@ -188,6 +202,7 @@ def advance(budget: int, outputs: int, system: System, control: Control, lag: La
                 break
             budget -= 1
             stop = min(end, control.actions.stops[int(progress[EVENT])])
+            stop = before_kink(control.kinks, progress[TIME], stop)
             h = length_of(control, stop)
             if h < SMALLEST * control.t_end and progress[WANTED] < SMALLEST * control.t_end:
                 code = STUCK
@@ -239,18 +254,35 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     if solved and look:
         kept = _coefficients(progress[FACTORED], lag.method)
         error = _error(progress[TIME], c.h, kept.to_w, system, control, lag)
-    guess = control.allowed == np.inf
-    if solved and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)):
+    guess, missed, crossing = control.allowed == np.inf, 0.0, crosses(control.kinks)
+    aside = crossing or (near_kink(control.kinks) and h < SHORT * progress[WANTED])
+    if solved:
+        kept = _coefficients(progress[FACTORED], lag.method)
+        missed = _missed(control.kinks, c, kept.to_w, system, control)
+    if (
+        solved
+        and missed <= 1.0
+        and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed))
+    ):
         _foresee(h, system, control, lag)
         _accept(h, stop, c, system, control, out)
         lag.taken[0] = h
-        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
+        if not crossing:
+            progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
         progress[STEADY_STEPS] += 1.0
         if look:
             measure_motion(state.q, control)
             follow_turns(state.q, progress[TIME], control.t_end, control.turns)
             _remember(lag, state)
-            aim(h, error, 2, STEADY, 1.0, control)
+            if aside:
+                progress[SPENT] += error
+                progress[LOOKED] = progress[TIME]
+            else:
+                aim(h, error, 2, STEADY, 1.0, control)
+        if pass_kink(control.kinks, progress[TIME], h):
+            progress[STARTS] = 1.0
+    elif solved and missed > 1.0:
+        _go_back_to_kink(missed, h, system, control, lag)
     else:
         _refuse(solved, h, error, allowed, system, control, lag)
 
@@ -264,6 +296,19 @@ def _error(t, h, to_w, system, control, lag):  # type: ignore[no-untyped-def]
             x[k, i] = factor * (w[k, i] - lag.w[k, i])
     turned = filtered_error(t, h, to_w, PLACES, ROWS, False, system, control)
     return largest_error(x, turned, False, control)
+
+
+@embedded
+def _missed(kinks, c, to_w, system, control):  # type: ignore[no-untyped-def]
+    """What a step misses where laws bend: see `law_kinks`."""
+    state, missed = system.state, 0.0
+    if kinks is not None:
+        connectors = system.loads.connectors
+        end_velocities(connectors, state.v, state.a, state.w, state.w_before, c)
+        missed = missed_at_kinks(
+            kinks, EDGE, MIDDLE, c.h, to_w, PLACES, state.q_before, state.v, connectors.v, system, control
+        )
+    return missed
 
 
 @inlined
@@ -343,7 +388,9 @@ def _refuse(solved, h, error, allowed, system, control, lag):  # type: ignore[no
     flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
     if solved and progress[FIRST_STEP] != 0.0:
         _shift(state, lag, -1.0)
-        progress[WANTED], progress[FIRST_STEP] = h, 0.0
+        progress[FIRST_STEP] = 0.0
+        if not near_kink(control.kinks):
+            progress[WANTED] = h
     else:
         factor = max(0.2, np.sqrt(allowed / error)) if solved else 0.5
         if solved:
@@ -354,6 +401,31 @@ def _refuse(solved, h, error, allowed, system, control, lag):  # type: ignore[no
             progress[RATE] = max(progress[RATE], error / (h * h * (progress[TIME] + h - progress[LOOKED])))
         system.newton.counts[2] = 1
         control.counts[1] += 1
+    copy(flat_q_before, flat_q)
+    copy(flat_w_before, flat_w)
+    copy_actions(control.angles, control.values, 0, 1)
+
+
+@inlined
+def _go_back_to_kink(missed, h, system, control, lag):  # type: ignore[no-untyped-def]
+    """Go back to the start of a step that has missed a bend: the next one ends before it, or, blind, is half as long.
+
+    The lag of that one is found by the rate of w before the step, whose own is none; where there is none, or the next
+    one is no part of this, the motion starts anew.
+    """
+    state, progress = system.state, control.progress
+    flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
+    if missed < np.inf:
+        shift = (h - stop_at_kink(control.kinks, h, system, control)) * (lag.method[1] - lag.method[0])
+        for k in range(state.q.shape[0]):
+            for i in range(state.q.shape[1]):
+                state.a[k, i] += shift * lag.rate[k, i]
+    else:
+        progress[WANTED] = 0.5 * h
+        system.newton.counts[2] = 1
+    if missed == np.inf or lag.taken[0] == 0.0:
+        progress[STARTS] = 1.0
+    control.counts[1] += 1
     copy(flat_q_before, flat_q)
     copy(flat_w_before, flat_w)
     copy_actions(control.angles, control.values, 0, 1)

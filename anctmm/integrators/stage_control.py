@@ -50,6 +50,15 @@ from anctmm.integrators.implicit.newton import ROUNDING
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
+from anctmm.integrators.law_kinks import (
+    before_kink,
+    crosses,
+    grown,
+    keep_forces,
+    missed_at_kinks,
+    pass_kink,
+    stop_at_kink,
+)
 from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
 from anctmm.integrators.stage_error import stage_error
@@ -124,6 +133,8 @@ LEAST_ERROR = 1e-300
 HARD = 30
 #: Part of a step by which its end and an output may differ and be one.
 CLOSE = 1e-9
+#: Peano's kernel of the method's weights, at most: near an end of the step, times the way to it, and between.
+EDGE, MIDDLE = 0.25, 0.041
 #: The implicit Euler method in the form of the stages: a guess of how far nodes move is a step of it.
 EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([0.0, 1.0]))
 
@@ -202,6 +213,7 @@ def _next_stop(outputs, control):  # type: ignore[no-untyped-def]
     """The time that a step must not pass: where it breaks, or else the quintic is no motion at an output within."""
     progress = control.progress
     stop = min(control.times[outputs], control.actions.stops[int(progress[EVENT])])
+    stop = before_kink(control.kinks, progress[TIME], stop)
     if progress[WITHIN] < min(progress[WANTED], progress[CAP]):
         fits = progress[TIME] + progress[WITHIN]
         stop = min(stop, max(fits, control.times[int(progress[KEPT])]))
@@ -241,22 +253,34 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
     stiffen(system.damping, control, c)
     _set_actions(h, stop, control, track)
     effort, solved = _take_stages(guess, h, c, system, control, track)
+    missed, crossing = 0.0, crosses(control.kinks)
     error, inside = np.inf, control.times[int(progress[KEPT])] < end_of(h, stop, progress) - CLOSE * h
     if solved:
         to_w = _stage_of(part * progress[FACTORED] / h).to_w
         error, between = stage_error(progress[TIME], h, to_w, system, control, track)
+        error *= grown(control.kinks, progress[TIME], control.t_end)
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)
-    if guess or (error <= PEAK * allowed and (fits or not inside)):
+        places, q, v = track.method.c, track.start[0], track.start[1]
+        missed = missed_at_kinks(
+            control.kinks, EDGE, MIDDLE, h, to_w, places, q, v, system.state.v, system, control
+        )
+        solved = missed < np.inf
+    if guess or (missed <= 1.0 and error <= PEAK * allowed and (fits or not inside)):
         _accept(h, stop, system, control, track, out)
-        progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
-        if h > SHORT * progress[WANTED] or error > SHORT * allowed:
+        pass_kink(control.kinks, progress[TIME], h)
+        if not crossing:
+            progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
+        if not crossing and (h > SHORT * progress[WANTED] or error > SHORT * allowed):
             _forget(h, error, control)
             aim(h, error, 4, 0, _times_left(control), control)
         else:
             progress[SPENT] += error
             progress[LOOKED] = progress[TIME]
+    elif solved and missed > 1.0:
+        _go_back(system, control, track)
+        stop_at_kink(control.kinks, h, system, control)
     else:
         _refuse(solved, h, error, allowed, system, control, track)
 
@@ -333,6 +357,7 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
     begin_stage(i, h, c.h, method, room, state.flat)
     move_drives(system.factors, system.clamps, angles)
     solved = solve_stage(1, system, c, values, left)
+    keep_forces(control.kinks, system.loads.connectors, row)
     for k in range(len(flat_v)):
         flat_v[k] += c.h * flat_w[k]
     copy(flat_w, room.w[row])
@@ -345,18 +370,25 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
 @inlined
 def _refuse(solved, h, error, allowed, system, control, track):  # type: ignore[no-untyped-def]
     """Go back to the start of the step, with a shorter one."""
-    state, progress, start = system.state, control.progress, track.start
-    for k in range(start.shape[1]):
-        for i in range(start.shape[2]):
-            state.q[k, i], state.v[k, i], state.w[k, i] = start[0, k, i], start[1, k, i], start[2, k, i]
-    move_drives(system.factors, system.clamps, control.angles[0])
-    control.counts[1] += 1
+    progress = control.progress
+    _go_back(system, control, track)
     if not solved:
         progress[WANTED] = 0.5 * h
         system.newton.counts[2] = 1
     elif error > PEAK * allowed:
         progress[WANTED] = h * max(0.2, (allowed / error) ** 0.25)
         progress[RATE] = max(progress[RATE], error / (h**4 * (progress[TIME] + h - progress[LOOKED])))
+
+
+@inlined
+def _go_back(system, control, track):  # type: ignore[no-untyped-def]
+    """Go back to the start of the step."""
+    state, start = system.state, track.start
+    for k in range(start.shape[1]):
+        for i in range(start.shape[2]):
+            state.q[k, i], state.v[k, i], state.w[k, i] = start[0, k, i], start[1, k, i], start[2, k, i]
+    move_drives(system.factors, system.clamps, control.angles[0])
+    control.counts[1] += 1
 
 
 @inlined

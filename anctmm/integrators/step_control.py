@@ -43,6 +43,7 @@ from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton import ROUNDING, SLOW
 from anctmm.integrators.implicit.newton_failure import correction_size
 from anctmm.integrators.implicit.system import Newton, System, least_left, new_system
+from anctmm.integrators.law_kinks import Kinks, begin_kinks, know_kinks, knows_kinks, new_kinks
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     STEP,
@@ -132,7 +133,7 @@ class Control(NamedTuple):
     largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved: displacement of each
     node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate
     adds to them, (2, bodies, ...). progress: where the run stands. actions: what acts in time.
-    turns: see `free_turns`.
+    turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -161,6 +162,7 @@ class Control(NamedTuple):
     progress: Array
     actions: Timeline
     turns: Turns
+    kinks: Kinks | None
 
 
 class Scheme(NamedTuple):
@@ -222,7 +224,8 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         if found.stopped:
             raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
         if found.turned:
-            know_turns(control.turns, found.t, run.t_end)
+            if not know_kinks(control.kinks):
+                know_turns(control.turns, found.t, run.t_end)
             return march(times, assumed, scale, guess, anew - 1)
         return found
 
@@ -335,6 +338,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
         turns=new_turns(chain),
+        kinks=new_kinks(chain.parts, places),
     )
 
 
@@ -370,6 +374,7 @@ def _march(
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
     begin_turns(control.turns, look, run.t_end)
+    begin_kinks(control.kinks)
     control.scale[0] = scale
     out.work[0] = 0.0
     begin_count(state.q, out.turns)
@@ -500,7 +505,7 @@ def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
     Where bodies turn freely, what it leaves, over h, is an error of their speed until the end: see `free_turns`.
     """
     may = part * control.allowed * h / control.t_end
-    if control.turns.found[0]:
+    if control.turns.found[0] or knows_kinks(control.kinks):
         may = min(
             may,
             SPEED_PART * control.allowed * h * h / (control.t_end * (control.t_end - control.progress[TIME])),
