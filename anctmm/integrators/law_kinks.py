@@ -21,7 +21,8 @@ contact: see `_unsolved`.
 Masses that bounce 1 to 10 times, between stops, on preloaded and damped floors, pendulums at rotational stops, and
 masses that collide missed by up to 1,600 times the tolerance, 1e-2 … 1e-5, by steps of fourth order, by 700 times by
 generalized-α, and some diverged; now by 1.7 times it at most, but 3.1 and 3.4 times in two of 168 runs. Steps of fourth
-order are half as many as before in the mean, those of generalized-α as many. Smooth laws have the steps that they had.
+order are half as many as before in the mean, those of generalized-α as many. Smooth laws have the steps that they had;
+those that bend a little, or nearly, have up to 1.7 times as many, a beam that meets its stop 2.2 times.
 """
 
 from typing import NamedTuple
@@ -350,14 +351,14 @@ def _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control):  # type:
     k, d = slopes(connectors, n, x, rate, t + h)
     found = k + connectors.part[1] * d
     m, ax, ay, bx, by = measure(connectors, n, system.state.q)
-    if abs(found - known) > 0.5 * max(abs(found), abs(known)) or (kinks.severe[n] and found > 0.0):
+    if abs(found - known) > 0.5 * max(abs(found), abs(known)) or (kinks.severe[n] and k > 0.0):
         _push_apart(connectors, n, 1.0, system, control)
         ux, uy = rate_at(connectors.first, n, control.x)
         wx, wy = rate_at(connectors.second, n, control.x)
         opened = ax * ux + ay * uy + bx * wx + by * wy
         inertia = 1.0 / opened - known
         unsolved = abs(found - known) > max(inertia, 0.5 * max(abs(found), abs(known)))
-        if kinks.severe[n] and found > RESOLVED * edge * inertia:
+        if kinks.severe[n] and k > RESOLVED * edge * inertia:  # damping is no contact
             way = max(abs(path[1]), abs(path[3])) / h * left
             unsolved = unsolved or way / opened * largest_error(control.x, 0.0, False, control) > limit
     if bends_at(connectors, n, x, rate, t + h):
