@@ -275,13 +275,10 @@ def _work_of_loads(scene: Scene, run: Discretisation) -> float:
 
 
 def _reach(scene: Scene, load: Load) -> float:
-    """How far a load may act: m, or m² of a force per length, or rad."""
-    span = length_of(scene)
+    """How far a load may act: m, or rad."""
     match load:
-        case Force():
-            return span
-        case LineLoad():
-            return span * scene.beam(load.body).length
+        case Force() | LineLoad():
+            return length_of(scene)
         case Torque():
             return 2.0 * np.pi
         case _:

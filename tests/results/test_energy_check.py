@@ -288,3 +288,15 @@ def test_energy_that_a_law_takes_as_it_is_made_is_seen():
     assert "came from nowhere" in told.status.message
     at_once = Energy(zero + 1.0, zero, zero, np.where(np.arange(11) > 0, -300.0, 0.0))
     assert not absorbed(at_once).any()
+
+
+@pytest.mark.parametrize("meter", [1.0, 1e3])
+def test_no_unit_of_length_hides_energy_under_a_line_load(meter):
+    """In millimetres the work that such a load might do was a thousand times too large, and the status ok."""
+    # the units of mass and time stay: forces are N in metres, mN in millimetres
+    material = at.Material(2e11 / meter, 7850.0 / meter**3)
+    spin = at.RigidVelocity((0, 0), (meter, 0), (0, 0), 50.0)
+    body = at.Beam("bar", (0, 0), (meter, 0), at.Rectangle(0.02 * meter, 0.02 * meter), material, spin)
+    scene = at.Scene("steel", [body], [at.Pin("bar.start")], [at.LineLoad("bar", (0.0, -100.0))])
+    found = at.solve(scene, mesh=4, dt=1e-2, t_end=0.2, output_dt=0.2)
+    assert found.status.code == "inaccurate", found.status

@@ -8,8 +8,8 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, SolverError, shown
 from anctmm.forces.connectors import count_turns
 from anctmm.integrators.modes.frames import Frame
-from anctmm.integrators.stability import element_bound
 from anctmm.integrators.static_start import coordinates_of, turned_at_end
+from anctmm.integrators.statics.equilibrium_stability import largest_square
 from anctmm.integrators.statics.static_system import StaticSystem
 from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
 from anctmm.results.fields import HermiteField
@@ -118,7 +118,7 @@ def last_of(system: StaticSystem, about: Solution, frame: Frame) -> tuple[Array,
     system.accept(q, factor)
     if system.loops is not None:
         for _ in range(MULTIPLIERS):  # any shift will do where the residual is theirs alone
-            system.factorize(q, factor, max(element_bound(chain), 1.0) ** 2)
+            system.factorize(q, factor, largest_square(system))
             _correction(system, q, _centrifugal(system, q, frame, frame.spin**2) + system.residual(q, factor))
     return q, factor
 

@@ -18,7 +18,7 @@ from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 
-#: Rate and acceleration of a drive, times the time and its square, that count as none; rad or m.
+#: Rate and acceleration of a drive, times the time and its square, that count as none: rad, or of the scene's length.
 STILL = 1e-9
 #: Sine of the angle between two directions that count as one.
 PARALLEL = 1e-9
@@ -98,12 +98,13 @@ def _moving(scene: Scene, time: float) -> list[_Moving]:
             continue
         name, history, unit = drive
         _, rate, acceleration = (float(x) for x in value_at(name, history, time, 3))
-        if abs(acceleration) * time**2 > STILL:
+        still = STILL * (1.0 if unit == "rad" else scene.length)
+        if abs(acceleration) * time**2 > still:
             raise DiscretisationError(
                 f"about ends at t = {time:.6g} s, where {name} changes by {rate:.6g} {unit}/s and {acceleration:.6g} "
                 f"{unit}/s²: no frame is steady there, {VARYING}; {HINT}"
             )
-        if abs(rate) * time > STILL:
+        if abs(rate) * time > still:
             found.append(_Moving(joint, name, unit, rate))
     return found
 

@@ -13,6 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.joined import Joined
+from anctmm.integrators.connected import Connected
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.statics.damping import Damping
 from anctmm.integrators.statics.static_system import StaticSystem
@@ -84,7 +85,7 @@ def _held(system: StaticSystem, q: Array, factor: float) -> bool:
     """
     if system.loops is None or Joined(system.chain).size > len(system.loops.rows.number):
         return False
-    shift = HEAVY * max(element_bound(system.chain), 1.0) ** 2
+    shift = HEAVY * largest_square(system)
     noise = _noise(system, np.random.default_rng(0))
     system.factorize(q, factor, shift)
     answer = system.solve(system.inertia(noise))
@@ -93,7 +94,10 @@ def _held(system: StaticSystem, q: Array, factor: float) -> bool:
 
 def _forceless(system: StaticSystem, q: Array, factor: float) -> bool:
     """Whether no force acts on rigid bodies: K_T is then 0 in all motions that joints leave, whatever rounding says."""
-    springs = system.loads.connectors is not None
+    c = system.loads.connectors
+    springs = c is not None and bool(
+        c.laws.any() or c.numbers[:, ::2].any()
+    )  # stiffness or preload: no dampers
     return not (springs or element_bound(system.chain) > 0.0 or system.applied(q, factor).any())
 
 
@@ -219,7 +223,20 @@ def lowest_mode(system: StaticSystem, q: Array, factor: float) -> tuple[float, A
 
 def least_shift(system: StaticSystem) -> float:
     """A shift of the order of the rounding of K_T x = λ M x, 1/s²."""
-    return 16.0 * EPS * max(element_bound(system.chain), 1.0) ** 2
+    return 16.0 * EPS * largest_square(system)
+
+
+def largest_square(system: StaticSystem) -> float:
+    """Order of the largest λ of K_T x = λ M x, 1/s², whatever the unit of time.
+
+    Of beams it is that of their elements; of rigid bodies alone that of their springs, or of the loads that turn them.
+    """
+    if (bound := element_bound(system.chain)) > 0.0:
+        return bound**2
+    scene, forces = system.chain.scene, np.abs(system.applied(system.reference, 1.0))
+    inertia = sum(body.mass for body in scene.bodies) * scene.length
+    turning = float(forces[:2].sum() + forces[2:].sum() / scene.length) / inertia
+    return Connected(system.chain).bounds()[0] + turning or 1.0
 
 
 def _noise(system: StaticSystem, rng: np.random.Generator) -> Array:

@@ -296,3 +296,27 @@ def test_a_soft_beam_on_stiff_springs(stiffness):
     np.testing.assert_allclose(found.frequencies[4:], exact, rtol=1e-5 + 3e-14 * stiffness)
     assert (2 * pi * found.frequencies[:4].max()) ** 2 < 1e-12 * squares[-1]  # what counts as rounding
     assert not found.unstable.any()
+
+
+@pytest.mark.parametrize("second", [1.0, 1e3, 1e9])
+def test_no_unit_of_time_makes_a_growth_rounding(second):
+    """A pendulum upside down, which leaves at the rate √(m g l / J) in any unit, also in nanoseconds."""
+    rod = at.RigidBody("rod", 1.0, 0.1, (0.0, 0.5), {"hinge": (0.0, 0.0)})
+    scene = at.Scene("upright", [rod], [at.Pin("rod.hinge")], gravity=(0.0, -G / second**2))
+    found, stable = about_equilibrium(scene)
+    assert not stable
+    assert list(found.unstable) == [True]
+    np.testing.assert_allclose(found.growth_rates * second, sqrt(0.5 * G / 0.35), rtol=1e-9)
+
+
+def test_frequencies_of_a_bar_are_those_of_any_unit_of_time():
+    """In seconds and in nanoseconds, of a damped one with a body at its end."""
+
+    def frequencies(second):
+        material = at.Material(E / second**2, DENSITY, damping=1e-6 * second)
+        bar = at.Beam("bar", (0, 0), (1, 0), at.Rectangle(1e-2, 1e-2), material)
+        load = at.RigidBody("load", 2.0, 0.01, (1.1, 0.0), {"a": (1.0, 0.0)})
+        scene = at.Scene("loaded", [bar, load], [at.Clamp("bar.start"), at.Pin("bar.end", "load.a")])
+        return at.modes(scene, mesh=4, count=4).frequencies * second
+
+    np.testing.assert_allclose(frequencies(1e9), frequencies(1.0), rtol=1e-8, atol=1e-6)

@@ -402,3 +402,14 @@ def test_a_welded_frame_buckles_between_parts_of_eulers_load():
         scene = Scene("frame", bodies, joints, [Force("post.end", (0.0, -factor * EULER))])
         assert solve_static(scene, mesh=4).status == code
         assert global_dae.solve_static(scene, mesh=4).status == code
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e3, 1e-6])
+def test_a_body_that_a_damper_alone_holds_is_singular_in_any_unit_of_length(unit):
+    """A damper has no stiffness: rounding told the sign of nothing."""
+    center, hinge = (0.3 * unit, -0.4 * unit), (0.0, 0.0)
+    bar = at.RigidBody("bar", 1.0, 0.1 * unit**2, center, {"hinge": hinge})
+    damper = at.RotationalSpring("bar.center", damping=0.1 * unit**2)
+    found = at.solve_static(at.Scene("held", [bar], [at.Pin("bar.hinge")], connectors=[damper]))
+    assert found.status.code == "singular", found.status
+    assert not found.stable.any()
