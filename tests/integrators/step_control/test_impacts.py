@@ -20,7 +20,8 @@ from scenes.impacts import (
 import anctmm as at
 from anctmm.integrators import step_control
 
-LONG = pytest.mark.exhaustive
+#: Marks of runs: their kernels take a minute to compile, in which Python takes some of them.
+LONG, FEW_STEPS = pytest.mark.exhaustive, pytest.mark.interpreted
 METHODS = ("esdirk", "generalized-alpha")
 #: What `at.compare` may give, over the tolerance: 3.4 and 3.1 in two of the runs below, 1.7 at most in all others.
 PROMISED = 3.5
@@ -48,7 +49,7 @@ SHORT = {
     ("two masses collide, stiff", "esdirk", 1e-2),
 }
 RUNS = [
-    pytest.param(name, method, tolerance, marks=() if (name, method, tolerance) in SHORT else LONG)
+    pytest.param(name, method, tolerance, marks=FEW_STEPS if (name, method, tolerance) in SHORT else LONG)
     for name in SCENES
     for method in METHODS
     for tolerance in (1e-2, 1e-3, 1e-4, 1e-5)
