@@ -9,7 +9,8 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
-from anctmm.integrators import alpha_control, esdirk, generalized_alpha, stage_control, zhai
+from anctmm.integrators import esdirk, generalized_alpha, zhai
+from anctmm.integrators.adaptive import alpha_control, stage_control
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
 from anctmm.model.bodies import beam_of

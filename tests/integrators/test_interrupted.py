@@ -11,7 +11,7 @@ import pytest
 from samples import bar
 
 import anctmm as at
-from anctmm.integrators import alpha_control, stage_control
+from anctmm.integrators.adaptive import alpha_control, stage_control
 from anctmm.integrators.statics import arc_length
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import solve

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.integrators import step_control
+from anctmm.integrators.adaptive import step_control
 
 LONG = pytest.mark.exhaustive
 LENGTH, SPIN, OUTPUTS = 0.3, 100.0, 20  # m, rad/s

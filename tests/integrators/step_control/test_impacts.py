@@ -18,7 +18,7 @@ from scenes.impacts import (
 )
 
 import anctmm as at
-from anctmm.integrators import step_control
+from anctmm.integrators.adaptive import step_control
 
 #: Marks of runs: their kernels take a minute to compile, in which Python takes some of them.
 LONG, FEW_STEPS = pytest.mark.exhaustive, pytest.mark.interpreted

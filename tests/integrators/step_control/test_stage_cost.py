@@ -11,7 +11,7 @@ import anctmm as at
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
 PARTS, BOUNDS = (1, 2, 3, 5, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 #: Cost allowed over that of the best fixed step of the same error, the best of 50, in up to two runs of some cases,
-#: and in all of others; why these cost more, is told in `anctmm.integrators.stage_control`.
+#: and in all of others; why these cost more, is told in `anctmm.integrators.adaptive.stage_control`.
 DEARER, DEAREST = 1.4, 2.2
 TWO_DEARER = {"three_supports", "portal_frame", "gantry_crane"}
 ALL_DEARER = {"squeezer": 1.6}

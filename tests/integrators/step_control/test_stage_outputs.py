@@ -5,7 +5,7 @@ import pytest
 from samples import linkage
 
 import anctmm as at
-from anctmm.integrators import stage_control
+from anctmm.integrators.adaptive import stage_control
 
 RUN = {"t_end": 0.4, "output_dt": 0.01, "integrator": "esdirk"}
 

@@ -38,12 +38,13 @@ from anctmm.discretise.mesh import varying_loads
 from anctmm.forces.connectors import driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
-from anctmm.integrators.free_turns import ANEW, Turns, begin_turns, know_turns, new_turns
+from anctmm.integrators.adaptive.free_turns import ANEW, Turns, begin_turns, know_turns, new_turns
+from anctmm.integrators.adaptive.law_kinks import Kinks, begin_kinks, know_kinks, knows_kinks, new_kinks
+from anctmm.integrators.adaptive.step_error import TINY
 from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton import ROUNDING, SLOW
 from anctmm.integrators.implicit.newton_failure import correction_size
 from anctmm.integrators.implicit.system import Newton, System, least_left, new_system
-from anctmm.integrators.law_kinks import Kinks, begin_kinks, know_kinks, knows_kinks, new_kinks
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     STEP,
@@ -53,7 +54,6 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
-from anctmm.integrators.step_error import TINY
 from anctmm.integrators.turn_count import begin_count
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined

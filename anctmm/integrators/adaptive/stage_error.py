@@ -13,7 +13,7 @@ a vibration, which may be all that moves (3.4 times the error asked for, 1e-2).
 The same quintic is where the motion at outputs starts from: see `stage_outputs`.
 """
 
-from anctmm.integrators.step_error import filtered_error, largest_error
+from anctmm.integrators.adaptive.step_error import filtered_error, largest_error
 from anctmm.jit.compiling import inlined
 
 #: Times d without the filter that counts as the error of the quintic: it is a part of d alone, but strains stiff

@@ -42,12 +42,8 @@ from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import end_velocities
 from anctmm.forces.timeline import set_actions
-from anctmm.integrators.free_turns import follow_turns
-from anctmm.integrators.implicit.newton import solve_step
-from anctmm.integrators.implicit.run import balance
-from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
-from anctmm.integrators.implicit.system import System
-from anctmm.integrators.law_kinks import (
+from anctmm.integrators.adaptive.free_turns import follow_turns
+from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
     missed_at_kinks,
@@ -55,8 +51,7 @@ from anctmm.integrators.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.output import Output, keep, too_large
-from anctmm.integrators.step_control import (
+from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
     EVENT,
@@ -91,7 +86,12 @@ from anctmm.integrators.step_control import (
     run_controlled,
     stiffen,
 )
-from anctmm.integrators.step_error import filtered_error, largest_error, measure_motion
+from anctmm.integrators.adaptive.step_error import filtered_error, largest_error, measure_motion
+from anctmm.integrators.implicit.newton import solve_step
+from anctmm.integrators.implicit.run import balance
+from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
+from anctmm.integrators.implicit.system import System
+from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel

@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.maps import push, rate_at
 from anctmm.forces.connectors import bends_at, free_measure, has_clock, measure, slopes
 from anctmm.forces.laws import call_law
-from anctmm.integrators.step_error import largest_error
+from anctmm.integrators.adaptive.step_error import largest_error
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, shared
 from anctmm.model.scene import Scene

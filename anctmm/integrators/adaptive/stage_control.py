@@ -37,20 +37,8 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, Stages, stages
 from anctmm.forces.timeline import set_actions
-from anctmm.integrators.esdirk import (
-    Room,
-    begin_stage,
-    move_drives,
-    new_room,
-    solve_stage,
-    stage_power,
-)
-from anctmm.integrators.free_turns import follow_turns
-from anctmm.integrators.implicit.newton import ROUNDING
-from anctmm.integrators.implicit.run import balance
-from anctmm.integrators.implicit.step import copy
-from anctmm.integrators.implicit.system import System
-from anctmm.integrators.law_kinks import (
+from anctmm.integrators.adaptive.free_turns import follow_turns
+from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
     grown,
@@ -59,11 +47,9 @@ from anctmm.integrators.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.output import Output, keep, too_large
-from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
-from anctmm.integrators.stage_error import stage_error
-from anctmm.integrators.stage_outputs import balance_within, motion_within, put_actions, put_tensions
-from anctmm.integrators.step_control import (
+from anctmm.integrators.adaptive.stage_error import stage_error
+from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
+from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
     EVENT,
@@ -96,7 +82,21 @@ from anctmm.integrators.step_control import (
     run_controlled,
     stiffen,
 )
-from anctmm.integrators.step_error import measure_motion
+from anctmm.integrators.adaptive.step_error import measure_motion
+from anctmm.integrators.esdirk import (
+    Room,
+    begin_stage,
+    move_drives,
+    new_room,
+    solve_stage,
+    stage_power,
+)
+from anctmm.integrators.implicit.newton import ROUNDING
+from anctmm.integrators.implicit.run import balance
+from anctmm.integrators.implicit.step import copy
+from anctmm.integrators.implicit.system import System
+from anctmm.integrators.output import Output, keep, too_large
+from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, kernel, shared

@@ -1,0 +1,1 @@
+"""Steps with a length that an estimate of their error drives: `tolerance` in place of `dt`."""
