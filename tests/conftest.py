@@ -36,7 +36,7 @@ EXHAUSTIVE = {
     "report": ["page", "report_of_cases"],
     "results": ["energy_check"],
     "statics": ["arc_length", "equilibrium_stability", "nonconservative_statics", "stabilised_statics"],
-    "step_control": ["alpha_cost", "damped_tolerance", "events", "promise", "stage_cost"],
+    "adaptive": ["alpha_cost", "damped_tolerance", "events", "promise", "stage_cost"],
 }  # fmt: skip
 
 #: Modules that `-m "not slow"` leaves out, too: what is left is for a look after each change.
@@ -57,7 +57,7 @@ SLOW = {
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
     "statics": ["static_start", "statics"],
-    "step_control": ["adaptive", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
+    "adaptive": ["adaptive", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
@@ -73,7 +73,7 @@ INTERPRETED = {
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["constraint_check", "drive_check", "pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "static_start"],
-    "step_control": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
+    "adaptive": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 
