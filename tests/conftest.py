@@ -55,9 +55,9 @@ SLOW = {
     "questions": ["gallery"],
     "recursion": ["kept_motions", "work_of_drives"],
     "report": ["texts_of_pictures"],
-    "results": ["export", "fields", "internal_forces", "pictures", "precision_check"],
+    "results": ["export", "fields", "internal_forces", "pictures", "precision_check", "whole_turns"],
     "statics": ["static_start", "statics"],
-    "adaptive": ["adaptive", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
+    "adaptive": ["adaptive", "first_step", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
