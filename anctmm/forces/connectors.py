@@ -16,7 +16,7 @@ from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, p
 from anctmm.errors import unknown_kind
 from anctmm.forces.laws import address_of, call_law
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded, uncompiled
+from anctmm.jit.compiling import embedded, inlined, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.places import Place
@@ -253,21 +253,23 @@ def slopes(c, n, x, rate, t):  # type: ignore[no-untyped-def]
     if c.laws[n] == 0:
         return c.numbers[n, 0], c.numbers[n, 1]
     h, g = DIFFERENCE * max(abs(x), c.unit[n]), DIFFERENCE * max(abs(rate), c.unit[n])
-    here = call_law(c.laws[n], x, rate, t)
-    k = d = 0.0
+    return _slope_of_law(c.laws[n], x, rate, t, h, 0.0), _slope_of_law(c.laws[n], x, rate, t, 0.0, g)
+
+
+@inlined
+def _slope_of_law(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
+    """Derivative of a law by its elongation, between places h from x, or by its rate; where it bends, from closer ones.
+
+    The other of the two distances is 0.
+    """
+    here, slope = call_law(law, x, rate, t), 0.0
     for _ in range(2):
-        less, more = call_law(c.laws[n], x - h, rate, t), call_law(c.laws[n], x + h, rate, t)
-        k = (more - less) / (2.0 * h)
+        less, more = call_law(law, x - h, rate - g, t), call_law(law, x + h, rate + g, t)
+        slope = (more - less) / (2.0 * (h + g))
         if abs(less - 2.0 * here + more) <= BENDS * abs(more - less):
             break
-        h *= CLOSER
-    for _ in range(2):
-        less, more = call_law(c.laws[n], x, rate - g, t), call_law(c.laws[n], x, rate + g, t)
-        d = (more - less) / (2.0 * g)
-        if abs(less - 2.0 * here + more) <= BENDS * abs(more - less):
-            break
-        g *= CLOSER
-    return k, d
+        h, g = CLOSER * h, CLOSER * g
+    return slope
 
 
 @embedded

@@ -16,12 +16,13 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
-from anctmm.integrators.turn_count import TurnCount, begin_count, counted_bodies, new_count, put_angles
+from anctmm.integrators.turn_count import TurnCount, begin_count, new_count, put_angles
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.topology import turning_bodies
 from anctmm.results.divergence_checks import checked
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import (
@@ -91,7 +92,7 @@ class Record:
         self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.v, self.a = np.empty_like(self.q), np.empty_like(self.q)
         self.energy = np.zeros((n, 3))
-        self.angles = np.zeros((n, len(counted_bodies(self.chain))))
+        self.angles = np.zeros((n, len(turning_bodies(self.chain.scene))))
 
     def arrays(self) -> Output:
         """What kernels fill, before the first step."""
@@ -121,7 +122,7 @@ class Record:
             angles = angles_by_body(chain, turned[:kept])
             fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
         if not static:
-            for name, angle in zip(counted_bodies(chain), self.angles[:kept].T, strict=True):
+            for name, angle in zip(turning_bodies(chain.scene), self.angles[:kept].T, strict=True):
                 fields[name] = replace(fields[name], start_angle=angle.copy())
         return fields
 

@@ -41,13 +41,8 @@ class TurnCount(NamedTuple):
     turns: Array
 
 
-def counted_bodies(chain: Chain) -> list[str]:
-    """Names of the bodies whose turns are counted."""
-    return turning_bodies(chain.scene)
-
-
 def new_count(chain: Chain) -> TurnCount:
-    """Turns of a scene before its first step."""
+    """Turns of the bodies of a scene that may turn, before its first step."""
     nodes = once(chain, _nodes)
     return TurnCount(nodes, np.zeros(nodes.shape), np.zeros(len(nodes)))
 
@@ -60,7 +55,7 @@ def begin_count(q: Array, count: TurnCount) -> None:
 
 def _nodes(chain: Chain) -> Ints:
     parts, bodies = chain.segments.parts, chain.bodies
-    first = [parts[name][0].name if name in parts else name for name in counted_bodies(chain)]
+    first = [parts[name][0].name if name in parts else name for name in turning_bodies(chain.scene)]
     table = [(bodies.node(name, 0), bodies.turning_row(name)) for name in first]
     return np.array(table, dtype=np.int64).reshape(-1, 2)
 

@@ -63,7 +63,6 @@ from anctmm.integrators.adaptive.step_control import (
     RATE,
     REPEATED,
     SMALLEST,
-    SPENT,
     STARTS,
     STEADY_STEPS,
     STUCK,
@@ -84,6 +83,7 @@ from anctmm.integrators.adaptive.step_control import (
     length_of,
     pass_stops,
     run_controlled,
+    spend,
     stiffen,
 )
 from anctmm.integrators.adaptive.step_error import filtered_error, largest_error, measure_motion
@@ -275,8 +275,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             follow_turns(state.q, progress[TIME], control.t_end, control.turns)
             _remember(lag, state)
             if aside:
-                progress[SPENT] += error
-                progress[LOOKED] = progress[TIME]
+                spend(error, progress)
             else:
                 aim(h, error, 2, STEADY, 1.0, control)
         if pass_kink(control.kinks, progress[TIME], h):

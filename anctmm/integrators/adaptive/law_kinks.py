@@ -342,17 +342,17 @@ def _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control):  # type:
     """Whether a step of h from t is none, although Newton's iteration has ended and the estimate is small.
 
     At a bend corrections may be small because the matrix is wrong: it has another slope of the law than there is at the
-    end of the step, by more than the inertia c_w m, or the step ends at a bend, and the force is not that to which the
-    last correction has led. And a stiff contact is damped by a long step, or passed by one whose error vanishes by its
-    symmetry: what comes with a speed that matters must meet a stiffness below a part of the inertia.
+    end of the step, by more than the inertia c_w m, or it has misled the last correction. And a stiff contact is damped
+    by a long step, or passed by one whose error vanishes by its symmetry: what comes with a speed that matters must
+    meet a stiffness below a part of the inertia.
     """
-    known, now, path, unsolved = connectors.tangent[n], connectors.now, kinks.path, False
+    known, path, unsolved = connectors.tangent[n], kinks.path, False
     x, rate, limit, left = path[2], path[3] / h, CROSSING * control.allowed, control.t_end - t
     k, d = slopes(connectors, n, x, rate, t + h)
     found = k + connectors.part[1] * d
-    m, ax, ay, bx, by = measure(connectors, n, system.state.q)
     if abs(found - known) > 0.5 * max(abs(found), abs(known)) or (kinks.severe[n] and k > 0.0):
         _push_apart(connectors, n, 1.0, system, control)
+        _, ax, ay, bx, by = measure(connectors, n, system.state.q)
         ux, uy = rate_at(connectors.first, n, control.x)
         wx, wy = rate_at(connectors.second, n, control.x)
         opened = ax * ux + ay * uy + bx * wx + by * wy
@@ -361,12 +361,22 @@ def _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control):  # type:
         if kinks.severe[n] and k > RESOLVED * edge * inertia:  # damping is no contact
             way = max(abs(path[1]), abs(path[3])) / h * left
             unsolved = unsolved or way / opened * largest_error(control.x, 0.0, False, control) > limit
-    if bends_at(connectors, n, x, rate, t + h):
-        force = call_law(connectors.laws[n], x, rate, t + h)
-        wrong = abs(force - now[n, 0] - known * (m - now[n, 1]))
-        _push_apart(connectors, n, to_w * edge * h * wrong * left, system, control)
+    impulse = edge * h * _misled(connectors, n, x, rate, t + h, system.state.q)
+    if impulse > 0.0:
+        _push_apart(connectors, n, to_w * impulse * left, system, control)
         unsolved = unsolved or largest_error(control.x, 0.0, False, control) > limit
     return unsolved
+
+
+@inlined
+def _misled(connectors, n, x, rate, t, q):  # type: ignore[no-untyped-def]
+    """By how much a force is not the one of the last correction, where a step ends at a bend; 0 elsewhere."""
+    wrong = 0.0
+    if bends_at(connectors, n, x, rate, t):
+        m, _, _, _, _ = measure(connectors, n, q)
+        force, now = call_law(connectors.laws[n], x, rate, t), connectors.now
+        wrong = abs(force - now[n, 0] - connectors.tangent[n] * (m - now[n, 1]))
+    return wrong
 
 
 @inlined

@@ -80,6 +80,7 @@ from anctmm.integrators.adaptive.step_control import (
     length_of,
     pass_stops,
     run_controlled,
+    spend,
     stiffen,
 )
 from anctmm.integrators.adaptive.step_error import measure_motion
@@ -276,8 +277,7 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
             _forget(h, error, control)
             aim(h, error, 4, 0, _times_left(control), control)
         else:
-            progress[SPENT] += error
-            progress[LOOKED] = progress[TIME]
+            spend(error, progress)
     elif solved and missed > 1.0:
         _go_back(system, control, track)
         stop_at_kink(control.kinks, h, system, control)

@@ -528,6 +528,13 @@ def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def spend(error, progress):  # type: ignore[no-untyped-def]
+    """Add the error since the last estimate to those of the run."""
+    progress[SPENT] += error
+    progress[LOOKED] = progress[TIME]
+
+
+@inlined
 def aim(h, error, order, steady, times, control):  # type: ignore[no-untyped-def]
     """Choose the next step by the mean error of the last ones: that of a single one swings with the motion.
 
@@ -539,8 +546,7 @@ def aim(h, error, order, steady, times, control):  # type: ignore[no-untyped-def
     rate = error / (h**order * since)
     part = min(1.0, since / min(MEMORY * control.t_end, RECENT * h))
     progress[RATE] += (rate - progress[RATE]) * (part if progress[LOOKED] > 0.0 else 1.0)
-    progress[SPENT] += error
-    progress[LOOKED] = progress[TIME]
+    spend(error, progress)
     wanted = (times * control.allowed / (control.t_end * max(progress[RATE], 1e-300))) ** (1.0 / order)
     ratio = wanted / h
     if (ratio < SHORTER or ratio > LONGER) and (progress[STEADY_STEPS] >= steady or ratio > 2.0):
