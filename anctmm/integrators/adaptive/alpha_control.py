@@ -42,7 +42,7 @@ from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import end_velocities
 from anctmm.forces.timeline import set_actions
-from anctmm.integrators.adaptive.free_turns import follow_turns
+from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
@@ -250,11 +250,15 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     if newton.counts[1] != factored:
         progress[FACTORED] = h
     expect_next(contraction(newton.history, CLEAR * control.rounding), FORGETS, SLOW, newton)
-    look, error = _looks(h, control, lag), np.inf
+    guess, look, error = control.allowed == np.inf, _looks(h, control, lag), np.inf
     if solved and look:
         kept = _coefficients(progress[FACTORED], lag.method)
         error = _error(progress[TIME], c.h, kept.to_w, system, control, lag)
-    guess, missed, crossing = control.allowed == np.inf, 0.0, crosses(control.kinks)
+        if not guess:
+            error = max(
+                error, turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
+            )
+    missed, crossing = 0.0, crosses(control.kinks)
     aside = crossing or (near_kink(control.kinks) and h < SHORT * progress[WANTED])
     if solved:
         kept = _coefficients(progress[FACTORED], lag.method)

@@ -14,7 +14,7 @@ def spinning_bar(pinned, damping):
     """A bar of 0.8 m that turns about its middle, or its start, and is free to turn on."""
     start, end, middle = (0.0, 0.0), (0.8, 0.1), (0.4, 0.05)
     motion = at.RigidVelocity(start, end, start if pinned else middle, SPIN)
-    bar = at.Beam("bar", start, end, at.Circle(0.02), at.Material(2e9, 1100.0, damping), motion)
+    bar = at.Beam("bar", start, end, at.Circle(0.02), at.Material(2e9, 1100.0, damping=damping), motion)
     return at.Scene("bar", [bar], [at.Pin("bar.start")] if pinned else [])
 
 
