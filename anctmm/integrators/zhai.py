@@ -53,16 +53,14 @@ from anctmm.recursion.constrained import (
 from anctmm.recursion.kept_motions import constrain_few
 from anctmm.recursion.riccati import (
     BlockFactors,
-    SplitFactors,
     block_factors,
     factorize,
     mass_arguments,
     mass_factors,
-    no_split_factors,
-    split_factors,
     sweep,
 )
 from anctmm.recursion.rows import Rows, row_work
+from anctmm.recursion.split import SplitFactors, no_split_factors, split_factors
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.finding import part
 from anctmm.results.solution import Solution, Status

@@ -191,8 +191,8 @@ def start_stretch(size, loops, port, work):  # type: ignore[no-untyped-def]
 
 @embedded
 def eliminate_coupled(size, loops, port, known, i, work):  # type: ignore[no-untyped-def]
-    """Pass an element as `riccati` does, and the coupling with the start of the stretch, which begins here at a port
-    unless that is −1. Returns the number of negative pivots.
+    """Pass an element as `node_blocks` does, and the coupling with the start of the stretch, which begins here at a
+    port unless that is −1. Returns the number of negative pivots.
     """
     if port >= 0:
         start_stretch(size, loops, port, work)
@@ -203,7 +203,7 @@ def eliminate_coupled(size, loops, port, known, i, work):  # type: ignore[no-unt
 
 @embedded
 def release_coupled(size, loops, passed, turn, known, i, work):  # type: ignore[no-untyped-def]
-    """Pass a joint as `riccati` does, of which so many components pass, and the coupling.
+    """Pass a joint as `node_blocks` does, of which so many components pass, and the coupling.
 
     Returns the number of negative pivots.
     """

@@ -20,7 +20,8 @@ from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel
 from anctmm.model.scene import Scene
 from anctmm.recursion import accelerations, riccati
-from anctmm.recursion.riccati import BlockFactors, Links, SplitFactors
+from anctmm.recursion.riccati import BlockFactors, Links
+from anctmm.recursion.split import SplitFactors, split_factors
 from anctmm.results.solution import Solution
 from anctmm.solve import solve
 from studies.engine.measuring.clock import (
@@ -85,7 +86,7 @@ def accelerations_of(chain: Chain, q: Array, split: bool) -> Array:
     """Accelerations of a chain at coordinates q under its dead load, in either form of the recursion, (rows, nodes)."""
     p = parts(chain, q)
     if split:
-        repeat_scalars(1, p, riccati.split_factors(chain))
+        repeat_scalars(1, p, split_factors(chain))
     else:
         accelerations.by_blocks(
             q, p.f, p.tables, p.clamps, riccati.mass_factors(chain), np.zeros_like(q), p.a
@@ -217,7 +218,7 @@ def kernel_samplers(variant: Variant, n: int, effort: Effort) -> dict[str, Sampl
         TANGENTS: lambda k: repeat_tangents(k, q, p.tables, buffer),
         FACTORIZATION: lambda k: repeat_factorization(k, mass, p, np.empty((0, 2)), blocks),
         BLOCK_SWEEP: lambda k: repeat_sweeps(k, blocks, np.zeros_like(q), work),
-        ACCELERATIONS: partial(_scalars, p, riccati.split_factors(chain)),
+        ACCELERATIONS: partial(_scalars, p, split_factors(chain)),
         UPDATE: lambda k: repeat_update(k, *flat, explicit.Numbers(1, 1, 1e-3, 0.5, 0.5)),
     }
     if variant.quadrature not in ("-", "full"):  # the same for every quadrature

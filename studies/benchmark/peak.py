@@ -16,6 +16,7 @@ from anctmm.integrators import zhai as explicit
 from anctmm.jit.compiling import kernel
 from anctmm.jit.deferred import Deferred
 from anctmm.recursion import accelerations, riccati
+from anctmm.recursion.split import split_factors
 from studies.benchmark.kernels import (
     ACCELERATIONS,
     BLOCK_SWEEP,
@@ -148,7 +149,7 @@ def _operations(variant: Variant, n: int) -> dict[str, int]:
             of_kind.tangents, q, 0, n, bodies.constants[0], counted(np.zeros(TANGENT_BUFFER))
         ),
         ACCELERATIONS: operations(
-            accelerations.by_scalars, t, p.clamps, riccati.split_factors(chain), q, zeros, zeros
+            accelerations.by_scalars, t, p.clamps, split_factors(chain), q, zeros, zeros
         ),
         UPDATE: operations(
             explicit.update, *(counted(np.zeros(q.size)) for _ in range(4)), explicit.Numbers(1, 1, 1e-3, 0.5, 0.5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.jit.compiling import kernel
-from anctmm.recursion.riccati import split_factors
+from anctmm.recursion.split import split_factors
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solve import solve

@@ -13,7 +13,7 @@ from anctmm.discretise.joined import Joined
 from anctmm.forces.actuation import Actuation
 from anctmm.model.scene import Torque
 from anctmm.recursion.accelerations import by_scalars
-from anctmm.recursion.riccati import split_factors
+from anctmm.recursion.split import split_factors
 
 HEIGHT = sqrt(12.0 * SQUARE.second_moment / SQUARE.area)
 

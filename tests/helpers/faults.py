@@ -66,7 +66,7 @@ def swapped_sign_in_the_transfer_of_the_mass(patch):
 
 def swapped_sign_in_the_transfer_of_the_tangent(patch):
     """D of the outboard node becomes K_OO + L K_IO in place of K_OO − L K_IO: the last `-=` of its code."""
-    patch.setattr(riccati, "_eliminate", with_last_minus_swapped(riccati._eliminate))
+    patch.setattr(riccati, "eliminate", with_last_minus_swapped(riccati.eliminate))
 
 
 def with_last_minus_swapped(function):

@@ -12,7 +12,8 @@ from anctmm.discretise.joined import Joined
 from anctmm.errors import SolverError
 from anctmm.forces.actuation import Actuation
 from anctmm.recursion.accelerations import by_scalars
-from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve, split_factors
+from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
+from anctmm.recursion.split import split_factors
 from anctmm.recursion.tree_transfer import accelerations_tree
 
 every_scene = pytest.mark.parametrize("name", SCENES)

@@ -16,7 +16,7 @@ from anctmm.discretise.fitting import mass_matrix
 from anctmm.discretise.kept_chains import forget
 from anctmm.errors import DiscretisationError, UnsupportedError
 from anctmm.recursion import kept_motions
-from anctmm.recursion.riccati import split_factors
+from anctmm.recursion.split import split_factors
 from reference import global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1000.0)

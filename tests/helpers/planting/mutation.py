@@ -63,6 +63,8 @@ TESTS = {
     "-k 'readable or held or would_stretch or first_steps or cannot_be'",
     "anctmm/recursion/transfer.py": "tests/recursion/test_transfer.py -k 'not thousand'",
     "anctmm/recursion/riccati.py": "tests/recursion/test_transfer.py -k 'not thousand'",
+    "anctmm/recursion/node_blocks.py": "tests/recursion/test_transfer.py -k 'not thousand'",
+    "anctmm/recursion/split.py": "tests/recursion/test_transfer.py -k 'not thousand'",
     "anctmm/results/metrics.py": "tests/results/test_metrics.py",
     "anctmm/integrators/zhai.py": "tests/integrators/test_explicit.py "
     "tests/integrators/test_motion.py tests/integrators/test_damping.py tests/recursion/test_rigid.py "
