@@ -42,6 +42,7 @@ from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import end_velocities
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.adaptive.controlled_run import Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
@@ -71,7 +72,6 @@ from anctmm.integrators.adaptive.step_control import (
     UNFINISHED,
     WANTED,
     Control,
-    Scheme,
     aim,
     contraction,
     copy_actions,
@@ -82,7 +82,6 @@ from anctmm.integrators.adaptive.step_control import (
     left_by_newton,
     length_of,
     pass_stops,
-    run_controlled,
     spend,
     stiffen,
 )

@@ -14,7 +14,7 @@ what they did by steps of fourth order, 1.1 to 1.6 times by generalized-α.
 
 Elastic bodies that spin lose more. At the start nothing is stretched, and the first step, of an angle θ, takes θ²/2 of
 the speed: generalized-α missed by 30 to 680 times the tolerance on stiff bars, or diverged. So that step is short
-(`step_control.START_PART`). Each step of fourth order takes 0.0045 θ⁴ of it, where its estimate is 0.0007 θ⁵: they
+(`controlled_run.START_PART`). Each step of fourth order takes 0.0045 θ⁴ of it, where its estimate is 0.0007 θ⁵: they
 missed by up to 17 times, and what they take is counted (`turn_error`). And what the iteration leaves of a stiff length
 does not alternate (`step_control.ELASTIC_PART`). Stiff bars, pinned and free, damped and not, have 0.002 to 0.9 times
 the tolerance after 4 and 16 turns, 1e-2 … 1e-4; without damping their vibrations take many steps.

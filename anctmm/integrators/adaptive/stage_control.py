@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, Stages, stages
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.adaptive.controlled_run import SHARE, Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
@@ -57,7 +58,6 @@ from anctmm.integrators.adaptive.step_control import (
     KEPT,
     LOOKED,
     RATE,
-    SHARE,
     SMALLEST,
     SPENT,
     STARTS,
@@ -68,7 +68,6 @@ from anctmm.integrators.adaptive.step_control import (
     WANTED,
     WITHIN,
     Control,
-    Scheme,
     aim,
     contraction,
     copy_actions,
@@ -79,7 +78,6 @@ from anctmm.integrators.adaptive.step_control import (
     left_by_newton,
     length_of,
     pass_stops,
-    run_controlled,
     spend,
     stiffen,
 )

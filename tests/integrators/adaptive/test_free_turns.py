@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.integrators.adaptive import step_control
+from anctmm.integrators.adaptive import controlled_run
 
 LONG = pytest.mark.exhaustive
 LENGTH, SPIN, OUTPUTS = 0.3, 100.0, 20  # m, rad/s
@@ -194,7 +194,7 @@ def test_what_a_drive_turns_does_not_turn_freely(integrator, tolerance, monkeypa
     options = {"spin": CRANK_SPIN, "tolerance": tolerance, "integrator": integrator}
     ours = run(driven_crank(), 3, **options)
     assert ours.status.ok
-    monkeypatch.setattr(step_control, "ANEW", 0)
+    monkeypatch.setattr(controlled_run, "ANEW", 0)
     assert steps(ours) == steps(run(driven_crank(), 3, **options))
 
 
@@ -216,7 +216,7 @@ def test_what_follows_a_drive_does_not_turn_freely(monkeypatch):
     options = {"spin": CRANK_SPIN, "tolerance": 1e-2, "integrator": "esdirk"}
     ours = run(scene, 0.95 * 2, **options)
     assert abs(ours.angle("link 2.center")[-1]) > 1.5 * pi
-    monkeypatch.setattr(step_control, "ANEW", 0)
+    monkeypatch.setattr(controlled_run, "ANEW", 0)
     assert steps(ours) == steps(run(scene, 0.95 * 2, **options))
 
 
@@ -224,7 +224,7 @@ def test_what_swings_does_not_turn_freely(monkeypatch):
     """A bar that falls from the level swings by half a turn."""
     scene = pinned_bar(9.81, 0.0)
     ours = at.solve(scene, t_end=4.0, output_dt=0.2, tolerance=1e-2, integrator="esdirk")
-    monkeypatch.setattr(step_control, "ANEW", 0)
+    monkeypatch.setattr(controlled_run, "ANEW", 0)
     unseen = at.solve(scene, t_end=4.0, output_dt=0.2, tolerance=1e-2, integrator="esdirk")
     assert steps(ours) == steps(unseen)
 

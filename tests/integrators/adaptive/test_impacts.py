@@ -18,7 +18,7 @@ from scenes.impacts import (
 )
 
 import anctmm as at
-from anctmm.integrators.adaptive import step_control
+from anctmm.integrators.adaptive import controlled_run
 
 #: Marks of runs: their kernels take a minute to compile, in which Python takes some of them.
 LONG, FEW_STEPS = pytest.mark.exhaustive, pytest.mark.interpreted
@@ -100,7 +100,7 @@ def swings(elongation, rate, t):
 def test_smooth_laws_have_the_steps_that_they_had(law, integrator, monkeypatch):
     options = {"t_end": 0.6, "output_dt": 0.03, "tolerance": 1e-2, "integrator": integrator}
     ours = at.solve(one_mass(law), **options)
-    monkeypatch.setattr(step_control, "new_kinks", lambda scene, stages: None)
+    monkeypatch.setattr(controlled_run, "new_kinks", lambda scene, stages: None)
     without = at.solve(one_mass(law), **options)
     assert ours.status.ok
     assert ours.cost.steps == without.cost.steps
