@@ -15,20 +15,7 @@ from studies.regression.scenes import FromRest, Static, tasks_of
 from studies.regression.small_watches import LIMITS, small_watches
 
 TASKS = tasks_of(small_watches())
-FAULTS = planted.faults()
-KINDS = sorted({fault.kind for fault in FAULTS})
-
-
-def test_the_table_of_faults_has_every_kind_and_each_can_be_planted(tmp_path):
-    assert set(KINDS) == {
-        "elements", "transfer", "recursion", "integrators", "statics", "rigid", "damping", "drives", "loads",
-        "error control", "divergence checks", "connectors", "laws", "mechanisms",
-    }  # fmt: skip
-    assert len(FAULTS) >= 60
-    for fault in FAULTS:
-        source = (planted.ROOT / fault.file).read_text(encoding="utf-8")
-        assert source.count(fault.old) == 1, fault.name
-        assert fault.old != fault.new
+KINDS = {fault.kind for fault in planted.faults()}
 
 
 def test_a_planted_fault_of_each_kind_is_seen():
