@@ -22,6 +22,7 @@ from studies.report.plots import (
     floor,
     front_line,
     legend_below,
+    log_ticks,
     picture,
     solver_colour,
     solver_marker,
@@ -67,8 +68,11 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
             title = ELEMENT_TITLES[family]
             work_precision(axes, mine, title, bounded=False)
             front_line(axes, best["cpu_s"], best["error"])
-        known = sound["reference_error"].min()
-        panels[0].set_ylim(bottom=min(panels[0].get_ylim()[0], 0.4 * known))
+        low, high = panels[0].get_ylim()
+        known = sound["reference_error"]
+        # the reference's line and its words stand inside, also where all errors are below it
+        panels[0].set_ylim(min(low, 0.4 * known.min()), max(high, 1.5 * known.max()))
+        log_ticks(panels[0].yaxis, *panels[0].get_ylim())
         for axes, family in zip(panels, families, strict=True):
             floor(axes, sound.loc[sound["family"] == family, "reference_error"])
         for axes in panels[1:]:

@@ -49,6 +49,14 @@ def test_a_map_of_few_meshes_has_room_for_its_words(browser, tmp_path, meshes):
     tab.close()
 
 
+def test_a_front_below_the_uncertainty_of_its_reference_has_room_for_the_words():
+    """They stood far above the axes, for which no room was left: Matplotlib warns of that, an error here."""
+    points = pd.read_csv(REPORTS / "trade" / "points.csv")
+    two = points[(points["scene"] == "four-bar") & (points["family"] == "cable") & (points["dt"] > 0.0)][:2]
+    below = two.assign(error=6e-5, robust_error=[6.00e-5, 6.01e-5], reference_error=1.2e-4)
+    assert len(pictures("four-bar", below)) >= 1
+
+
 @needs_chromium
 def test_texts_of_pictures_have_room(browser, tmp_path):
     for shown in drawn():
