@@ -24,7 +24,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
-from anctmm.forces.connectors import driven_connectors, has_clock
+from anctmm.forces.connectors import count_turns, driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
 from anctmm.integrators.adaptive.free_turns import ANEW, begin_turns, know_turns, new_turns
@@ -310,6 +310,8 @@ def _march(
     control.scale[0] = scale
     out.work[0] = 0.0
     begin_count(state.q, out.turns)
+    turned = np.zeros_like(state.q[0]) if chain.start is None else chain.start.turned
+    count_turns(system.loads.connectors, state.q, turned)  # those at the end of the last run stand there
     first = times[-1] if guess else _first_step(chain, scheme, state.q, state.v, control.turns.elastic)
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = first, 1.0

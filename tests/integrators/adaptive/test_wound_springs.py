@@ -1,0 +1,55 @@
+"""Runs that an error drives are made again: springs that are wound by whole turns start each of them as placed."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+
+INERTIA, STIFFNESS, OUTPUTS = 0.02, 0.05, {"t_end": 8.0, "output_dt": 0.1}
+FREQUENCY = np.sqrt(STIFFNESS / INERTIA)
+METHODS = {"generalized-alpha": {"tolerance": 1e-3}, "esdirk": {"tolerance": 1e-3, "integrator": "esdirk"}}
+
+
+def wheel(spin):
+    return at.RigidBody("wheel", 1.0, INERTIA, (0.0, 0.0), {"rim": (0.2, 0.0)}, spin=spin)
+
+
+def flywheel(spin, torques=(), **spring):
+    connector = at.RotationalSpring("wheel.center", **(spring or {"stiffness": STIFFNESS}))
+    return at.Scene("flywheel", [wheel(spin)], [at.Pin("wheel.center")], torques, connectors=[connector])
+
+
+def linear(x, rate, t):
+    return STIFFNESS * x
+
+
+def error_of(run, exact):
+    """Rms of the rim's error, relative to its largest displacement, of an angle that is known."""
+    place = 0.2 * np.stack([np.cos(exact), np.sin(exact)], axis=1)
+    off = np.linalg.norm(run.position("wheel.rim") - place, axis=1)
+    return np.sqrt(np.mean(off**2)) / np.linalg.norm(place - place[0], axis=1).max()
+
+
+@pytest.mark.parametrize("spring", [{"stiffness": STIFFNESS}, {"law": linear}], ids=["linear", "law"])
+@pytest.mark.parametrize("turns", [0.8, 4.0])
+@pytest.mark.parametrize("steps", METHODS.values(), ids=METHODS)
+def test_a_flywheel_on_a_spring_swings_by_whole_turns(steps, turns, spring):
+    """Its angle is a sine, however far it goes: started a turn off, it swings about another angle."""
+    spin = 2.0 * np.pi * turns * FREQUENCY
+    scene = flywheel(spin, **spring)
+    run = at.solve(scene, **steps, **OUTPUTS)
+    exact = spin / FREQUENCY * np.sin(FREQUENCY * run.t)
+    assert run.status.ok
+    assert error_of(run, exact) < 3e-3
+    off = run.tension(scene.connectors[0]) - STIFFNESS * exact
+    assert np.abs(off).max() < 2e-2 * STIFFNESS * spin / FREQUENCY
+
+
+@pytest.mark.parametrize("steps", METHODS.values(), ids=METHODS)
+def test_a_spring_wound_at_rest_is_let_go_from_there(steps):
+    """From 2.6 turns that a torque holds, by a cosine of that amplitude."""
+    angle = 2.0 * np.pi * 2.6
+    rest = at.solve_static(flywheel(0.0, [at.Torque("wheel.center", STIFFNESS * angle)]))
+    run = at.solve(flywheel(0.0), start=rest, **steps, **OUTPUTS)
+    assert run.status.ok
+    assert error_of(run, angle * np.cos(FREQUENCY * run.t)) < 3e-3
