@@ -52,6 +52,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
+from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
@@ -249,7 +250,9 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     if newton.counts[1] != factored:
         progress[FACTORED] = h
     expect_next(contraction(newton.history, CLEAR * control.rounding), FORGETS, SLOW, newton)
-    guess, look, error = control.allowed == np.inf, _looks(h, control, lag), np.inf
+    guess, error = control.allowed == np.inf, np.inf
+    # an iteration that wandered may have found another motion
+    look = _looks(h, control, lag) or effort_of(newton.history) > HARD
     if solved and look:
         kept = _coefficients(progress[FACTORED], lag.method)
         error = _error(progress[TIME], c.h, kept.to_w, system, control, lag)
@@ -276,6 +279,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         if look:
             measure_motion(state.q, control)
             follow_turns(state.q, progress[TIME], control.t_end, control.turns)
+            follow_returning(state.q, control)
             _remember(lag, state)
             if aside:
                 spend(error, progress)

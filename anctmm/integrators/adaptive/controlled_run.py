@@ -29,6 +29,7 @@ from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
 from anctmm.integrators.adaptive.free_turns import ANEW, begin_turns, know_turns, new_turns
 from anctmm.integrators.adaptive.law_kinks import begin_kinks, know_kinks, new_kinks
+from anctmm.integrators.adaptive.returning import begin_returning, know_returning, new_returning
 from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
@@ -157,7 +158,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         if found.stopped:
             raise Interrupted(so_far(min(found.kept, 1) if guess else found.kept, interruption(found.t)))
         if found.turned:
-            if not know_kinks(control.kinks):
+            if not (know_kinks(control.kinks) or know_returning(control.returning)):
                 know_turns(control.turns, found.t, run.t_end)
             return march(times, assumed, scale, guess, anew - 1)
         return found
@@ -271,6 +272,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
         turns=new_turns(chain),
+        returning=new_returning(chain),
         kinks=new_kinks(chain.parts, places),
     )
 
@@ -306,6 +308,7 @@ def _march(
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
     begin_turns(control.turns, look, run.t_end)
+    begin_returning(control.returning, state.q)
     begin_kinks(control.kinks)
     control.scale[0] = scale
     out.work[0] = 0.0

@@ -48,6 +48,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
+from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.stage_error import stage_error
 from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
 from anctmm.integrators.adaptive.step_control import (
@@ -423,6 +424,7 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
     count_turns(system.state.q, out.turns)
     measure_motion(system.state.q, control)
     follow_turns(system.state.q, progress[TIME], control.t_end, control.turns)
+    follow_returning(system.state.q, control)
 
 
 @inlined

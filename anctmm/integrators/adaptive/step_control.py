@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from anctmm.forces.timeline import Timeline
 from anctmm.integrators.adaptive.free_turns import Turns
 from anctmm.integrators.adaptive.law_kinks import Kinks, knows_kinks
+from anctmm.integrators.adaptive.returning import Returning
 from anctmm.integrators.implicit.newton import ROUNDING, SLOW
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
@@ -32,7 +33,7 @@ Array = NDArray[np.float64]
 
 #: Smallest step, of the run.
 SMALLEST = 1e-9
-#: Part of the error allowed that may be what Newton's iteration leaves of speeds, where bodies turn freely; and where
+#: Part of the error allowed that may be what Newton's iteration leaves of speeds, where errors of these stay; and where
 #: anything is elastic: what is left of a stiff length does not alternate. A smaller part costs next to nothing there.
 SPEED_PART, ELASTIC_PART = 0.2, 0.002
 #: Changes of the step below which it stays: each costs a factorization.
@@ -77,7 +78,7 @@ class Control(NamedTuple):
     largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved: displacement of each
     node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate
     adds to them, (2, bodies, ...). progress: where the run stands. actions: what acts in time.
-    turns: see `free_turns`. kinks: see `law_kinks`.
+    turns: see `free_turns`. returning: see `returning`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -106,6 +107,7 @@ class Control(NamedTuple):
     progress: Array
     actions: Timeline
     turns: Turns
+    returning: Returning
     kinks: Kinks | None
 
 
@@ -159,11 +161,13 @@ def pass_stops(control):  # type: ignore[no-untyped-def]
 def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
     """What Newton's iteration may leave in a step of h: a part of the error that it may make; no less than rounding.
 
-    Where bodies turn freely, what it leaves, over h, is an error of their speed until the end: see `free_turns`.
+    Where errors of the speed stay, what it leaves, over h, is one until the end: see `free_turns` and `returning`.
     """
     may = part * control.allowed * h / control.t_end
-    if control.turns.found[0] or knows_kinks(control.kinks):
-        speed = ELASTIC_PART if control.turns.elastic else SPEED_PART
+    returning = control.returning
+    stays = control.turns.found[0] or returning.known[0] or h > returning.resolved
+    if stays or knows_kinks(control.kinks):
+        speed = ELASTIC_PART if returning.elastic else SPEED_PART
         over = control.t_end * (control.t_end - control.progress[TIME])
         may = min(may, speed * control.allowed * h * h / over)
     left = max(control.rounding, may * control.scale[0] / system.newton.scale)
