@@ -319,12 +319,12 @@ def _like(done: Done, baselines: Path) -> Iterator[Finding]:
 
 
 def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
-    found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
-    if stored.settings != task.settings:
-        return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
     kept = stored.history.columns
     # histories that were stored before angles were have none
     computed = computed.of_columns(lambda column: column.quantity != ANGLE or column in kept)
+    found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
+    if stored.settings != task.settings:
+        return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
     if computed.columns != kept:
         labels = ([c.label for c in h.columns] for h in (stored.history, computed))
         return replace(found, verdict=DIFFERS, reason="stored are {}; now there are {}".format(*labels))

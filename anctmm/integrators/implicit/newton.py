@@ -38,9 +38,6 @@ from anctmm.recursion.scratch import vectors
 SLOW = 0.5
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
-#: Size of a correction, in Newton's scale, beyond which no iteration is trusted: one that comes back from there has
-#: found another motion, such as that of a beam turned inside out.
-FAR = 1e3
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
 
@@ -101,7 +98,7 @@ def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore
         size = correct_step(loads.border, arrived, q, w, coefficients, scale, size)
         history[iteration] = size
         counts[0] += 1
-        if not (size <= FAR or size < tolerance):
+        if size == np.inf:
             break
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else _expected(expected)

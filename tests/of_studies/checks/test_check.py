@@ -589,3 +589,14 @@ def test_what_was_not_run_is_skipped_in_junit_and_has_no_picture(stored):
     assert results["spinner"] == []
     assert pictures(found) == []  # nothing has changed
     assert list(frame_of(found)["verdict"]) == ["not run", "same"]
+
+
+def test_a_history_that_differs_has_a_picture_where_it_was_stored_before_angles_were(stored):
+    """It ended the check with a `KeyError`."""
+    kept = read_baseline(TASK.path(stored))
+    place = next(c for c in kept.history.columns if c.quantity == "displacement")
+    columns = (*kept.history.columns, replace(place, quantity="angle"))
+    values = np.column_stack([1.01 * kept.history.values, np.ones(len(kept.history.t))])
+    found = checking._compared(TASK, replace(kept.history, columns=columns, values=values), kept, "spinner")
+    assert found.verdict == "differs"
+    assert len(pictures([found])) == 2
