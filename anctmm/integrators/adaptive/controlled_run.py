@@ -20,10 +20,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.assembly import mass_product
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
+from anctmm.forces.actuation import work_done
 from anctmm.forces.connectors import count_turns, driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
@@ -46,6 +48,7 @@ from anctmm.integrators.adaptive.step_control import (
 from anctmm.integrators.adaptive.step_error import TINY
 from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton_failure import correction_size
+from anctmm.integrators.implicit.run import balance, parts_of
 from anctmm.integrators.implicit.system import Newton, System, least_left, new_system
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
@@ -57,7 +60,10 @@ from anctmm.integrators.output import (
     worst_element,
 )
 from anctmm.integrators.turn_count import begin_count
+from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.pacing import paced
+from anctmm.recursion.accelerations import by_blocks
+from anctmm.recursion.riccati import sweep
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
@@ -163,7 +169,8 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             return march(times, assumed, scale, guess, anew - 1)
         return found
 
-    march(np.zeros(1), still)  # compiles
+    with side_by_side(lambda: _parts(chain, system, control, out)):
+        march(np.zeros(1), still)  # compiles
     record.start()
     counts[:] = 0.0
     system.newton.counts[:] = 0
@@ -185,6 +192,24 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     # after the look at where it failed: it writes the state
     settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
     return so_far(done.kept, status)
+
+
+def _parts(chain: Chain, system: System, control: Control, out: Output) -> Parts:
+    """Kernels that all methods call, for compilation in a second process."""
+    state, drives, values = system.state, control.angles[0], control.values[0]
+    tables, factors, load = system.tables, system.factors, control.load
+    parts = [
+        Task(mass_product, (control.x, tables.first, tables.masses, tables.buffer, load)),
+        Task(work_done, (True, state.q, system.clamps, system.loads, values)),
+        Task(balance, (system, drives, values)),
+        Task(sweep, (factors, load, control.x)),
+        Task(
+            by_blocks,
+            (state.q, state.f, tables, system.clamps, factors, state.w_before, state.w),
+            by_python=True,
+        ),
+    ]
+    return parts_of(system, 1.0, 1.0, out, parts)
 
 
 def _guesses(step: Callable[[float], March]) -> list[March]:

@@ -5,7 +5,7 @@ iteration finds in a step of no length with the mass alone for its matrix (`NO_S
 is done once. Kernels that start anew on the way call `balance`.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -82,7 +82,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         return int(steps.advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
 
     def compiles(_: Chain) -> None:
-        with side_by_side(lambda: _parts(system, c, out, steps)):
+        with side_by_side(lambda: parts_of(system, c.to_w, c.to_q, out, steps.parts)):
             one(0, 0)
 
     once(chain, compiles, what=steps.advance)
@@ -113,15 +113,25 @@ def _coefficients(chain: Chain) -> Coefficients:
     return chain.run.coefficients
 
 
-def _parts(system: System, c: Coefficients, out: Output, steps: Steps) -> Parts:
-    """Kernels of a method, for `side_by_side`: the second process begins with the largest, which stands last."""
+def parts_of(system: System, to_w: float, to_q: float, out: Output, more: Sequence[Task]) -> Parts:
+    """Kernels of a method, for `side_by_side`: the second process begins with the largest, which stands last.
+
+    Parameters
+    ----------
+    system : System
+    to_w, to_q : float
+        `Coefficients` of that name.
+    out : Output
+    more : sequence of Task
+        What the method calls beside Newton's iteration and the output.
+    """
     state, tables, links, factors, clamps, loads, _, _ = system
     values = np.zeros((len(loads.kinds), 2))
     shared = [
         Task(clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
-        *steps.parts,
+        *more,
         Task(keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out), by_python=True),
-        Task(factorize, (state.q, tables, links, c.to_w, c.to_q, loads, values, factors), by_python=True),
+        Task(factorize, (state.q, tables, links, to_w, to_q, loads, values, factors), by_python=True),
     ]
     return Parts(shared)
 
