@@ -25,6 +25,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
+from anctmm.discretise.methods import NO_STEP
 from anctmm.forces.actuation import work_done
 from anctmm.forces.connectors import count_turns, driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
@@ -209,7 +210,7 @@ def _parts(chain: Chain, system: System, control: Control, out: Output) -> Parts
             by_python=True,
         ),
     ]
-    return parts_of(system, 1.0, 1.0, out, parts)
+    return parts_of(system, NO_STEP, out, parts)
 
 
 def _guesses(step: Callable[[float], March]) -> list[March]:

@@ -4,6 +4,7 @@ The matrix is kept as long as the corrections fall (modified Newton); where that
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import (
     FIRST_BODY,
@@ -12,12 +13,13 @@ from anctmm.discretise.assembly import (
     window_forces,
     window_inertia,
 )
+from anctmm.discretise.methods import Coefficients
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.step import damp_at_end, predict
-from anctmm.integrators.implicit.system import ITERATIONS
-from anctmm.jit.compiling import embedded, inlined
+from anctmm.integrators.implicit.system import ITERATIONS, System
+from anctmm.jit.compiling import embedded, inlined, separate
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
 from anctmm.recursion.lines import hold_on_lines
@@ -33,6 +35,8 @@ from anctmm.recursion.riccati import (
 )
 from anctmm.recursion.rows import KEPT
 from anctmm.recursion.scratch import vectors
+
+Array = NDArray[np.float64]
 
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
@@ -68,8 +72,10 @@ def _drag(q, w, clamps, c):  # type: ignore[no-untyped-def]
             q[k, i] = clamps.motion[0, h, k]
 
 
-@inlined
-def iterate(full, system, coefficients, load_values, tolerance):  # type: ignore[no-untyped-def]
+@separate
+def iterate(
+    full: bool, system: System, coefficients: Coefficients, load_values: Array, tolerance: float
+) -> bool:
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
 
     It ends where the error left, positions relative to Newton's scale, is at most `tolerance`.

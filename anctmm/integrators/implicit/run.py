@@ -20,6 +20,7 @@ from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.balanced import Again, balanced, settle
+from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.newton_failure import stalled
 from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
@@ -82,7 +83,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         return int(steps.advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
 
     def compiles(_: Chain) -> None:
-        with side_by_side(lambda: parts_of(system, c.to_w, c.to_q, out, steps.parts)):
+        with side_by_side(lambda: parts_of(system, c, out, steps.parts)):
             one(0, 0)
 
     once(chain, compiles, what=steps.advance)
@@ -113,14 +114,13 @@ def _coefficients(chain: Chain) -> Coefficients:
     return chain.run.coefficients
 
 
-def parts_of(system: System, to_w: float, to_q: float, out: Output, more: Sequence[Task]) -> Parts:
+def parts_of(system: System, c: Coefficients, out: Output, more: Sequence[Task]) -> Parts:
     """Kernels of a method, for `side_by_side`: the second process begins with the largest, which stands last.
 
     Parameters
     ----------
     system : System
-    to_w, to_q : float
-        `Coefficients` of that name.
+    c : Coefficients
     out : Output
     more : sequence of Task
         What the method calls beside Newton's iteration and the output.
@@ -131,7 +131,8 @@ def parts_of(system: System, to_w: float, to_q: float, out: Output, more: Sequen
         Task(clamp_reactions, (state.q, state.w, state.f, tables, clamps)),
         *more,
         Task(keep, (0, 1, state.q, state.v, state.w, tables, loads.connectors, out), by_python=True),
-        Task(factorize, (state.q, tables, links, to_w, to_q, loads, values, factors), by_python=True),
+        Task(iterate, (False, system, c, values, 1.0), by_python=True),
+        Task(factorize, (state.q, tables, links, c.to_w, c.to_q, loads, values, factors), by_python=True),
     ]
     return Parts(shared)
 
