@@ -116,6 +116,10 @@ class StartWarning(UserWarning):
     """Initial velocities that a joint, a drive or a rigid body cannot have are replaced by those that it can."""
 
 
+class EquilibriumWarning(UserWarning):
+    """Modes are asked for about a state in which forces are not balanced."""
+
+
 class OutputError(AnctmmError, OSError):
     """A file or directory cannot be written."""
 

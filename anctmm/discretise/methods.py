@@ -5,6 +5,7 @@ A method is data: the steps themselves stand in `anctmm.integrators`.
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cache
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -158,8 +159,9 @@ _STAGES = (
 )
 
 
+@cache
 def stages() -> Stages:
-    """Coefficients of `Esdirk`."""
+    """Coefficients of `Esdirk`, found once: nobody writes into them."""
     A = np.zeros((len(_STAGES), len(_STAGES)))
     for i, row in enumerate(_STAGES):
         A[i, :i] = [float(Fraction(x)) for x in row]

@@ -1,11 +1,13 @@
 """Configurations that small motions are about: the last output of a solution, or that of a steady spin."""
 
+from warnings import warn
+
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.elements.kinds import kind_of
-from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.errors import DiscretisationError, EquilibriumWarning, SolverError, shown
 from anctmm.forces.connectors import count_turns
 from anctmm.integrators.modes.frames import Frame
 from anctmm.integrators.static_start import coordinates_of, turned_at_end
@@ -16,6 +18,7 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 #: Parts of the square of the spin by which the steady state is approached, and Newton's corrections in each.
 PARTS, ITERATIONS = 4, 25
@@ -27,6 +30,9 @@ BESIDE = 1.0 + 1e-6
 PARTS_OF_SCENES = ("bodies", "joints", "loads", "gravity", "connectors")
 #: Statuses of motions whose last output is no state of the scene.
 LOST = ("diverged", "failed")
+#: Distance from an equilibrium that counts as none, of the scene's length; and part of the square of the largest
+#: frequency found, that is a motion without stiffness.
+AWAY, SLOW = 1e-3, 1e-12
 #: Solutions that find the forces of constraints of an equilibrium.
 MULTIPLIERS = 2
 
@@ -121,6 +127,40 @@ def last_of(system: StaticSystem, about: Solution, frame: Frame) -> tuple[Array,
             system.factorize(q, factor, largest_square(system))
             _correction(system, q, _centrifugal(system, q, frame, frame.spin**2) + system.residual(q, factor))
     return q, factor
+
+
+def check_balance(
+    system: StaticSystem, q: Array, factor: float, frame: Frame, values: Complex, fields: Complex
+) -> None:
+    """Tell that modes are about no equilibrium, by how far their stiffness would move the scene to one.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    q : ndarray, shape (rows, nodes)
+        The configuration.
+    factor : float
+        Part of the loads.
+    frame : Frame
+    values : ndarray, shape (modes,)
+        Eigenvalues λ, 1/s.
+    fields : ndarray, shape (modes, rows, nodes)
+        Modes φ, whose largest displacements are 1 m.
+    """
+    length, squares = system.chain.scene.length, np.abs(values) ** 2
+    left = _centrifugal(system, q, frame, frame.spin**2) + system.residual(q, factor)
+    forces = np.abs([np.vdot(u, left) for u in fields])  # φᵀ Jᵀ μ = 0: constraints do not count
+    masses = np.array([np.vdot(u, system.inertia(u.real) + 1j * system.inertia(u.imag)).real for u in fields])
+    known = squares > SLOW * squares.max(initial=0.0)  # what moves without stiffness has no equilibrium
+    away = float((forces[known] / (masses[known] * squares[known])).max(initial=0.0))
+    if away > AWAY * length:
+        warn(
+            f"the last output that modes of scene {system.chain.scene.name!r} are about is no equilibrium: forces are "
+            f"left there that move it by some {away:.2g} m. Modes are those of the stiffness in this state; let the "
+            f"motion come to rest before, or give about=at.solve_static(...)",
+            EquilibriumWarning,
+            stacklevel=3,
+        )
 
 
 def _centrifugal(system: StaticSystem, q: Array, frame: Frame, square: float) -> Array:

@@ -12,7 +12,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.lacking import LACKING
 from anctmm.errors import DiscretisationError
-from anctmm.integrators.modes.configurations import checked, last_of, steady_state
+from anctmm.integrators.modes.configurations import check_balance, checked, last_of, steady_state
 from anctmm.integrators.modes.eigenvalues import Array, Complex, lowest
 from anctmm.integrators.modes.frames import GROUND, Frame, frame_at, spun
 from anctmm.integrators.modes.shapes import Modes
@@ -65,6 +65,11 @@ def modes(
         If the options are wrong, or do not fit the scene or each other, or the drives of a motion allow no modes.
     SolverError
         If no steady state, or not all modes, are found.
+
+    Warns
+    -----
+    EquilibriumWarning
+        If the last output of a motion is no equilibrium.
     """
     refuse(checked_scene(scene), LACKING, "a search for modes")
     run = discretise(run, options)
@@ -80,6 +85,8 @@ def modes(
     values, vectors = lowest(problem, count)
     rates = np.abs(values)
     fields = np.stack([_normalised(problem.spread(x)) for x in vectors.T])
+    if about is not None and not about.static:
+        check_balance(system, q, factor, frame, values, fields)
     real, imaginary = chain.by_body(fields.real), chain.by_body(fields.imag)
     return Modes(
         scene,

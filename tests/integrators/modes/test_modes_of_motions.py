@@ -7,7 +7,7 @@ import pytest
 from marks import interpreted_where
 
 import anctmm as at
-from anctmm.errors import DiscretisationError
+from anctmm.errors import DiscretisationError, EquilibriumWarning
 
 STEEL = at.Material(E=2e11, density=1500.0)
 TURN, MOVE, REST = 0.7, 0.1, 2.0
@@ -252,3 +252,34 @@ def test_drives_that_speed_up_are_refused(kind):
         DiscretisationError, match=rf"{unit}: no frame is steady there.*no modes; end the motion"
     ):
         at.modes(scene, mesh=2, about=at_the_end(scene, 0.8))
+
+
+def swinging(angle):
+    """A rod at a pin, let go at an angle; and the last output of a motion of it."""
+    center = (0.5 * np.sin(angle), -0.5 * np.cos(angle))
+    rod = at.RigidBody("rod", mass=1.0, inertia=1.0 / 12.0, center=center, points={"pin": (0.0, 0.0)})
+    scene = at.Scene("pendulum", [rod], [at.Pin("rod.pin")], gravity=(0.0, -9.81))
+    return scene, at.solve(scene, dt=1e-2, t_end=0.1)
+
+
+@pytest.mark.interpreted
+def test_a_motion_that_is_no_equilibrium_is_told():
+    """Its stiffness is that of a pendulum held at an angle: √cos φ of the frequency."""
+    scene, motion = swinging(0.5)
+    with pytest.warns(
+        EquilibriumWarning, match=r"'pendulum' are about is no equilibrium.*some 0\.2\d m"
+    ) as said:
+        found = at.modes(scene, about=motion)
+    assert said[0].filename == __file__
+    known = sqrt(1.5 * 9.81 * np.cos(motion.angle("rod")[-1] + 0.5))
+    assert 2 * pi * found.frequencies[0] == pytest.approx(known, rel=1e-6)
+
+
+@pytest.mark.interpreted
+def test_next_to_an_equilibrium_and_in_free_flight_nothing_is_told():
+    """Warnings are errors here."""
+    scene, motion = swinging(1e-4)
+    assert 2 * pi * at.modes(scene, about=motion).frequencies[0] == pytest.approx(sqrt(1.5 * 9.81), rel=1e-6)
+    arm = at.Scene("thrown", [beam("a", (0, 0), (1, 0))], gravity=(0.0, -9.81))
+    falling = at.modes(arm, mesh=2, count=4, about=at_the_end(arm, 0.1)).frequencies
+    np.testing.assert_allclose(falling[3], at.modes(arm, mesh=2, count=4).frequencies[3], rtol=1e-6)
