@@ -363,6 +363,6 @@ def _multiple(name: str, value: float, dt: float, parts: str = "steps dt") -> in
     if count < 1 or abs(count * dt - value) > 1e-6 * dt:
         raise StepError(
             f"{name} is {value!r}; a whole number of {parts} = {dt!r} s is needed, "
-            f"such as {max(count, 1) * dt!r}"
+            f"such as {max(count, 1) * dt:.12g}"
         )
     return count

@@ -47,6 +47,7 @@ from anctmm.integrators.adaptive.step_control import (
     Control,
 )
 from anctmm.integrators.adaptive.step_error import TINY
+from anctmm.integrators.broken_law import broken_law
 from anctmm.integrators.implicit.balanced import settle
 from anctmm.integrators.implicit.newton_failure import correction_size
 from anctmm.integrators.implicit.run import balance, parts_of
@@ -407,6 +408,8 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float)
     if scheme.look is not None:
         scheme.look(chain, system, t)
     if (found := locked(chain, state.q, rows_in(system.factors.loops), t)) is not None:
+        return found
+    if (found := broken_law(chain, system.loads.connectors, t)) is not None:
         return found
     if history.any():
         body, element = worst_element(chain, correction_size(chain, state))

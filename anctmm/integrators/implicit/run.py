@@ -19,6 +19,7 @@ from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
+from anctmm.integrators.broken_law import broken_law
 from anctmm.integrators.implicit.balanced import Again, balanced, settle
 from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.newton_failure import stalled
@@ -101,8 +102,10 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         when = steps.failed_at(failed)
         if steps.look is not None:
             steps.look(when)
-        status = locked(chain, system.state.q, rows_in(system.factors.loops), when, failed) or stalled(
-            chain, failed, system.state, newton, when
+        status = (
+            locked(chain, system.state.q, rows_in(system.factors.loops), when, failed)
+            or broken_law(chain, system.loads.connectors, when, failed)
+            or stalled(chain, failed, system.state, newton, when)
         )
     if steps.again is not None:  # after the look at where it failed: it writes the state
         settle(chain, system, record, kept, steps.again)

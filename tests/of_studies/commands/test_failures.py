@@ -249,7 +249,7 @@ OPTIONS = {
     "t_end no whole steps": (
         lambda: run_of(dt=0.3, t_end=1.0),
         errors.StepError,
-        ["t_end", "1.0", "whole number of steps dt = 0.3", "0.8999999999999999"],
+        ["t_end", "1.0", "whole number of steps dt = 0.3", "such as 0.9"],
     ),
     "t_end below a step": (
         lambda: run_of(dt=1.0, t_end=0.1),
