@@ -361,8 +361,8 @@ def _multiple(name: str, value: float, dt: float, parts: str = "steps dt") -> in
         )
     count = round(ratio)
     if count < 1 or abs(count * dt - value) > 1e-6 * dt:
+        nearest = float(f"{max(count, 1) * dt:.12g}")
         raise StepError(
-            f"{name} is {value!r}; a whole number of {parts} = {dt!r} s is needed, "
-            f"such as {max(count, 1) * dt:.12g}"
+            f"{name} is {value!r}; a whole number of {parts} = {dt!r} s is needed, such as {nearest!r}"
         )
     return count
