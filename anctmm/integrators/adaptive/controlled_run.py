@@ -111,15 +111,16 @@ class Scheme(NamedTuple):
     """A method whose steps an error drives.
 
     take: (most steps, last output, system, control, output) → how it ended. order: of the error of a run in its steps.
-    places: at which a step sees what acts. constrained: the `SHARE` of scenes with constraints between rigid bodies or
-    guides. look: (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep
-    positions.
+    places: at which a step sees what acts. constrained, goes_on: the `SHARE` of scenes with constraints between rigid
+    bodies or guides, and where these are known to turn freely or to go to and fro. look: (chain, system, time of
+    failure) sees whether constraints can be kept then, where steps do not keep positions.
     """
 
     take: Callable[[int, int, System, Control, Output], int]
     order: int
     places: int
     constrained: float
+    goes_on: float
     look: Callable[[Chain, System, float], None] | None = None
 
 
@@ -186,7 +187,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             break
         used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
         most = (used / np.maximum(done.moved, SMALL * done.moved.max())).max()
-        if done.error * most <= FOUND * _allowed(chain, scheme, system):
+        if done.error * most <= FOUND * _allowed(chain, scheme, system, control):
             break
         assumed, scale = done.moved, float(done.moved.max())
     record.stop()
@@ -253,9 +254,12 @@ def _acted(chain: Chain, guess: March) -> float:
     return min(max(found, AT_REST * chain.length), FAR * chain.length)
 
 
-def _allowed(chain: Chain, scheme: Scheme, system: System) -> float:
+def _allowed(chain: Chain, scheme: Scheme, system: System, control: Control) -> float:
     """Sum of local errors that is allowed."""
-    share = SHARE if rows_in(system.factors.loops) is None else scheme.constrained
+    share = SHARE
+    if rows_in(system.factors.loops) is not None:
+        goes_on = control.turns.found[0] or control.returning.known[0]
+        share = scheme.goes_on if goes_on else scheme.constrained
     return share * float(chain.run.tolerance or 0.0)
 
 
@@ -346,7 +350,9 @@ def _march(
     control.progress[:] = 0.0
     control.progress[WANTED], control.progress[STARTS] = first, 1.0
     control.progress[CAP] = np.inf
-    control = control._replace(allowed=np.inf if guess else _allowed(chain, scheme, system), times=times)
+    control = control._replace(
+        allowed=np.inf if guess else _allowed(chain, scheme, system, control), times=times
+    )
     system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     if newton.expected is not None:
         newton.expected[0] = 1.0

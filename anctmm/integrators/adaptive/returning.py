@@ -6,8 +6,8 @@ an error ~ x T²/h², while displacements stay what they are. A share h/T of the
 see nothing of it: a rigid pendulum that swings by ±1.5 rad missed by 18 and 22 times the tolerance after 80 s, a point
 mass that falls on a spring by 15 times after 20 s. A motion whose way will be MANY times the largest displacement, as
 of four swings, is found, and the run made again with a stricter iteration (`step_control.left_by_newton`), as for
-bodies that turn freely. What moves to and fro for a shorter time has the steps that it had: stricter ones cost 1.5
-times as much in the mean.
+bodies that turn freely; with constraints between rigid bodies steps of generalized-α are shorter, too. What moves to
+and fro for a shorter time has the steps that it had: a stricter iteration costs 1.5 times as much in the mean.
 
 A spring whose vibrations no step resolves asks for a stricter iteration from the start: of its force, which is large,
 a part is left in a direction that turns with the motion. A mass on a spring of 1e8 N/m missed by 25 times the tolerance

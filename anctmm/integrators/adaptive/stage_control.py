@@ -180,7 +180,7 @@ def integrate(chain: Chain) -> Solution:
     def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
         return int(advance(budget, outputs, system, control, track, out))
 
-    return run_controlled(chain, Scheme(take, 4, len(method.c), SHARE, look_ahead))
+    return run_controlled(chain, Scheme(take, 4, len(method.c), SHARE, SHARE, look_ahead))
 
 
 @kernel

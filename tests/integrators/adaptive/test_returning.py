@@ -79,6 +79,11 @@ def test_a_pendulum_that_swings_for_long_has_the_error_asked_for(tolerance):
     assert missed(*pendulum(1.5), 80.0, tolerance, "esdirk") <= 1.0
 
 
+def test_steps_of_second_order_are_shorter_where_a_linkage_swings_for_long():
+    """A pendulum missed by 8 times the tolerance."""
+    assert missed(*pendulum(2.0), 20.0, 1e-4, "generalized-alpha") <= 2.0
+
+
 @pytest.mark.parametrize(
     ("stiffness", "t_end", "tolerance", "integrator"),
     [
