@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 from browser import Tab, needs_chromium
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from PIL import Image
 from user_cases import SLIDER_CRANK
 
 import anctmm as at
 from anctmm.results.export import pictures
+from anctmm.results.export.background import draw_background
 from anctmm.results.export.shapes import shapes_of, supports_of
 from studies.cases import cases_in
 
@@ -108,6 +110,25 @@ def test_pictures_of_mechanisms(mechanism, tmp_path):
     assert high > 1.2  # where a spring is fixed
     with Image.open(mechanism.animate(tmp_path / "motion.gif")) as picture:
         assert picture.n_frames == len(mechanism.t)
+
+
+def test_frames_show_what_drawing_all_anew_shows(mechanism):
+    """Axes, legend and supports are one picture; they moved by some pixels after the first frame."""
+
+    def drawn(k, anew):
+        figure = Figure(layout="constrained")
+        drawing = pictures._Drawing(figure.subplots(), mechanism)
+        if not anew:
+            draw_background(drawing.axes, [*drawing.move(0), drawing.axes.title])
+        drawing.move(k)
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.array(canvas.buffer_rgba(), dtype=int)
+
+    for k in (0, len(mechanism.t) - 1):
+        # lines of the grid are behind the filling of bodies, not before it
+        assert np.abs(drawn(k, anew=False) - drawn(k, anew=True)).max() <= 16
+    assert np.abs(drawn(0, anew=False) - drawn(len(mechanism.t) - 1, anew=False)).max() > 100
 
 
 @needs_chromium

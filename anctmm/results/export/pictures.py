@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import OutputError, ResultError, reason, shown
+from anctmm.results.export.background import draw_background
 from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
 
@@ -129,6 +130,7 @@ def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path
     figure = needed("matplotlib.figure", "animate").Figure(figsize=(6.4, 5.2), layout="constrained")
     axes = figure.subplots()
     drawing = _Drawing(axes, solution)
+    draw_background(axes, [*drawing.move(0), axes.title])
     frames = np.unique(np.linspace(0, len(solution.t) - 1, FRAMES).round().astype(int))
     moving = animation.FuncAnimation(
         figure, drawing.move, frames=frames.tolist(), interval=1e3 / fps, blit=False
@@ -179,8 +181,8 @@ class _Drawing:
         for shape, fill in self.fills:
             fill.set_xy(shape.points[k])
         label = f"load factor {self.t[k]:.3g}" if self.static else f"t = {self.t[k]:.3f} s"
-        self.axes.set_title(label)
-        return self.lines
+        self.axes.set_title(label, y=1.0)  # else looked for beside axes that are a picture by then
+        return [*self.lines, *(fill for _, fill in self.fills)]
 
 
 def _configurations(axes: "Axes", solution: Any, chosen: Sequence[int]) -> None:
