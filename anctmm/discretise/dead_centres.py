@@ -8,9 +8,11 @@ Where beams take part they give way, so that their constraints are left out. Dri
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
+from anctmm.discretise.junctions.dependence import independent
 from anctmm.discretise.junctions.rigid_loops import NONE, PARTING
 from anctmm.discretise.kept import KeptUnknowns
 from anctmm.errors import DiscretisationError, listed
@@ -19,8 +21,8 @@ from anctmm.model.topology import Sets
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Constraints that hang together up to which the test is made: it takes the time of their number's cube.
-MOST = 400
+#: Connected constraints that depend on each other which are tested at most: the time grows with their number's cube.
+MOST = 1000
 
 
 def check_dead_centres(kept: KeptUnknowns) -> None:
@@ -70,7 +72,7 @@ def _at_start(found: Constraints) -> Iterator[Term]:
 
 
 def _connected(terms: Iterable[Term]) -> list[list[Term]]:
-    """Terms of constraints that hang together by their unknowns, of not too many constraints."""
+    """Terms of constraints that are connected by their unknowns."""
     every, sets = list(terms), Sets[tuple[str, int]]()
     for term in every:
         for k in (term.one, term.two):
@@ -79,7 +81,7 @@ def _connected(terms: Iterable[Term]) -> list[list[Term]]:
     groups: dict[tuple[str, int], list[Term]] = {}
     for term in every:
         groups.setdefault(sets.of(("row", term.row)), []).append(term)
-    return [group for group in groups.values() if len({term.row for term in group}) <= MOST]
+    return list(groups.values())
 
 
 def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
@@ -87,12 +89,19 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
     rows = {row: k for k, row in enumerate(dict.fromkeys(term.row for term in terms))}
     unknowns = sorted({k for term in terms for k in (term.one, term.two) if k != ONE})
     number = {k: i for i, k in enumerate(unknowns)}
-    J = np.zeros((len(rows), len(number)))
-    for term in terms:
-        for one, two in ((term.one, term.two), (term.two, term.one)):
-            if one != ONE:
-                value = 1.0 if two == ONE else x[two]
-                J[rows[term.row], number[one]] += term.factor * scale[one] * value
+    entries = [
+        (rows[term.row], number[one], term.factor * scale[one] * (1.0 if two == ONE else x[two]))
+        for term in terms
+        for one, two in ((term.one, term.two), (term.two, term.one))
+        if one != ONE
+    ]
+    row, column, values = np.array(entries).reshape(-1, 3).T
+    rates = scipy.sparse.csr_array(
+        (values, (row.astype(int), column.astype(int))), shape=(len(rows), len(number))
+    )
+    if independent(rates) or len(rows) > MOST:
+        return np.empty(0, dtype=np.int64)
+    J = rates.toarray()
     left, sizes, right = np.linalg.svd(J)
     rank = int((sizes > NONE * sizes[0]).sum())
     motions = right[rank:].T

@@ -4,10 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import scipy.sparse
 from samples import beam, refused
 
 import anctmm as at
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.dependence import independent
 from anctmm.errors import DiscretisationError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Pin, Scene, Weld
@@ -116,6 +118,39 @@ def test_one_body_that_bends_makes_a_taut_row_sound():
 def test_a_position_near_a_singular_one_is_sound():
     bodies, joints = held(line(O, (1.0, 1e-4), (2.0, 0.0)))
     assert chain(bodies, joints).dofs == 8
+
+
+@pytest.mark.parametrize("taut", [False, True])
+def test_many_loops_need_no_dense_matrix(monkeypatch, taut):
+    """Set-up of a row of 300 four-bars took minutes: a singular value decomposition of all its equations."""
+    corners = [(float(k), 1.0 + 0.3 * (k % 2)) for k in range(61)]
+    bars = line(*corners, name=[f"bar{k}" for k in range(60)])
+    cranks = [beam(f"crank{k}", (p[0], 0.0), p) for k, p in enumerate(corners)]
+    joints = [Pin(f"{crank.name}.start") for crank in cranks]
+    for k, crank in enumerate(cranks):
+        ends = [f"{bar.name}.{end}" for bar, end in ((bars[k - 1], "end"),) if k]
+        joints.append(Pin(f"{crank.name}.end", *ends, *([f"bar{k}.start"] if k < 60 else [])))
+    bodies = [*bars, *cranks]
+    if taut:
+        bodies += line((70.0, 0.0), (71.0, 0.0), (72.0, 0.0), name="ab")
+        joints += [Pin("a.start"), Pin("a.end", "b.start"), Pin("b.end")]
+    sizes = []
+    svd = np.linalg.svd
+    monkeypatch.setattr(np.linalg, "svd", lambda J, **options: sizes.append(len(J)) or svd(J, **options))
+    if taut:
+        with refused(DiscretisationError, ["'a'", "'b'", "taut or folded"]):
+            chain(bodies, joints)
+    else:
+        chain(bodies, joints)
+    assert max(sizes, default=0) <= 6
+
+
+def test_equations_that_hardly_depend_on_each_other_are_looked_at_in_full():
+    J = scipy.sparse.csr_array(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-4]]))
+    assert independent(J)
+    assert not independent(scipy.sparse.csr_array(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-8]])))
+    assert not independent(scipy.sparse.csr_array(np.array([[1.0, 1.0], [2.0, 2.0]])))
+    assert not independent(scipy.sparse.csr_array(np.ones((3, 2))))
 
 
 def test_joints_that_repeat_each_other_leave_the_motion_as_it_is():

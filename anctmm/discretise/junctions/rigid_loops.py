@@ -11,8 +11,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse
 from numpy.typing import NDArray
 
+from anctmm.discretise.junctions.dependence import independent
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.bodies import Beam
 from anctmm.model.places import End
@@ -20,6 +22,8 @@ from anctmm.model.scene import Scene
 from anctmm.model.topology import Junction, Sets, junctions_of
 
 Array = NDArray[np.float64]
+#: Entries of a row of a matrix: (column, value).
+Entries = list[tuple[int, float]]
 
 #: Of the largest singular value: what counts as none; of a self-stress and a motion of size 1: what counts as parting.
 NONE, PARTING = 1e-9, 1e-6
@@ -114,7 +118,11 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
         for row in rows
         for axis in (range(2) if row.arms[0] is not None else [2])
     ]
-    J, curvature = (np.array(part) for part in zip(*equations, strict=True))
+    sparse, curved = zip(*equations, strict=True)
+    rates = _matrix(sparse, 3 * len(first))
+    if independent(rates):
+        return
+    J, curvature = rates.toarray(), _matrix(curved, len(first)).toarray()
     left, sizes, right = np.linalg.svd(J)
     rank = int((sizes > NONE * sizes[0]).sum())
     stresses, motions = left[:, rank:], right[rank:]
@@ -131,15 +139,23 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
             )
 
 
-def _equation(row: Row, axis: int, first: Mapping[str, int], scale: float) -> tuple[Array, Array]:
+def _equation(row: Row, axis: int, first: Mapping[str, int], scale: float) -> tuple[Entries, Entries]:
     """Row of J for (x/scale, y/scale, φ) of every body, and its second derivatives by each φ."""
-    linear, curved = np.zeros(3 * len(first)), np.zeros(len(first))
+    linear: Entries = []
+    curved: Entries = []
     for name, arm, sign in zip(row.bodies, row.arms, (1.0, -1.0), strict=False):
         at = first[name]
         if arm is None:
-            linear[at + 2] = sign
+            linear.append((at + 2, sign))
         else:
-            linear[at + axis] = sign
-            linear[at + 2] += sign * (-arm[1], arm[0])[axis] / scale
-            curved[at // 3] -= sign * arm[axis] / scale
+            linear += [(at + axis, sign), (at + 2, sign * (-arm[1], arm[0])[axis] / scale)]
+            curved.append((at // 3, -sign * arm[axis] / scale))
     return linear, curved
+
+
+def _matrix(rows: Sequence[Entries], columns: int) -> "scipy.sparse.csr_array":
+    """Rows of (column, value), those of one column summed up."""
+    counts = [len(row) for row in rows]
+    places, values = np.array([entry for row in rows for entry in row]).reshape(-1, 2).T
+    at = (np.repeat(np.arange(len(rows)), counts), places.astype(int))
+    return scipy.sparse.csr_array((values, at), shape=(len(rows), columns))
