@@ -4,6 +4,7 @@
 with `pytest -m ""`.
 """
 
+import os
 from contextlib import nullcontext
 
 import pytest
@@ -79,9 +80,10 @@ INTERPRETED = {
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
-    "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement", "exact_mechanisms",
-    "adaptive", "growth", "dae_mechanisms", "transfer", "free_turns", "kept_motions", "inputs", "laws", "explicit",
-    "pictures", "histories", "gallery", "whole_turns", "balanced", "exact", "failures", "ahead",
+    "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
+    "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "broken_law", "free_turns",
+    "kept_motions", "explicit", "laws", "inputs", "pictures", "histories", "gallery", "whole_turns", "balanced",
+    "exact", "contracts", "failures", "ahead",
 )  # fmt: skip
 
 
@@ -115,8 +117,14 @@ def pytest_runtest_protocol(item):
 
 
 def pytest_configure(config):
-    """Several processes take the modules in the order of the tests, not those with most tests first."""
+    """Several processes take the modules in the order of the tests, not those with most tests first.
+
+    Each calls BLAS with one thread, unless told otherwise: threads that wait for a processor that another process has
+    take up to 700 times the time of small matrices.
+    """
     config.option.loadscopereorder = False
+    if getattr(config.option, "numprocesses", None):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks choose
