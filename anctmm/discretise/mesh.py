@@ -162,8 +162,12 @@ class BodyMesh:
         """Coordinates (…, nodes, vectors, 2) in the body's own direction."""
         if not self.flipped:
             return coordinates
-        signs = np.array([VECTORS[vector].sign for vector in self.kind.vectors])
-        return signs[:, None] * coordinates[..., ::-1, :, :]  # type: ignore[no-any-return]
+        return self._signs * coordinates[..., ::-1, :, :]  # type: ignore[no-any-return]
+
+    @cached_property
+    def _signs(self) -> Array:
+        """Of the vectors of a node, seen from the other end, (vectors, 1)."""
+        return np.array([[VECTORS[vector].sign] for vector in self.kind.vectors])
 
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)

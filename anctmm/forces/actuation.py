@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.chain import Start
+from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
@@ -87,6 +88,11 @@ class Actuation:
             for end in group
             if self.bodies.mesh(end[0]).elements
         ]
+
+    @cached_property
+    def drives(self) -> list[Drive]:
+        """What turns them."""
+        return [Drive(f"clamp {c.end!r} angle", c.angle, True) for _, c in self.driven if c.angle is not None]
 
     @cached_property
     def width(self) -> int:

@@ -15,16 +15,19 @@ Array = NDArray[np.float64]
 
 def drives_of(chain: Chain, actuation: Actuation) -> list[Drive]:
     """All drives, those of driven clamps before those of constraints."""
-    clamps = [
-        Drive(f"clamp {c.end!r} angle", c.angle, True) for _, c in actuation.driven if c.angle is not None
-    ]
-    return clamps + (chain.kept.constraints.drives if chain.plan.kept else [])
+    return actuation.drives + (chain.kept.constraints.drives if chain.plan.kept else [])
 
 
-def drive_table(chain: Chain, actuation: Actuation, t: Array) -> Array:
-    """Value, rate and acceleration of each drive at times `t`, (n, drives, 3)."""
-    tables = [tabulate(drive.name, drive.history, t, 3) for drive in drives_of(chain, actuation)]
-    return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
+def drive_table(chain: Chain, actuation: Actuation, t: Array, find: Callable[..., Array] = tabulate) -> Array:
+    """Value, rate and acceleration of each drive at times `t`, (n, drives, 3).
+
+    `find` is `table_of` for times that every run of a scene asks for.
+    """
+    drives = drives_of(chain, actuation)
+    table = np.empty((len(t), len(drives), 3))
+    for k, drive in enumerate(drives):
+        table[:, k] = find(drive.name, drive.history, t, 3)
+    return table
 
 
 def drive_width(chain: Chain, actuation: Actuation) -> int:
@@ -32,7 +35,13 @@ def drive_width(chain: Chain, actuation: Actuation) -> int:
     return actuation.width + 3 * (len(drives_of(chain, actuation)) - len(actuation.driven))
 
 
-def tables_of(chain: Chain, actuation: Actuation, t: Callable[[], Array], count: int) -> tuple[Array, Array]:
+def tables_of(
+    chain: Chain,
+    actuation: Actuation,
+    t: Callable[[], Array],
+    count: int,
+    find: Callable[..., Array] = tabulate,
+) -> tuple[Array, Array]:
     """Values of all drives, (count, drives, 3), and of loads, (count, loads, 2), at as many times.
 
     Parameters
@@ -43,8 +52,10 @@ def tables_of(chain: Chain, actuation: Actuation, t: Callable[[], Array], count:
     t : callable
         Gives the times: not asked for where nothing acts.
     count : int
+    find : callable
+        As of `drive_table`.
     """
     if drive_width(chain, actuation) == 0:
         return np.zeros((count, 0, 3)), np.zeros((count, 0, 2))
     times = t()
-    return drive_table(chain, actuation, times), actuation.load_table(times)
+    return drive_table(chain, actuation, times, find), actuation.load_table(times)

@@ -52,6 +52,7 @@ from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel, shared
 from anctmm.jit.copies import writes
+from anctmm.model.drives import table_of, tabulate
 from anctmm.recursion.constrained import power_of_drives, set_drives
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.results.divergence_checks import STRETCH_LIMIT
@@ -113,7 +114,8 @@ def integrate(chain: Chain) -> Solution:
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         t = stage_times(chain, begin, end)
-        tables = drive_table(chain, actuation, t), actuation.load_table(t)
+        find = table_of if begin < 0 else tabulate
+        tables = drive_table(chain, actuation, t, find), actuation.load_table(t)
         return begin, end, Numbers(run.steps, run.stride, run.exact_dt, method, c), room, system, out, *tables
 
     def failed_at(step: int) -> float:

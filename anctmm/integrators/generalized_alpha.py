@@ -42,6 +42,7 @@ from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiler.second_process import Task
 from anctmm.jit.compiling import kernel
+from anctmm.model.drives import table_of, tabulate
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.divergence_checks import STRETCH_LIMIT
 from anctmm.results.solution import Solution
@@ -72,7 +73,8 @@ def integrate(chain: Chain) -> Solution:
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         first, last = max(begin, 0), min(end, run.steps)
         count = last + 1 - first if end > begin else 0  # for no step no history is asked
-        tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, first + count)), count)
+        find = table_of if begin < 0 else tabulate
+        tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, first + count)), count, find)
         return begin, end, Numbers(run.steps, run.stride, c), system, out, *tables
 
     def failed_at(step: int) -> float:

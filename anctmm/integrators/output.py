@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple, assert_never
 
 import numpy as np
@@ -16,7 +16,7 @@ from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
-from anctmm.integrators.turn_count import TurnCount, begin_count, new_count, put_angles
+from anctmm.integrators.turn_count import TurnCount, new_count, put_angles
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
@@ -73,9 +73,8 @@ class Record:
 
     chain: Chain
     outputs: int | None = None
-    q: Array = field(init=False)
-    v: Array = field(init=False)
-    a: Array = field(init=False)
+    #: Coordinates, velocities and accelerations, (3, n, rows, nodes).
+    series: Array = field(init=False)
     energy: Array = field(init=False)
     #: Angles of the bodies whose turns are counted in the steps, (n, bodies), rad.
     angles: Array = field(init=False)
@@ -85,21 +84,23 @@ class Record:
     ended: tuple[float, float] | None = field(init=False, default=None)
 
     def __post_init__(self) -> None:
-        self.resize(self.outputs or len(light(self.chain, _times)))
+        self.resize(self.outputs or len(light(self.chain, output_times)))
 
     def resize(self, n: int) -> None:
         """Make room for n outputs, none of which is filled."""
-        self.q = np.empty((n, self.chain.bodies.rows, self.chain.bodies.nodes))
-        self.v, self.a = np.empty_like(self.q), np.empty_like(self.q)
+        self.series = np.empty((3, n, self.chain.bodies.rows, self.chain.bodies.nodes))
         self.energy = np.zeros((n, 3))
         self.angles = np.zeros((n, len(turning_bodies(self.chain.scene))))
 
+    @property
+    def q(self) -> Array:
+        """Coordinates, (n, rows, nodes)."""
+        return self.series[0]
+
     def arrays(self) -> Output:
         """What kernels fill, before the first step."""
-        turns = new_count(self.chain)
-        if len(turns.nodes):
-            begin_count(self.chain.start_coordinates(), turns)
-        return Output(self.q, self.v, self.a, self.energy, np.zeros(1), self.angles, turns)
+        q, v, a = self.series
+        return Output(q, v, a, self.energy, np.zeros(1), self.angles, new_count(self.chain))
 
     def start(self) -> None:
         """Start the clocks."""
@@ -111,19 +112,16 @@ class Record:
 
     def fields(self, kept: int, static: bool = False) -> dict[str, HermiteField | RigidField]:
         """Motion of each body at the first `kept` outputs."""
-        chain = self.chain
-        rates, second = ({}, {}) if static else (chain.by_body(x[:kept]) for x in (self.v, self.a))
-        cut = chain.run.of(chain.scene)
-        fields = {
-            name: field_of(chain.scene.body(name), cut, path, rates.get(name), second.get(name))
-            for name, path in chain.by_body(self.q[:kept]).items()
-        }
-        if (turned := self._turned()) is not None:
-            angles = angles_by_body(chain, turned[:kept])
-            fields = {name: replace(one, turned=angles[name]) for name, one in fields.items()}
+        chain, series = self.chain, self.series[: 1 if static else None, :kept]
+        cut, turned, angles = chain.run.of(chain.scene), self._turned(), dict[str, Array]()
+        before = {} if turned is None else angles_by_body(chain, turned[:kept])
         if not static:
-            for name, angle in zip(turning_bodies(chain.scene), self.angles[:kept].T, strict=True):
-                fields[name] = replace(fields[name], start_angle=angle.copy())
+            angles = dict(zip(turning_bodies(chain.scene), self.angles[:kept].T.copy(), strict=True))
+        fields = {}
+        for name, (q, *rates) in chain.by_body(series).items():
+            v, a = rates or (None, None)
+            body = chain.scene.body(name)
+            fields[name] = field_of(body, cut, q, v, a, before.get(name), angles.get(name))
         return fields
 
     def solution(
@@ -149,7 +147,7 @@ class Record:
             solver="anctmm",
             scene=chain.scene,
             run=chain.run,
-            t=light(chain, _times)[:kept].copy() if t is None else t,
+            t=light(chain, output_times)[:kept].copy() if t is None else t,
             fields=fields,
             energy=Energy(kinetic, strain, potential, work),
             cost=Cost(cpu, wall, steps, iterations, factorizations),
@@ -170,7 +168,7 @@ def _clocks() -> tuple[float, float]:
     return time.process_time(), time.perf_counter()
 
 
-def _times(chain: Chain) -> Array:
+def output_times(chain: Chain) -> Array:
     """Times of all outputs, s."""
     return chain.run.times(chain.run.output_steps)
 
@@ -180,18 +178,28 @@ def _reference(chain: Chain) -> Array:
 
 
 def field_of(
-    body: Body, cut: Mapping[str, tuple[int, str]], q: Array, v: Array | None, a: Array | None
+    body: Body,
+    cut: Mapping[str, tuple[int, str]],
+    q: Array,
+    v: Array | None,
+    a: Array | None,
+    turned: Array | None = None,
+    start_angle: Array | None = None,
 ) -> HermiteField | RigidField:
-    """Motion of a body, cut as `Discretisation.of` says, from coordinates and rates, (outputs, nodes, vectors, 2)."""
+    """Motion of a body, cut as `Discretisation.of` says, from coordinates and rates, (outputs, nodes, vectors, 2).
+
+    turned, start_angle: as of the fields.
+    """
     match body:
         case Beam():
-            return beam_field(kind_of(cut[body.name][1]), body, q, v, a)
+            return beam_field(kind_of(cut[body.name][1]), body, q, v, a, turned, start_angle)
         case RigidBody():
             arms = {key: body.arm(key) for key in body.points}
-            return RigidField(q[:, 0], arms, None if v is None else v[:, 0], None if a is None else a[:, 0])
+            v, a = (None if x is None else x[:, 0] for x in (v, a))
+            return RigidField(q[:, 0], arms, v, a, turned, start_angle)
         case PointMass():
-            rates = (None if x is None else _standing(x, 0.0) for x in (v, a))
-            return RigidField(_standing(q, 1.0), {}, *rates)
+            v, a = (None if x is None else _standing(x, 0.0) for x in (v, a))
+            return RigidField(_standing(q, 1.0), {}, v, a, turned, start_angle)
     assert_never(body)
 
 

@@ -43,21 +43,28 @@ class TurnCount(NamedTuple):
 
 def new_count(chain: Chain) -> TurnCount:
     """Turns of the bodies of a scene that may turn, before its first step."""
-    nodes = once(chain, _nodes)
-    return TurnCount(nodes, np.zeros(nodes.shape), np.zeros(len(nodes)))
+    nodes, before = once(chain, _start)
+    return TurnCount(nodes, before.copy(), np.zeros(len(nodes)))
 
 
 def begin_count(q: Array, count: TurnCount) -> None:
-    """Start to count at coordinates q, (rows, nodes)."""
-    nodes, rows = count.nodes.T
-    count.before[:, 0], count.before[:, 1], count.turns[:] = q[rows, nodes], q[rows + 1, nodes], 0.0
+    """Start to count anew at coordinates q, (rows, nodes)."""
+    count.before[:], count.turns[:] = _vectors(q, count.nodes), 0.0
 
 
-def _nodes(chain: Chain) -> Ints:
+def _vectors(q: Array, nodes: Ints) -> Array:
+    """Vectors that turn, (bodies, 2)."""
+    i, row = nodes.T
+    return q[[row, row + 1], i].T
+
+
+def _start(chain: Chain) -> tuple[Ints, Array]:
+    """Where these vectors stand, and what they are before the first step."""
     parts, bodies = chain.segments.parts, chain.bodies
     first = [parts[name][0].name if name in parts else name for name in turning_bodies(chain.scene)]
     table = [(bodies.node(name, 0), bodies.turning_row(name)) for name in first]
-    return np.array(table, dtype=np.int64).reshape(-1, 2)
+    nodes = np.array(table, dtype=np.int64).reshape(-1, 2)
+    return nodes, _vectors(chain.start_coordinates(), nodes)
 
 
 @inlined

@@ -5,10 +5,15 @@ from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 T = TypeVar("T")
-#: What makes one array of a copy, from those before it.
-Maker = Callable[[list[Any]], Any]
+#: Room for all arrays of a copy, by the kind of their numbers: so they are filled at once.
+Room = dict[Any, NDArray[Any]]
+#: What makes one array of a copy, in this room, from those before it.
+Maker = Callable[[Room, list[Any]], Any]
+#: Numbers after which each array begins in its room: vectors of a processor are no longer.
+APART = 8
 
 
 def writes(*names: str) -> Callable[[type[T]], type[T]]:
@@ -33,30 +38,35 @@ class Copies(Generic[T]):
 
     def __init__(self, thing: T) -> None:
         self._makers: list[Maker] = []
-        self._owners: dict[int, Any] = {}
         self._places: dict[int, int] = {}
+        self._sizes: dict[Any, int] = {}
+        self._owners: list[tuple[NDArray[Any], int]] = []
         self._build = self._builder(thing)
-        self._returned: list[tuple[list[Any], T]] = []
+        self._first: Room = {kind: np.zeros(size, kind) for kind, size in self._sizes.items()}
+        for array, begin in self._owners:
+            _within(self._first, array, begin)[...] = array
+        self._returned: list[tuple[Room, T]] = []
 
     @contextmanager
     def one(self) -> Iterator[T]:
         """A copy for the context alone; unless an exception ends it, a later one may be of the same arrays."""
         try:
-            arrays, copy = self._returned.pop()
+            room, copy = self._returned.pop()
         except IndexError:
-            arrays, copy = self._new()
+            room, copy = self._new()
         else:
-            for place, first in self._owners.items():
-                arrays[place][...] = first
+            for kind, first in self._first.items():
+                room[kind][:] = first
         yield copy
-        self._returned.append((arrays, copy))
+        self._returned.append((room, copy))
 
-    def _new(self) -> tuple[list[Any], T]:
+    def _new(self) -> tuple[Room, T]:
         """New arrays and a copy made of them."""
+        room = {kind: first.copy() for kind, first in self._first.items()}
         arrays: list[Any] = []
         for make in self._makers:
-            arrays.append(make(arrays))
-        return arrays, self._build(arrays)
+            arrays.append(make(room, arrays))
+        return room, self._build(arrays)
 
     def _builder(self, thing: Any) -> Callable[[list[Any]], Any]:
         """What puts a thing together of the arrays that the makers make; these are added."""
@@ -85,10 +95,18 @@ class Copies(Generic[T]):
             if isinstance(base, np.ndarray):
                 self._makers.append(_part(array, base, self._place(base)))
             else:
-                self._owners[len(self._makers)] = array
-                self._makers.append(lambda _: array.copy(order="K"))
+                begin = self._sizes.get(array.dtype, 0)
+                self._sizes[array.dtype] = begin + array.size + -array.size % APART
+                self._owners.append((array, begin))
+                self._makers.append(lambda room, _: _within(room, array, begin))
             self._places[id(array)] = len(self._makers) - 1
         return self._places[id(array)]
+
+
+def _within(room: Room, array: NDArray[Any], begin: int) -> NDArray[Any]:
+    """The part of a room that is the place of an array, which owns its numbers: they lie side by side in any order."""
+    part = room[array.dtype][begin : begin + array.size]
+    return np.ndarray(array.shape, array.dtype, part, 0, array.strides)
 
 
 def _part(array: Any, base: Any, of: int) -> Maker:
@@ -96,6 +114,6 @@ def _part(array: Any, base: Any, of: int) -> Maker:
     shape, kind, strides = array.shape, array.dtype, array.strides
     alike = array.size == base.size and kind == base.dtype
     if alike and array.flags.c_contiguous and base.flags.c_contiguous:
-        return lambda arrays: arrays[of].reshape(shape)
+        return lambda _, arrays: arrays[of].reshape(shape)
     offset = array.__array_interface__["data"][0] - base.__array_interface__["data"][0]
-    return lambda arrays: np.ndarray(shape, kind, arrays[of], offset, strides)
+    return lambda _, arrays: np.ndarray(shape, kind, arrays[of], offset, strides)

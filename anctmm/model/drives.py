@@ -6,6 +6,7 @@ tolerance end there, and runs of a fixed step say what falls between their steps
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -213,6 +214,28 @@ def tabulate(name: str, history: Callable[[Any], Any], t: Array, width: int) -> 
         for i, time in enumerate(t):
             table[i] = one(float(time))
     _check_finite(name, table, t)
+    return table
+
+
+#: Tables that are kept at most, and times of each.
+TABLES, TIMES = 64, 256
+
+
+def table_of(name: str, history: Callable[[Any], Any], t: Array, width: int) -> Array:
+    """The same as `tabulate`, to be read only, for times that every run asks for, such as those of its outputs.
+
+    Small tables of histories that never change are kept; a function of the user's is called each time.
+    """
+    if type(history) not in _TAKE_ARRAYS or len(t) > TIMES:
+        return tabulate(name, history, t, width)
+    return _kept_table(name, history, t.tobytes(), width)
+
+
+@lru_cache(maxsize=TABLES)
+def _kept_table(name: str, history: Callable[[Any], Any], t: bytes, width: int) -> Array:
+    """A table at times given as bytes."""
+    table = tabulate(name, history, np.frombuffer(t), width)
+    table.flags.writeable = False
     return table
 
 

@@ -132,7 +132,7 @@ class Scene:
         """What is stored of it: facts that were found are found again."""
         return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
 
-    @property
+    @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """Its beams: the bodies that a mesh cuts."""
         return tuple(body for body in self.bodies if isinstance(body, Beam))

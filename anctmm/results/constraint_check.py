@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
 from anctmm.jit.by_address import by_address
-from anctmm.model.drives import tabulate
+from anctmm.model.drives import table_of
 from anctmm.model.joints import Clamp
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
 from anctmm.results.acting import length_of, reach_of
-from anctmm.results.ends import Ends, ends_of
+from anctmm.results.ends import Ends
 from anctmm.results.finding import Finding
 from anctmm.results.mechanism_check import is_mechanism, mechanism_findings
 from anctmm.results.solution import Solution
@@ -46,7 +46,7 @@ class Constraints(NamedTuple):
     Parameters
     ----------
     held, places
-        Ends whose place is held, and that place, as complex numbers.
+        Ends whose place is held, and that place, as complex numbers, (held, 1).
     joined : ndarray of int, shape (2, k)
         Pairs of ends that share a place.
     welded : ndarray of int, shape (2, k)
@@ -70,43 +70,40 @@ class Constraints(NamedTuple):
     names: tuple[End, ...]
 
 
-def constraint_findings(
-    solution: Solution, *, static: bool = False, ends: Ends | None = None
-) -> Iterator[Finding]:
+def constraint_findings(solution: Solution, ends: Ends, *, static: bool = False) -> Iterator[Finding]:
     """What speaks against a run of any solver.
 
     Parameters
     ----------
     solution : Solution
+    ends : Ends
+        Its own.
     static : bool
         Whether its times are load factors.
-    ends : Ends, optional
-        Its ends, where they are known already.
     """
     scene = solution.scene
-    if solution.t.size == 0 or set(solution.fields) != {body.name for body in scene.bodies}:
-        return
+    length = length_of(scene)
     if is_mechanism(scene):
-        length, reach = length_of(scene), reach_of(scene)
-        rounding = ROUNDINGS * EPS * reach
+        rounding = ROUNDINGS * EPS * reach_of(scene)
         yield from mechanism_findings(
             solution, PARTED * length + rounding, PARTED + rounding / length, static=static
         )
         return
-    of, (place, gradient) = constraints_of(scene), ends or ends_of(solution)
-    length = length_of(scene)
+    of, (place, gradient) = constraints_of(scene), ends
     rounding = ROUNDINGS * EPS * float(np.abs(place[:, 0]).max())
     parted, turned = PARTED * length + rounding, PARTED + rounding / length
     if of.held.size:
-        away = np.abs(place[of.held] - of.places[:, None])
+        away = np.abs(place[of.held] - of.places)
         yield from _beyond(away, parted, "m", _held(of, of.held, "held", "place"))
     if of.joined.size:
         apart = np.abs(place[of.joined[1]] - place[of.joined[0]])
         yield from _beyond(apart, parted, "m", _pair(of, of.joined, "joined", "parted"))
     if of.clamped.size or of.welded.size:
         turn = gradient / np.abs(gradient) * of.undo
+    if of.clamped.size:
         off = np.abs(turn[of.clamped] - _driven(of.clamps, solution, static))
         yield from _beyond(off, turned, "rad", _held(of, of.clamped, "clamped", "direction"))
+    if of.welded.size:
         off = np.abs(turn[of.welded[1]] - turn[of.welded[0]])
         yield from _beyond(off, turned, "rad", _pair(of, of.welded, "welded", "turned from each other"))
     yield from _strained(solution, place, rounding)
@@ -121,7 +118,7 @@ def constraints_of(scene: Scene) -> Constraints:
     clamps = tuple(
         clamp for junction in junctions_of(scene) for clamp in junction.clamps if clamp is not None
     )
-    return of._replace(places=points[of.held], clamps=clamps, undo=np.repeat(along, 2)[:, None])
+    return of._replace(places=points[of.held, None], clamps=clamps, undo=np.repeat(along, 2)[:, None])
 
 
 @alike
@@ -162,7 +159,7 @@ def _driven(clamps: tuple[Clamp, ...], solution: Solution, static: bool) -> Comp
     angles = np.zeros((len(clamps), t.size))
     for row, clamp in zip(angles, clamps, strict=True):
         if clamp.angle is not None:
-            row[:] = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)[:, 0]
+            row[:] = table_of(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)[:, 0]
     return np.asarray(np.exp(1j * angles))
 
 

@@ -53,7 +53,9 @@ def inside_out(q: Array, length: float | Array) -> Mask:
     z = np.ascontiguousarray(q).view(np.complex128)[..., 0]  # conj(a) b = a · b + i a × b
     chord, a, b = z[..., 1:, 0] - z[..., :-1, 0], z[..., :-1, 1], z[..., 1:, 1]
     back = np.conj(chord)
-    found = ((back * a).real < 0.0) & ((back * b).real < 0.0)
+    found = (back * a).real < 0.0
+    if found.any():  # as nearly never
+        found &= (back * b).real < 0.0
     if q.shape[-2] == 3:
         sides = (np.conj(z[..., 1]) * z[..., 2]).imag
         axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
@@ -65,8 +67,6 @@ def inside_out(q: Array, length: float | Array) -> Mask:
 def out_of_bounds(q: Array) -> Mask:
     """Whether a gradient at either node of an element, (…, nodes − 1), is too long or not a number."""
     bad = ~(np.abs(q[..., 1:, :]) <= STRETCH_LIMIT)
-    if not bad.any():  # as nearly always
-        return np.zeros((*q.shape[:-3], q.shape[-3] - 1), dtype=bool)
     nodes = np.asarray(bad.any(axis=(-2, -1)))
     return nodes[..., :-1] | nodes[..., 1:]  # type: ignore[no-any-return]
 
@@ -98,9 +98,9 @@ def _checked(solution: Solution, static: bool, energies: bool) -> Solution:
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
-        whole = set(solution.fields) == {body.name for body in solution.scene.beams}
-        ends = ends_of(solution) if whole and solution.t.size else None
-        found = [*_shape_findings(solution), *constraint_findings(solution, static=static, ends=ends)]
+        ends = ends_of(solution)
+        parted = () if ends is None else constraint_findings(solution, ends, static=static)
+        found = [*_shape_findings(solution), *parted]
         if not static and solution.status.ok and solution.t.size:
             found += [*break_findings(solution), *drive_findings(solution)]
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
@@ -147,10 +147,11 @@ def _shapes_of_hermite(fields: Mapping[str, HermiteField]) -> Iterator[Finding]:
     lengths = np.array([[[field.length / (nodes - 1)]] for field in fields.values()])
     size = max(1, BATCH // (nodes * len(names)))
     for first in range(0, outputs, size):
-        q = np.stack([path[first : first + size] for path in paths])
-        wild = out_of_bounds(q)
-        bad = wild | inside_out(q[..., :vectors, :], lengths)
-        if bad.any():
+        q = np.array([path[first : first + size] for path in paths])
+        bad = inside_out(q[..., :vectors, :], lengths)
+        if bad.any() or not np.abs(q[..., 1:, :]).max() <= STRETCH_LIMIT:  # or not a number
+            wild = out_of_bounds(q)
+            bad |= wild
             for body in np.flatnonzero(bad.any(axis=(1, 2))):
                 k = int(bad[body].any(axis=1).argmax())
                 stretched = bool(wild[body, k].any())

@@ -16,6 +16,7 @@ from anctmm.errors import PropertyError
 from anctmm.model.connectors import Spring, free_name, name_of
 from anctmm.model.drives import Pulse, Quintic, tabulate
 from anctmm.model.joints import drive_of
+from anctmm.model.kept import kept
 from anctmm.model.scene import Scene
 from anctmm.results.finding import FATAL, Finding
 from anctmm.results.solution import Solution
@@ -130,16 +131,17 @@ def _missed(times: Array, table: Array) -> Array:
     return np.asarray(np.abs(np.diff(table[:, 0]) - rates * np.diff(times)))
 
 
-def drives_of(scene: Scene) -> Iterator[Drive]:
+@kept
+def drives_of(scene: Scene) -> tuple[Drive, ...]:
     """Drives of joints and of connectors."""
-    for joint in scene.joints:
-        if (drive := drive_of(joint)) is not None:
-            yield drive[0], drive[1], 3, drive[2]
+    driven = [drive for drive in map(drive_of, scene.joints) if drive is not None]
+    found: list[Drive] = [(name, history, 3, unit) for name, history, unit in driven]
     for connector in scene.connectors:
         free = connector.length if isinstance(connector, Spring) else connector.angle
         if callable(free):
             unit = "m" if isinstance(connector, Spring) else "rad"
-            yield f"{name_of(connector)} {free_name(connector)}", free, 2, unit
+            found.append((f"{name_of(connector)} {free_name(connector)}", free, 2, unit))
+    return tuple(found)
 
 
 def _told(here: Array, beside: Array, order: int, end: float) -> tuple[int, float] | None:

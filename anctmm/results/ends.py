@@ -5,6 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.model.bodies import Beam
+from anctmm.model.rigid_bodies import CENTER
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution
 
@@ -12,7 +14,7 @@ Complex = NDArray[np.complex128]
 
 
 class Ends(NamedTuple):
-    """Start and end of the first body, of the second, and so on.
+    """Start and end of the first beam, of the second, and so on, and then the centre of each other body.
 
     Parameters
     ----------
@@ -26,15 +28,20 @@ class Ends(NamedTuple):
     gradient: Complex
 
 
-def ends_of(solution: Solution) -> Ends:
-    """Ends of all bodies of a scene, in its order, at the outputs of a solution that has a field of each."""
-    bodies = solution.scene.beams
-    # axes: place or gradient, body, start or end, output, x or y
-    found = np.full((2, len(bodies), 2, solution.t.size, 2), np.nan)
-    for of, body in enumerate(bodies):
+def ends_of(solution: Solution) -> Ends | None:
+    """Ends of all bodies of a scene at the outputs of a solution; None if there are none, or a body has no field."""
+    bodies, beams = solution.scene.bodies, solution.scene.beams
+    if solution.t.size == 0 or solution.fields.keys() != {body.name for body in bodies}:
+        return None
+    # axes: place or gradient, end, output, x or y
+    found = np.full((2, len(bodies) + len(beams), solution.t.size, 2), np.nan)
+    for of, body in enumerate(beams):
         match solution.fields[body.name]:
             case HermiteField(coordinates=q):
-                found[:, of] = q[:, :: q.shape[1] - 1, :2].transpose(2, 1, 0, 3)
+                found[:, 2 * of : 2 * of + 2] = q[:, :: q.shape[1] - 1, :2].transpose(2, 1, 0, 3)
             case field:
-                found[0, of] = [field.position(0.0), field.position(1.0)]
-    return Ends(*found.view(np.complex128).reshape(2, 2 * len(bodies), -1))
+                found[0, 2 * of : 2 * of + 2] = [field.position(0.0), field.position(1.0)]
+    others = [body for body in bodies if not isinstance(body, Beam)]
+    for of, other in enumerate(others, start=2 * len(beams)):
+        found[0, of] = solution.fields[other.name].position(CENTER)
+    return Ends(*found.view(np.complex128)[..., 0])

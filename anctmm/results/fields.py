@@ -185,6 +185,8 @@ class HermiteField:
 
     def _axis(self, q: Array, fraction: float) -> Array:
         i, x, l = self._at(fraction)  # noqa: E741
+        if x in (0.0, 1.0):  # a node, as most places that are asked for
+            return q[:, i + int(x), 0].copy()
         return (
             (1.0 - 3.0 * x**2 + 2.0 * x**3) * q[:, i, 0]
             + l * (x - 2.0 * x**2 + x**3) * q[:, i, 1]
@@ -234,11 +236,9 @@ class QuinticField(HermiteField):
 _BEAM_FIELDS = {3: HermiteField, 5: QuinticField}
 
 
-def beam_field(
-    kind: ElementKind, body: Beam, q: Array, v: Array | None = None, a: Array | None = None
-) -> HermiteField:
-    """Motion of a beam cut into elements of a kind, from its coordinates and their rates."""
-    return _BEAM_FIELDS[kind.element.degree](q, body.length, v, a)
+def beam_field(kind: ElementKind, body: Beam, q: Array, *rates: Array | None) -> HermiteField:
+    """Motion of a beam cut into elements of a kind, from its coordinates, their rates and the angles counted."""
+    return _BEAM_FIELDS[kind.element.degree](q, body.length, *rates)
 
 
 @dataclass(frozen=True)
@@ -393,9 +393,11 @@ class RigidField:
         return RigidField(q[:outputs], self.points, *kept)
 
     def _point(self, q: Array, place: str) -> Array:
-        x, y = (0.0, 0.0) if place == "center" else self.points[place]
+        if place == "center":
+            return q[:, 0].copy()
+        x, y = self.points[place]
         t = q[:, 1]
-        return np.asarray(q[:, 0] + x * t + y * np.stack([-t[:, 1], t[:, 0]], axis=1))
+        return np.asarray(q[:, 0] + x * t + np.array([-y, y]) * t[:, ::-1])
 
 
 def nearest(angle: Array, about: Array) -> Array:

@@ -5,12 +5,13 @@ ends are looked at together by `anctmm.results.constraint_check`.
 """
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.model.bodies import Beam
-from anctmm.model.drives import tabulate
+from anctmm.model.drives import table_of
 from anctmm.model.joints import Guide, Joint, drive_of
 from anctmm.model.kept import kept
 from anctmm.model.needs import features_of
@@ -47,29 +48,36 @@ def mechanism_findings(
         Whether its times are load factors.
     """
     look = _Look(solution, static)
-    for joint in solution.scene.joints:
-        for sizes, allowed, what, unit in _misfits(look, joint, parted, turned):
-            with np.errstate(invalid="ignore"):
-                bad = sizes > allowed
-            if bad.any():
-                k = int(bad.argmax())
-                body = solution.scene.place(joint.ends[0]).body.name
+    for joint, places in zip(solution.scene.joints, _places_of(solution.scene), strict=True):
+        for sizes, allowed, (what, *named), unit in _misfits(look, joint, places, parted, turned):
+            if np.greater(sizes, allowed).any():
+                k = int((sizes > allowed).argmax())
+                what, body = what.format(*named), places[0].body.name
                 yield Finding(k, "failed", f"{what} {sizes[k]:.2g} {unit} at {{when}}; {ADVICE}", body)
                 break
 
 
-Misfit = tuple[Array, float, str, str]
+@kept
+def _places_of(scene: Scene) -> tuple[tuple[Place, ...], ...]:
+    """Places that each joint joins."""
+    return tuple(tuple(map(scene.place, joint.ends)) for joint in scene.joints)
 
 
-def _misfits(look: "_Look", joint: Joint, parted: float, turned: float) -> Iterator[Misfit]:
-    first, *others = (look.scene.place(end) for end in joint.ends)
+#: Sizes, what is allowed, a text with what is named in it, which nearly never is asked for, and the unit.
+Misfit = tuple[Array, float, tuple[Any, ...], str]
+
+
+def _misfits(
+    look: "_Look", joint: Joint, places: tuple[Place, ...], parted: float, turned: float
+) -> Iterator[Misfit]:
+    first, *others = places
     where = look.path(first)
     for other in others:
-        what = f"{first} and {other}, which are joined, have parted by"
+        what = "{} and {}, which are joined, have parted by", first, other
         yield np.abs(look.path(other) - where), parted, what, "m"
     if joint.grounded:
         away = np.abs(where - complex(*first.position))
-        yield away, parted, f"{first}, which is held, has left its place by", "m"
+        yield away, parted, ("{}, which is held, has left its place by", first), "m"
     if isinstance(joint, Guide):
         yield from _from_line(look, joint, first, parted)
     if joint.holds_direction:
@@ -85,10 +93,10 @@ def _from_line(look: "_Look", guide: Guide, place: Place, parted: float) -> Iter
         arm = complex(*place.position) - complex(*body.position_at(CENTER))  # type: ignore[arg-type]
         moved, line = look.path(place) - center - arm * turn, line * turn
     apart = moved * np.conj(line)
-    yield np.abs(apart.imag), parted, f"{place} has left its line by", "m"
+    yield np.abs(apart.imag), parted, ("{} has left its line by", place), "m"
     if guide.position is not None:
         off = np.abs(apart.real - look.history(guide))
-        yield off, parted, f"{place}, which is driven, is off its place on its line by", "m"
+        yield off, parted, ("{}, which is driven, is off its place on its line by", place), "m"
 
 
 def _from_direction(
@@ -97,15 +105,16 @@ def _from_direction(
     if isinstance(joint, Guide):
         against = np.ones(1) if joint.body is None else look.turn(Place(look.scene.body(joint.body), CENTER))
         off = np.abs(look.turn(first) - against)
-        yield off, turned, f"{first}, which does not turn against its line, has turned by", "rad"
+        yield off, turned, ("{}, which does not turn against its line, has turned by", first), "rad"
         return
     driven = np.exp(1j * look.history(joint))
     if isinstance(joint, Clamp):
         off = np.abs(look.turn(first) - driven)
-        yield off, turned, f"{first}, which is clamped, has left its direction by", "rad"
+        yield off, turned, ("{}, which is clamped, has left its direction by", first), "rad"
     for other in others:
         off = np.abs(look.turn(other) - look.turn(first) * driven)
-        yield off, turned, f"{first} and {other}, which are welded, have turned from each other by", "rad"
+        what = "{} and {}, which are welded, have turned from each other by", first, other
+        yield off, turned, what, "rad"
 
 
 class _Look:
@@ -116,8 +125,8 @@ class _Look:
 
     def path(self, place: Place) -> Complex:
         """(n,), m."""
-        found = self.solution.fields[place.body.name].position(place.key)
-        return np.asarray(found @ np.array([1.0, 1.0j]))
+        found = np.ascontiguousarray(self.solution.fields[place.body.name].position(place.key))
+        return np.asarray(found.view(np.complex128)[:, 0])
 
     def turn(self, place: Place) -> Complex:
         """Turn since the reference, of size 1, (n,); not a number where a field does not tell."""
@@ -137,4 +146,4 @@ class _Look:
         """Angle or place of a drive at the outputs; zeros without one."""
         t = np.zeros(1) if self.static else self.solution.t
         drive = drive_of(joint)
-        return np.zeros(len(t)) if drive is None else tabulate(drive[0], drive[1], t, 3)[:, 0]
+        return np.zeros(len(t)) if drive is None else table_of(drive[0], drive[1], t, 3)[:, 0]

@@ -6,6 +6,7 @@ wrong by a twentieth of them or more, and runs in which they are small never.
 
 from collections.abc import Iterator
 from math import log10, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +34,14 @@ EXPLICIT, IMPLICIT = 0.5, 2.0
 SEEN = 65
 
 
-def precision_findings(solution: Solution, ends: Ends | None = None) -> Iterator[Finding]:
+def precision_findings(solution: Solution, ends: Ends | None) -> Iterator[Finding]:
     """What rounding says against a run that is whole.
 
     Parameters
     ----------
     solution : Solution
-    ends : Ends, optional
-        Its ends, where they are known already.
+    ends : Ends or None
+        Its own.
     """
     run, scene = solution.run, solution.scene
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
@@ -117,7 +118,9 @@ def _acted_upon(scene: Scene) -> bool:
 
 def _displacements(solution: Solution) -> Iterator[float]:
     """Largest ones of starts, middles and ends of bodies, m, one after the other."""
-    rows = np.unique(np.linspace(0, solution.t.size - 1, SEEN).astype(np.int64))
+    rows: Any = slice(None)
+    if solution.t.size > SEEN:
+        rows = np.linspace(0, solution.t.size - 1, SEEN).astype(np.int64)
     for body in solution.scene.bodies:
         for key in (*ends_of(body), *((0.5,) if isinstance(body, Beam) else ())):
             path = solution.position(body.name, key)[rows]

@@ -5,22 +5,23 @@ step takes away (`generalized_alpha`), and with them reactions and section force
 an output follow by a step of no length, as at the start.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.kept_chains import once
+from anctmm.discretise.kept_chains import light, once
 from anctmm.forces.actuation import DrivenClamps, turn_clamps
 from anctmm.forces.connectors import TURN, count_turns
 from anctmm.forces.driving import drive_table
 from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.locking import rows_in
-from anctmm.integrators.output import Output, Record, actuation_of
+from anctmm.integrators.output import Output, Record, actuation_of, output_times
 from anctmm.integrators.static_start import turned_of_nodes
 from anctmm.jit.compiling import uncompiled
+from anctmm.model.drives import table_of
 from anctmm.recursion.rows import Rows, set_signals
 from anctmm.results.whole_turns import WholeTurns
 
@@ -74,27 +75,27 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     rows, clamps = rows_in(system.factors.loops), system.clamps
     if not kept or (rows is None and not len(clamps.nodes)):
         return
-    steps = chain.run.output_steps[:kept]
-    drives = drive_table(chain, once(chain, actuation_of), chain.run.times(steps))
+    times = light(chain, output_times)[:kept]
+    drives = drive_table(chain, once(chain, actuation_of), times, table_of)
     off = np.zeros(kept, dtype=bool)
     for errors, sizes in (
-        _of_clamps(system.tables, clamps, drives, record.a[:kept]),
-        _of_rows(rows, clamps, drives, record),
+        *_of_clamps(system.tables, clamps, drives, record.series[2, :kept]),
+        *_of_rows(rows, clamps, drives, record.series[:, :kept]),
     ):
         off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
     if not off.any():
         return
-    turned = _turned(chain, system, record, kept)
+    turned, steps = _turned(chain, system, record, kept), chain.run.output_steps[:kept]
     solve, state, counts = again(steps[off], system, record.arrays()), system.state, system.newton.counts
     before = counts.copy()
     for k, n in enumerate(np.flatnonzero(off)):
-        state.q[:], state.v[:], state.w[:] = record.q[n], record.v[n], record.a[n]
+        state.q[:], state.v[:], state.w[:] = record.series[:, n]
         state.a[:] = state.w
         if turned is not None:
             count_turns(system.loads.connectors, state.q, turned[n])
         balanced(system, drives[n], lambda newton, k=k: solve(k, newton))  # type: ignore[misc]
         if np.isfinite(state.w).all():
-            record.a[n] = state.w
+            record.series[2, n] = state.w
     counts[:] = before
 
 
@@ -107,43 +108,43 @@ def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | 
     return turned_of_nodes(chain, WholeTurns(chain.scene, record.fields(kept), times))
 
 
-def _of_clamps(tables: Tables, clamps: DrivenClamps, drives: Array, a: Array) -> tuple[Array, Array]:
-    """Errors of accelerations at driven clamps, (coordinates, outputs), and their sizes, as far as reactions have them.
+def _of_clamps(
+    tables: Tables, clamps: DrivenClamps, drives: Array, a: Array
+) -> Iterator[tuple[Array, Array]]:
+    """Errors of accelerations at each driven clamp, (coordinates, outputs), and their sizes, as reactions have them.
 
     The gradient at the end of a beam of n elements has 1/(35 n³) of its moment of inertia, m L²/105 of an element of
     length L beside m L² n³/3; a rigid body has all of it in its one node.
     """
-    errors, sizes = [np.zeros((0, len(a)))], [np.zeros((0, len(a)))]
     for h, (node, held) in enumerate(zip(clamps.nodes, clamps.held, strict=True)):
         elements = min(np.diff(tables.first)[(clamps.of == h).any(axis=0)] - 1, default=0)
         share = 1.0 / (35.0 * elements**3) if elements else 1.0
         g = clamps.reference[h, 2:held:2] + 1j * clamps.reference[h, 3:held:2]
         angle, rate, second = drives[:, h].T
-        exact = np.outer(g, (1j * second - rate**2) * np.exp(1j * angle))
-        errors.append(share * np.abs(a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node] - exact.T).T)
-        sizes.append(np.abs(exact))
-    return np.concatenate(errors), np.concatenate(sizes)
+        exact = np.multiply.outer(g, (1j * second - rate**2) * np.exp(1j * angle))
+        found = a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node]
+        yield share * np.abs(found.T - exact), np.abs(exact)
 
 
-def _of_rows(rows: Rows | None, clamps: DrivenClamps, drives: Array, record: Record) -> tuple[Array, Array]:
+def _of_rows(
+    rows: Rows | None, clamps: DrivenClamps, drives: Array, series: Array
+) -> Iterator[tuple[Array, Array]]:
     """Errors of the constraints' second derivatives, (constraints, outputs), and the sizes of their terms."""
-    n = len(drives)
     if rows is None:
-        return np.zeros((0, n)), np.zeros((0, n))
-    x, v, a = np.zeros((3, rows.x.shape[1], n))
-    x[-1] = 1.0  # the last place stands for the number 1
-    for to, series in ((x, record.q), (v, record.v), (a, record.a)):
-        to[rows.used] = series[:n, rows.homes[0, rows.used], rows.homes[1, rows.used]].T
+        return
+    n = len(drives)
+    known = np.zeros((3, rows.x.shape[1], n))
+    known[0, -1] = 1.0  # the last place stands for the number 1
+    known[:, rows.used] = series[:, :, *rows.homes[:, rows.used]].swapaxes(1, 2)
     signals = np.zeros((*rows.signals.shape, n))
     signals[0, 0] = 1.0
-    uncompiled(set_signals)(rows._replace(signals=signals), np.moveaxis(drives, 0, -1), len(clamps.nodes))
-    w, rate, second = signals[:, rows.signal]
-    i, j = rows.one, rows.two
-    terms = (
-        w * a[i] * x[j], w * x[i] * a[j], 2.0 * w * v[i] * v[j],
-        2.0 * rate * (v[i] * x[j] + x[i] * v[j]), second * x[i] * x[j],
-    )  # fmt: skip
+    uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), len(clamps.nodes))
+    w, rate, second = signals[:, rows.signal] * rows.factor[:, None]
+    (xi, vi, ai), (xj, vj, aj) = known[:, rows.one], known[:, rows.two]
+    terms = [w * ai * xj, w * xi * aj, 2.0 * w * vi * vj]
+    if len(rows.turns):  # else nothing is driven
+        terms += [2.0 * rate * (vi * xj + xi * vj), second * xi * xj]
     errors, sizes = np.zeros((2, len(rows.value), n))
-    np.add.at(errors, rows.row, rows.factor[:, None] * sum(terms))
-    np.add.at(sizes, rows.row, np.abs(rows.factor)[:, None] * sum(map(np.abs, terms)))
-    return np.abs(errors), sizes
+    np.add.at(errors, rows.row, sum(terms))
+    np.add.at(sizes, rows.row, sum(map(np.abs, terms)))
+    yield np.abs(errors), sizes

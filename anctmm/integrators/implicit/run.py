@@ -29,6 +29,7 @@ from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import kernel
+from anctmm.model.drives import table_of
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
 from anctmm.recursion.riccati import factorize
@@ -151,7 +152,8 @@ def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
     solve : callable
         Takes a step with the coefficients `NO_STEP`. With factors in single precision the solution is refined.
     """
-    balanced(system, drive_table(chain, once(chain, actuation_of), np.zeros(1))[0], solve)
+    drives = drive_table(chain, once(chain, actuation_of), np.zeros(1), table_of)[0]
+    balanced(system, drives, solve)
     system.newton.counts[:] = 0, 1, 1
 
 
