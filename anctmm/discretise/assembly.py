@@ -6,13 +6,14 @@ so that comparing their times compares methods.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.mesh import BodyMesh
+from anctmm.discretise.mesh import KEPT, BodyMesh
 from anctmm.elements.dispatch import (
     ALL,
     KERNELS,
@@ -55,6 +56,30 @@ class Tables(NamedTuple):
     buffer: Array
 
 
+class Layout(NamedTuple):
+    """What `Bodies` has under these names, which follows from numbers and kinds of elements alone."""
+
+    rows: int
+    first: Ints
+    nodes: int
+    kinds: Ints
+    formulations: tuple[int, ...]
+
+
+def _layout(shapes: tuple[tuple[int | None, int, int], ...]) -> Layout:
+    """Of bodies whose kernels, vectors and nodes are given: nobody writes into it."""
+    kernels, vectors, nodes = zip(*shapes, strict=True)
+    first = np.array([0, *accumulate(nodes)], dtype=np.int64)
+    any_one = next((kind for kind in kernels if kind is not None), min(KERNELS))
+    kinds = [any_one if kind is None else kind for kind in kernels]
+    return Layout(
+        2 * max(2, *vectors), first, int(first[-1]), np.array(kinds, dtype=np.int64), formulations_of(kinds)
+    )
+
+
+_kept_layout = lru_cache(maxsize=64)(_layout)
+
+
 @dataclass(frozen=True)
 class Bodies:
     """Bodies laid one after another.
@@ -70,35 +95,39 @@ class Bodies:
     meshes: Sequence[Any]
 
     @cached_property
+    def _layout(self) -> Layout:
+        shapes = tuple((m.kernels, m.vectors, m.nodes) for m in self.meshes)
+        return (_kept_layout if len(shapes) <= KEPT else _layout)(shapes)
+
+    @property
     def rows(self) -> int:
         """Components of a node: 4, or 6 where a kind of element has three vectors."""
-        return 2 * max(2, *(m.vectors for m in self.meshes))
+        return self._layout.rows
 
-    @cached_property
+    @property
     def first(self) -> Ints:
         """First node of each body, and after them the number of all nodes."""
-        return np.cumsum([0, *(m.nodes for m in self.meshes)]).astype(np.int64)
+        return self._layout.first
 
-    @cached_property
+    @property
     def nodes(self) -> int:
         """Number of all nodes."""
-        return int(self.first[-1])
+        return self._layout.nodes
 
     @cached_property
     def elements(self) -> Ints:
         """Number of elements of each body."""
         return np.array([m.elements for m in self.meshes], dtype=np.int64)
 
-    @cached_property
+    @property
     def kinds(self) -> Ints:
         """Kernels of each body, by number; of one without elements those of any other, to compile nothing more."""
-        any_one = next((m.kernels for m in self.meshes if m.kernels is not None), min(KERNELS))
-        return np.array([any_one if m.kernels is None else m.kernels for m in self.meshes], dtype=np.int64)
+        return self._layout.kinds
 
-    @cached_property
+    @property
     def formulations(self) -> tuple[int, ...]:
         """A tuple whose type tells the compiler which kinds of element there are."""
-        return formulations_of(self.kinds.tolist())
+        return self._layout.formulations
 
     @cached_property
     def constants(self) -> Array:
@@ -114,8 +143,8 @@ class Bodies:
     @cached_property
     def damping(self) -> Array | None:
         """Kelvin-Voigt damping of each body, s; None where no body has any: then nothing of it is compiled."""
-        table = np.array([m.damping for m in self.meshes])
-        return table if table.any() else None
+        table = [m.damping for m in self.meshes]
+        return np.array(table) if any(table) else None
 
     def stiffened(self, factors: Iterable[float]) -> "Bodies":
         """The bodies with so many times their stiffness each."""
@@ -157,14 +186,17 @@ class Bodies:
 
     def reference(self) -> Array:
         """Coordinates of the undeformed scene, (rows, nodes); the caller's own."""
-        return self._reference.copy()
+        return self.undeformed.copy()
 
     @cached_property
-    def _reference(self) -> Array:
+    def undeformed(self) -> Array:
+        """The same for all who read."""
         return self.flat([m.reference for m in self.meshes])
 
     def initial_velocity(self) -> Array:
         """Velocities at t = 0, (rows, nodes)."""
+        if not any(m.body.moving for m in self.meshes):
+            return np.zeros((self.rows, self.nodes))
         return self.flat([m.initial_velocity for m in self.meshes])
 
     def weight(self) -> Array:

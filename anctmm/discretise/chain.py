@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.dead_centres import check_dead_centres
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.junctions.rigid_loops import check_rigid_loops
+from anctmm.discretise.junctions.rigid_loops import check_rigid_loops, rigid_loops
 from anctmm.discretise.junctions.segments import Segments
 from anctmm.discretise.junctions.structure import Facts, common, facts_of, shared
 from anctmm.discretise.junctions.vertices import Vertex, vertices_of
@@ -90,7 +90,7 @@ class Chain:
     def __post_init__(self) -> None:
         refuse(self.scene, LACKING, "ANC-TMM")
         common(self, _check_welds)
-        check_rigid_loops(self.parts, self.rigid)
+        check_rigid_loops(self.parts, common(self, _rigid_loops), self.rigid)
         check_dead_centres(self.kept)
 
     @cached_property
@@ -179,8 +179,9 @@ class Chain:
     @cached_property
     def turn(self) -> Array:
         """Cosine and sine of the turn from each body's frame to that of the end it is welded to, (bodies, 2)."""
-        table = np.tile([1.0, 0.0], (len(self.plan.steps), 1))
-        for b in map(int, np.flatnonzero(self.link >= WELD)):
+        table = np.zeros((len(self.plan.steps), 2))
+        table[:, 0] = 1.0
+        for b in common(self, _welded):
             step = self.plan.steps[b]
             assert step.to is not None  # a weld leads somewhere
             table[b] = self.turn_between(step.outboard, self.frame_of(step.to))
@@ -355,6 +356,15 @@ class Chain:
     def dofs(self) -> int:
         """Coordinates of all nodes, known ones included."""
         return sum(2 * m.vectors * m.nodes for m in self.bodies.meshes)
+
+
+def _rigid_loops(chain: Chain) -> list[set[str]]:
+    return rigid_loops(chain.junctions, chain.rigid)
+
+
+def _welded(chain: Chain) -> list[int]:
+    """Numbers of the bodies that pass gradients on."""
+    return [int(b) for b in np.flatnonzero(chain.link >= WELD)]
 
 
 def _is_end(to: End | Kept | None) -> TypeGuard[End]:

@@ -20,7 +20,7 @@ from anctmm.errors import (
     shown,
     unknown_option,
 )
-from anctmm.model.kept import PREFIX
+from anctmm.model.kept import PREFIX, facts_alike
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.validation import FrozenMapping, flag, one_of, positive, whole, within
 
@@ -210,7 +210,11 @@ class Discretisation:
         """
         found = vars(checked_scene(scene)).get(_CUT)  # asked many times, for one discretisation after another
         if found is None or found[0] is not self:
-            found = vars(scene)[_CUT] = self, self._cut(scene)
+            facts = facts_alike(scene)
+            key = _CUT, self.mesh, self.element
+            if key not in facts:
+                facts[key] = self._cut(scene)
+            found = vars(scene)[_CUT] = self, facts[key]
         return dict(found[1])
 
     def _cut(self, scene: Scene) -> dict[str, tuple[int, str]]:

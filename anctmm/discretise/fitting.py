@@ -10,6 +10,7 @@ from anctmm.discretise.joined import Joined
 from anctmm.model.drives import value_at
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Part of the largest velocity that rounding may leave.
 ROUNDING = 1e-14
@@ -66,6 +67,21 @@ def constraint_rates(chain: Chain, v: Array) -> "tuple[scipy.sparse.csr_array, A
 
 def mass_matrix(bodies: Bodies) -> "scipy.sparse.csc_array":
     """Mass matrix of all nodes, joints apart."""
+    size = bodies.rows * bodies.nodes
+    return scipy.sparse.csc_array(_mass_entries(bodies), shape=(size, size))
+
+
+def full_mass_matrix(bodies: Bodies) -> Array:
+    """The same with its zeros: where it is small, it is there much sooner."""
+    values, places = _mass_entries(bodies)
+    size = bodies.rows * bodies.nodes
+    found = np.zeros((size, size), order="F")
+    np.add.at(found, places, values)
+    return found
+
+
+def _mass_entries(bodies: Bodies) -> tuple[Array, tuple[Ints, Ints]]:
+    """Its entries, and their rows and columns; those of one place add up."""
     index = np.arange(bodies.rows * bodies.nodes).reshape(bodies.rows, bodies.nodes)
     rows, columns, values, axis = [], [], [], np.arange(2)[:, None, None]
     for b, mesh in enumerate(bodies.meshes):
@@ -75,5 +91,4 @@ def mass_matrix(bodies: Bodies) -> "scipy.sparse.csc_array":
         rows.append(index[2 * (k % 3) + axis, first + k // 3].ravel())
         columns.append(index[2 * (n % 3) + axis, first + n // 3].ravel())
         values.append(np.broadcast_to(bodies.masses[b, k, n], (2, len(first), len(k))).ravel())
-    place = (np.concatenate(rows), np.concatenate(columns))
-    return scipy.sparse.csc_array((np.concatenate(values), place), shape=(index.size, index.size))
+    return np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))

@@ -1,5 +1,7 @@
 """Independent unknowns of a scene: what is left of those of all nodes where joints act."""
 
+from functools import cached_property
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -60,10 +62,22 @@ class Joined:
         rows = np.concatenate([self.masters, [e[0] for e in entries]]).astype(int)
         columns = number[np.concatenate([self.masters, [e[1] for e in entries]]).astype(int)]
         values = np.concatenate([kept.ravel()[self.masters], [e[2] for e in entries]])
-        self.matrix = scipy.sparse.csr_array((values, (rows, columns)), shape=(index.size, self.masters.size))
+        self._entries = values, (rows, columns)
         #: Where x and y of the unknowns along lines stand, and the directions.
         self.lines = index[:2, [min(map(chain.node, one.ends)) for one in lines]]
         self.along = np.array([one.direction for one in lines]).reshape(-1, 2).T
+
+    @cached_property
+    def matrix(self) -> "scipy.sparse.csr_array":
+        """Unknowns of all nodes, (rows · nodes, size), from the independent ones."""
+        return scipy.sparse.csr_array(self._entries, shape=(self.shape[0] * self.shape[1], self.size))
+
+    def full_matrix(self) -> Array:
+        """The same with its zeros: where it is small, it is there much sooner."""
+        values, places = self._entries
+        found = np.zeros((self.shape[0] * self.shape[1], self.size))
+        np.add.at(found, places, values)
+        return found
 
     @property
     def size(self) -> int:

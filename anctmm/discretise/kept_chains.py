@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.jit.copies import Copies
+from anctmm.model.bodies import Beam
 from anctmm.model.kept import forget_structures
 from anctmm.model.scene import Scene
 
@@ -99,14 +100,64 @@ def once(chain: Chain, find: Callable[[Chain], T], what: Any = None) -> T:
     return found[key]
 
 
-def is_found(chain: Chain, what: Any) -> bool:
-    """Whether `once` has found something of a chain."""
-    return what in vars(chain).get("_found", ())
+def once_alike(chain: Chain, do: Callable[[], object], what: Any, kinds: tuple[Any, ...] = ()) -> None:
+    """Do something once for all chains alike on which neither loads nor connectors act; of others for each.
+
+    Parameters
+    ----------
+    chain : Chain
+    do : callable
+        Compiles a kernel for arguments whose types are the same of all chains alike with these kinds.
+    what : object
+        The kernel.
+    kinds : tuple
+        What else the types tell of the arguments.
+    """
+    acted = chain.scene.loads or chain.scene.connectors
+    known = vars(chain).setdefault("_found", {}) if acted else chain.facts
+    if (what, kinds) not in known:
+        do()
+        known[what, kinds] = True
+
+
+def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:
+    """What follows from structure, places and masses of a chain, found once for one chain after another alike in these.
+
+    So are scenes of another stiffness, or with other loads, and runs with other steps.
+
+    Parameters
+    ----------
+    chain : Chain
+    find : callable
+        Finds it; it calls no function of the user's.
+    what : object
+        What stands for it.
+
+    Returns
+    -------
+    T
+        With arrays of its own, as far as kernels write into them.
+    """
+    bodies, facts = chain.bodies, chain.facts
+    if bodies.nodes > NODES or chain.start is not None:
+        return find()
+    others = tuple(body for body in chain.parts.bodies if not isinstance(body, Beam))
+    key = bodies.masses.tobytes(), bodies.undeformed.tobytes(), others
+    known, copies = facts.get(what, (None, None))
+    if known != key:
+        copies = Copies(find())
+        facts[what] = key, copies
+    return copies.new()  # type: ignore[no-any-return]
 
 
 def light(chain: Chain, find: Callable[[Chain], T]) -> T:
     """The same for what takes memory: of long chains it is found each time."""
     return once(chain, find) if chain.bodies.nodes <= NODES else find(chain)
+
+
+def has_own(chain: Chain, find: Callable[[Chain], T]) -> bool:
+    """Whether a run of a chain has had something for itself."""
+    return (own, find) in vars(chain).get("_found", ())
 
 
 @contextmanager
@@ -115,7 +166,7 @@ def own(chain: Chain, find: Callable[[Chain], T]) -> Iterator[T]:
 
     What copies them is made for the second run.
     """
-    if chain.bodies.nodes > NODES or not is_found(chain, (own, find)):
+    if chain.bodies.nodes > NODES or not has_own(chain, find):
         once(chain, lambda _: True, what=(own, find))
         yield find(chain)
     else:

@@ -64,18 +64,16 @@ class BodyMesh:
     @cached_property
     def reference(self) -> Array:
         """Coordinates of the undeformed body, (nodes, vectors, 2)."""
-        start, end = np.array(self._ends(self.body.start, self.body.end))
-        along = (end - start) / self.body.length
-        # np.linspace would take longer than all else here
-        x = np.arange(self.nodes)[:, None] * (1.0 / self.elements)
-        x[-1] = 1.0
+        (x, y), (u, v) = start, end = self._ends(self.body.start, self.body.end)
+        along = (u - x) / self.body.length, (v - y) / self.body.length
+        before, behind = (_kept_shares if self.elements <= KEPT else _shares)(self.elements)
         q = np.zeros((self.nodes, self.vectors, 2))
         for k, vector in enumerate(self.kind.vectors):
             match VECTORS[vector].derivative:
                 case None:
                     q[:, k] = -along[1], along[0]
                 case 0:
-                    q[:, k] = (1.0 - x) * start + x * end
+                    q[:, k] = before * start + behind * end
                 case 1:
                     q[:, k] = along
         return q
@@ -171,6 +169,17 @@ class BodyMesh:
 
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)
+
+
+def _shares(elements: int) -> tuple[Array, Array]:
+    """Shares of a body's start and end in the place of each node, (nodes, 1) each: nobody writes into them."""
+    # np.linspace would take longer than all else here
+    x = np.asarray(np.arange(elements + 1)[:, None] * (1.0 / elements), dtype=np.float64)
+    x[-1] = 1.0
+    return 1.0 - x, x
+
+
+_kept_shares = lru_cache(maxsize=64)(_shares)
 
 
 def body_meshes(

@@ -1,7 +1,7 @@
 """What acts on a scene in time, tabulated for the kernels: driven clamps, loads, connectors."""
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -102,6 +102,8 @@ class Actuation:
 
     def clamps(self) -> DrivenClamps:
         """Driven clamps for kernels, with a memory of their own."""
+        if not self.driven:
+            return _no_clamps(self.bodies.rows, len(self.bodies.meshes))
         first, rows, n = self.bodies.first, self.bodies.rows, len(self.driven)
         nodes = np.array([self.bodies.node(*end) for end, _ in self.driven], dtype=np.int64)
         ends = np.stack([first[:-1], first[1:] - 1])
@@ -139,6 +141,14 @@ class Actuation:
         ]
         clock = [_clock(t)] if has_clock(self.scene) else []
         return np.concatenate([loads, *driven, *clock], axis=1) if driven or clock else loads
+
+
+@lru_cache
+def _no_clamps(rows: int, bodies: int) -> DrivenClamps:
+    """What stands for them where nothing is driven: there is nothing in it that runs could write into."""
+    none, of = np.empty(0, np.int64), np.full((2, bodies), -1, dtype=np.int64)
+    empty, twice, motion = (np.empty((*k, 0, rows)) for k in ((), (2,), (3,)))
+    return DrivenClamps(none, of, none, empty, motion, empty, twice)
 
 
 def _clock(t: Array) -> Array:

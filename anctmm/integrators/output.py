@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import NamedTuple, assert_never
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, kinetic_energy, strain_energy
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.kept_chains import light, once
 from anctmm.discretise.turning import angles_by_body
 from anctmm.elements.kinds import kind_of
@@ -17,6 +19,7 @@ from anctmm.errors import PropertyError
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.integrators.turn_count import TurnCount, new_count, put_angles
+from anctmm.jit.announcing import compiling
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
@@ -40,6 +43,8 @@ Array = NDArray[np.float64]
 
 #: Seconds that a step takes for each node, about.
 STEP = 2e-6
+#: Outputs up to which their times are kept for other scenes.
+FEW = 4096
 #: Coordinates that are looked at together after a run.
 TOGETHER = 1 << 17
 
@@ -164,13 +169,22 @@ class Record:
 
 
 def _clocks() -> tuple[float, float]:
-    """Processor and wall time, s."""
-    return time.process_time(), time.perf_counter()
+    """Processor and wall time, s, which stand still while a kernel is compiled."""
+    return time.process_time() - compiling.cpu_seconds, time.perf_counter() - compiling.seconds
 
 
 def output_times(chain: Chain) -> Array:
     """Times of all outputs, s."""
-    return chain.run.times(chain.run.output_steps)
+    few = chain.run.steps // chain.run.stride <= FEW
+    return (_kept_times if few else _times)(chain.run)
+
+
+def _times(run: Discretisation) -> Array:
+    return run.times(run.output_steps)
+
+
+#: The same, for one scene after another.
+_kept_times = lru_cache(maxsize=16)(_times)
 
 
 def _reference(chain: Chain) -> Array:

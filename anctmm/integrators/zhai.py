@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Tables, damping_forces
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
-from anctmm.discretise.kept_chains import is_found, once, own
+from anctmm.discretise.kept_chains import has_own, once, once_alike, own
 from anctmm.elements.dispatch import KERNELS
 from anctmm.forces.actuation import (
     DrivenClamps,
@@ -148,11 +148,12 @@ def integrate(chain: Chain) -> Solution:
     record = Record(chain)
     out = record.arrays()
     with ExitStack() as during:
-        with nullcontext() if is_found(chain, advance) else side_by_side(lambda: _parts(chain, out)):
+        with nullcontext() if has_own(chain, _system) else side_by_side(lambda: _parts(chain, out)):
             if chain.run.check_stability:
                 once(chain, check_step)
             system = during.enter_context(own(chain, _system))
-            once(chain, lambda _: advance(*_call(chain, system, out, 0, 0)), what=advance)  # compiles
+            kinds = tuple(part is None for part in (system.block, system.damping, system.rows))
+            once_alike(chain, lambda: advance(*_call(chain, system, out, 0, 0)), advance, kinds)  # compiles
         return _take_steps(chain, system, record, out)
 
 

@@ -53,14 +53,18 @@ class Copies(Generic[T]):
         try:
             room, copy = self._returned.pop()
         except IndexError:
-            room, copy = self._new()
+            room, copy = self._make()
         else:
             for kind, first in self._first.items():
                 room[kind][:] = first
         yield copy
         self._returned.append((room, copy))
 
-    def _new(self) -> tuple[Room, T]:
+    def new(self) -> T:
+        """A copy that is nobody else's, now or later."""
+        return self._make()[1]
+
+    def _make(self) -> tuple[Room, T]:
         """New arrays and a copy made of them."""
         room = {kind: first.copy() for kind, first in self._first.items()}
         arrays: list[Any] = []

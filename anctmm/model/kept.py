@@ -47,6 +47,27 @@ def kept(find: Callable[[Any], T]) -> Callable[[Any], T]:
     return get
 
 
+def kept_beside(find: Callable[[Any, Any], T]) -> Callable[[Any, Any], T]:
+    """Make a function of a scene and something else look only once for each of these after another.
+
+    Parameters
+    ----------
+    find : callable
+        (scene, other) → fact, of an other that never changes; as of `kept`.
+    """
+    name = f"{PREFIX}{find.__module__}.{find.__qualname__}"
+
+    @wraps(find)
+    def get(scene: Any, other: Any) -> T:
+        facts = vars(scene)
+        found = facts.get(name)
+        if found is None or found[0] is not other:
+            found = facts[name] = other, find(scene, other)
+        return found[1]  # type: ignore[no-any-return]
+
+    return get
+
+
 def alike(find: Callable[[Any], T]) -> Callable[[Any], T]:
     """Make a function of a scene look only once at all scenes of a structure.
 

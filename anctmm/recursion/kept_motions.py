@@ -23,8 +23,9 @@ import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.fitting import mass_matrix
+from anctmm.discretise.fitting import full_mass_matrix, mass_matrix
 from anctmm.discretise.joined import Joined
+from anctmm.discretise.kept_chains import of_masses
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel, shared, uncompiled
 from anctmm.jit.copies import writes
@@ -107,21 +108,23 @@ def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
     """
     if not chain.plan.kept:
         return None
+    return of_masses(chain, lambda: _motions(chain, L), what=kept_motions)
+
+
+def _motions(chain: Chain, L: Array) -> KeptMotions:
+    """The same, found anew."""
     constraints, bodies = chain.kept.constraints, chain.bodies
-    mass = mass_matrix(bodies)
-    fields, K = _fields(chain, mass)
+    fields, K = _fields(chain)
     basis = _free_directions(chain)
     basis = basis @ np.linalg.inv(scipy.linalg.cholesky(basis.T @ K @ basis))
     fields = fields @ basis
     r, shape = basis.shape[1], (bodies.rows, bodies.nodes)
     left = rows_alone(chain.kept, ~constraints.still)
     m = 0 if left is None else len(left.number)
-    ends = np.stack([bodies.first[:-1], bodies.first[1:] - 1])
-    held = (mass @ fields).T.reshape(r, *shape)
     result = KeptMotions(
         np.ascontiguousarray(fields.T),
         np.ascontiguousarray(_weights(chain, fields.T.reshape(r, *shape), L).reshape(r, fields.shape[0])),
-        np.ascontiguousarray(held[:, :, ends].transpose(0, 2, 3, 1)),
+        _reactions(chain, fields),
         basis[: chain.kept.size].copy(),
         np.diagonal(np.linalg.inv(K))[: chain.kept.size].copy(),
         left,
@@ -131,6 +134,16 @@ def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
         uncompiled(gather)(left, 0, chain.start_coordinates())
         uncompiled(factor_constraints)(result, left)
     return result
+
+
+def _reactions(chain: Chain, fields: Array) -> Array:
+    """`reaction` of the fields, (rows · nodes, r); nothing asks for it where no clamp is driven."""
+    bodies, r = chain.bodies, fields.shape[1]
+    if not any(clamp and clamp.angle for junction in chain.junctions for clamp in junction.clamps):
+        return np.zeros((r, 2, len(bodies.meshes), bodies.rows))
+    ends = np.stack([bodies.first[:-1], bodies.first[1:] - 1])
+    held = (mass_matrix(bodies) @ fields).T.reshape(r, bodies.rows, bodies.nodes)
+    return np.ascontiguousarray(held[:, :, ends].transpose(0, 2, 3, 1))
 
 
 def _free_directions(chain: Chain) -> Array:
@@ -144,18 +157,18 @@ def _free_directions(chain: Chain) -> Array:
     return np.asarray(scipy.linalg.null_space(J, rcond=DEPENDENT)) if len(J) else np.eye(J.shape[1])
 
 
-def _fields(chain: Chain, mass: "scipy.sparse.csc_array") -> tuple[Array, Array]:
+def _fields(chain: Chain) -> tuple[Array, Array]:
     """Fields of units of the kept unknowns and places on lines, (rows · nodes, n), and the mass of these, (n, n)."""
-    T: Any = Joined(chain, free=True).matrix
-    M: Any = mass
-    nodes, small = chain.bodies.nodes, T.shape[0] <= DENSE
-    if small:
-        T, M = T.toarray(), M.toarray()
+    joined, bodies = Joined(chain, free=True), chain.bodies
+    nodes, small = bodies.nodes, bodies.rows * bodies.nodes <= DENSE
+    T: Any = joined.full_matrix() if small else joined.matrix
+    M: Any = full_mass_matrix(bodies) if small else mass_matrix(bodies)
     A = T.T @ M @ T
     guided = [row * nodes + chain.node(one.carrier) for one in chain.guided for row in (0, 1)]
     of_kept = T[[*(chain.kept.homes[0] * nodes + chain.kept.homes[1]), *guided]]
-    masters = np.unique(of_kept.nonzero()[1])
-    free = np.setdiff1d(np.arange(T.shape[1]), masters)
+    master = np.zeros(T.shape[1], dtype=bool)
+    master[of_kept.nonzero()[1]] = True
+    masters, free = np.flatnonzero(master), np.flatnonzero(~master)
     values = np.zeros((T.shape[1], of_kept.shape[0]))
     own = of_kept[:, masters]
     values[masters] = np.linalg.inv(own if small else own.toarray())

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept import Port
+from anctmm.discretise.kept_chains import of_masses
 from anctmm.discretise.plan import Kept
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
@@ -94,6 +95,11 @@ def loops(chain: Chain, branches: Branches) -> Loops | None:
     """Loops of a scene; None where nothing is kept: then nothing of this module is compiled."""
     if not chain.plan.kept:
         return None
+    return of_masses(chain, lambda: _loops(chain, branches), what=loops)
+
+
+def _loops(chain: Chain, branches: Branches) -> Loops:
+    """The same, found anew."""
     d, nodes, kept = chain.bodies.rows, chain.bodies.nodes, chain.kept
     begin, end, start, ports = _ports(chain, branches)
     table = np.array([port.unknowns for port in ports]).reshape(-1, d)

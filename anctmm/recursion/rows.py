@@ -179,12 +179,11 @@ def _pairs(found: Constraints, number: Ints, matrix: Sparse | None) -> Ints:
 def _lengths(kept: KeptUnknowns, number: Ints) -> Array:
     """Sizes of the unknowns, m: of places 1, of directions the reach of the body or the length of the element."""
     bodies = kept.chain.bodies
-    of_node = np.repeat(
-        [m.reach if m.nodes == 1 else m.element_length for m in bodies.meshes], np.diff(bodies.first)
-    )
+    sizes = np.array([m.reach if m.nodes == 1 else m.element_length for m in bodies.meshes])
     found = np.ones(len(number))
     row, node = kept.homes
-    found[number[: kept.size]] = np.where(row < 2, 1.0, of_node[node])
+    of = np.searchsorted(bodies.first, node, side="right") - 1
+    found[number[: kept.size]] = np.where(row < 2, 1.0, sizes[of])
     return found
 
 

@@ -40,6 +40,7 @@ def reach_of(scene: Scene) -> float:
     return max(abs(x) for body in scene.bodies for key in ends_of(body) for x in body.position_at(key))
 
 
+@kept
 def weight_of(scene: Scene) -> float:
     """Weight of all bodies, N."""
     return mass_of(scene) * float(np.hypot(*scene.gravity))

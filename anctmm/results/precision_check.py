@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.model.joints import drive_of
-from anctmm.model.kept import kept
+from anctmm.model.kept import kept, kept_beside
 from anctmm.model.scene import Beam, Force, LineLoad, Scene, Spring
 from anctmm.results.acting import ends_of, length_of, load_sizes, mass_of, reach_of, weight_of
 from anctmm.results.ends import Ends
@@ -82,17 +83,11 @@ def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
 
 def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Finding]:
     """Rounding of positions strains every body, and the stiffest one most of all by force."""
-    scene, run = solution.scene, solution.run
-    assert run is not None
-    forces = {
-        name: scene.beam(name).material.E * scene.beam(name).section.area * elements / scene.beam(name).length
-        for name, (elements, kind) in run.of(scene).items()
-        if not kind_of(kind).rigid
-    }
-    if not forces:
+    scene = solution.scene
+    stiffest, force = _stiffest(scene, solution.run)
+    if not force:
         return
-    stiffest = max(forces, key=lambda name: forces[name])
-    noise = 0.5 * float(np.spacing(reach)) * forces[stiffest]
+    noise = 0.5 * float(np.spacing(reach)) * force
     inertia = mass_of(scene) * moved * sqrt(solution.cost.steps) / float(solution.t[-1]) ** 2
     if _ratio(noise, max(weight_of(scene), inertia)) <= FORCED:  # loads are looked at where they matter
         return
@@ -106,6 +101,17 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
             f"rigid body has more digits",
             stiffest,
         )
+
+
+@kept_beside
+def _stiffest(scene: Scene, run: Discretisation) -> tuple[str, float]:
+    """The body whose elements are the stiffest, and the force that stretches one of them by its length, N; or 0."""
+    forces = {
+        name: scene.beam(name).material.E * scene.beam(name).section.area * elements / scene.beam(name).length
+        for name, (elements, kind) in run.of(scene).items()
+        if not kind_of(kind).rigid
+    }
+    return max(forces.items(), key=lambda item: item[1], default=("", 0.0))
 
 
 @kept

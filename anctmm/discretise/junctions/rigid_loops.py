@@ -41,12 +41,14 @@ class Row(NamedTuple):
     arms: tuple[Array | None, ...]
 
 
-def check_rigid_loops(scene: Scene, names: Iterable[str]) -> None:
+def check_rigid_loops(scene: Scene, loops: Sequence[set[str]], names: Iterable[str]) -> None:
     """Refuse rigid bodies in a singular position.
 
     Parameters
     ----------
     scene : Scene
+    loops : sequence of set of str
+        Those of `rigid_loops`.
     names : iterable of str
         Of the rigid bodies.
 
@@ -55,14 +57,10 @@ def check_rigid_loops(scene: Scene, names: Iterable[str]) -> None:
     DiscretisationError
         Naming the bodies.
     """
-    rigid = set(names)
-    if not rigid:
+    if not loops:
         return
-    junctions = junctions_of(scene)
-    if any(junction.guides or junction.hinges for junction in junctions):
-        return  # lines have equations of their own
-    loops = _loops(junctions, rigid)
-    rows = [row for junction in junctions if loops for row in _rows(scene, junction, rigid)]
+    rigid = set(names)
+    rows = [row for junction in junctions_of(scene) for row in _rows(scene, junction, rigid)]
     for bodies in loops:
         _check(scene, bodies, [row for row in rows if row.bodies[0] in bodies])
 
@@ -92,8 +90,14 @@ def _arm(scene: Scene, end: End) -> Array:
     return np.subtract(body.position_at(end[1]), first)  # type: ignore[arg-type]
 
 
-def _loops(junctions: Sequence[Junction], rigid: set[str]) -> list[set[str]]:
-    """Rigid bodies that hang together where they, maybe with the ground, close a loop."""
+def rigid_loops(junctions: Sequence[Junction], names: Iterable[str]) -> list[set[str]]:
+    """Rigid bodies that hang together where they, maybe with the ground, close a loop.
+
+    None where guides or driven hinges act: lines have equations of their own.
+    """
+    rigid = set(names)
+    if not rigid or any(junction.guides or junction.hinges for junction in junctions):
+        return []
     with_ground, alone = Sets[tuple[str, int]](), Sets[tuple[str, int]]()
     closing = []
     for j, junction in enumerate(junctions):

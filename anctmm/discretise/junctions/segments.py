@@ -63,7 +63,10 @@ class Segments:
     @cached_property
     def parts(self) -> Mapping[str, tuple[Part, ...]]:
         """Parts of each beam that is cut, from its start to its end."""
-        meshes, found = self.whole_run.of(self.whole), dict[str, tuple[Part, ...]]()
+        found = dict[str, tuple[Part, ...]]()
+        if not _inside(self.whole):
+            return found
+        meshes = self.whole_run.of(self.whole)
         taken = {body.name for body in self.whole.bodies}
         for name, places in _inside(self.whole).items():
             elements, kind = meshes[name]

@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Tables
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
 from anctmm.forces.actuation import DrivenClamps, turn_clamps
@@ -79,7 +78,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     drives = drive_table(chain, once(chain, actuation_of), times, table_of)
     off = np.zeros(kept, dtype=bool)
     for errors, sizes in (
-        *_of_clamps(system.tables, clamps, drives, record.series[2, :kept]),
+        *_of_clamps(once(chain, _shares), clamps, drives, record.series[2, :kept]),
         *_of_rows(rows, clamps, drives, record.series[:, :kept]),
     ):
         off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
@@ -109,21 +108,26 @@ def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | 
 
 
 def _of_clamps(
-    tables: Tables, clamps: DrivenClamps, drives: Array, a: Array
+    shares: list[float], clamps: DrivenClamps, drives: Array, a: Array
 ) -> Iterator[tuple[Array, Array]]:
-    """Errors of accelerations at each driven clamp, (coordinates, outputs), and their sizes, as reactions have them.
-
-    The gradient at the end of a beam of n elements has 1/(35 n³) of its moment of inertia, m L²/105 of an element of
-    length L beside m L² n³/3; a rigid body has all of it in its one node.
-    """
-    for h, (node, held) in enumerate(zip(clamps.nodes, clamps.held, strict=True)):
-        elements = min(np.diff(tables.first)[(clamps.of == h).any(axis=0)] - 1, default=0)
-        share = 1.0 / (35.0 * elements**3) if elements else 1.0
+    """Errors of accelerations at each driven clamp, (coordinates, outputs), and their sizes, as reactions have them."""
+    for h, (node, held) in enumerate(zip(clamps.nodes.tolist(), clamps.held.tolist(), strict=True)):
         g = clamps.reference[h, 2:held:2] + 1j * clamps.reference[h, 3:held:2]
         angle, rate, second = drives[:, h].T
         exact = np.multiply.outer(g, (1j * second - rate**2) * np.exp(1j * angle))
         found = a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node]
-        yield share * np.abs(found.T - exact), np.abs(exact)
+        yield shares[h] * np.abs(found.T - exact), np.abs(exact)
+
+
+def _shares(chain: Chain) -> list[float]:
+    """Of each driven clamp the part of the moment of inertia of its beam that the gradient there has.
+
+    At the end of a beam of n elements it is 1/(35 n³), m L²/105 of an element of length L beside m L² n³/3; a rigid
+    body has all of it in its one node.
+    """
+    ends = (end for end, _ in once(chain, actuation_of).driven)
+    elements = (chain.bodies.mesh(name).elements for name, _ in ends)
+    return [1.0 / (35.0 * n**3) if n else 1.0 for n in elements]
 
 
 def _of_rows(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.kept_chains import once
+from anctmm.discretise.kept_chains import once, once_alike
 from anctmm.discretise.methods import NO_STEP, Coefficients
 from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
@@ -84,11 +84,11 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
     def one(begin: int, end: int, c: Coefficients = c, newton: Newton = newton) -> int:
         return int(steps.advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
 
-    def compiles(_: Chain) -> None:
+    def compiles() -> None:
         with side_by_side(lambda: parts_of(system, c, out, steps.parts)):
             one(0, 0)
 
-    once(chain, compiles, what=steps.advance)
+    once_alike(chain, compiles, steps.advance, (system.damping is None, system.factors.L.dtype))
     record.start()
     start(chain, system, lambda first: one(-1, 0, NO_STEP, first))
 

@@ -22,6 +22,7 @@ from anctmm.recursion.riccati import BlockFactors, Links, block_factors, links
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+EPS = float(np.finfo(float).eps)
 #: Newton corrections in a step before it is given up.
 ITERATIONS = 25
 #: Newton stops when the error left is this part of the tolerance (κ of Hairer & Wanner, IV.8): errors of steps add up.
@@ -151,8 +152,8 @@ def new_newton(chain: Chain) -> Newton:
 
 def least_left(chain: Chain) -> float:
     """What rounding leaves of a step's error in Newton's iteration, relative to the scene's length."""
-    furthest = float(np.abs(chain.bodies.reference()[:2]).max())
-    return 32.0 * float(np.finfo(float).eps) * (1.0 + furthest / chain.length)
+    furthest = float(np.abs(chain.bodies.undeformed[:2]).max())
+    return 32.0 * EPS * (1.0 + furthest / chain.length)
 
 
 def single_will_do(chain: Chain) -> bool:
