@@ -20,6 +20,8 @@ T = TypeVar("T")
 
 #: Chains that are kept at most, nodes that each may have, and numbers that the outputs of its runs may have.
 CHAINS, NODES, OUTPUTS = 16, 512, 1 << 20
+#: Of chains of one structure those of other places or masses of which something is kept, at most.
+MASSES = 8
 
 
 class _Same:
@@ -121,7 +123,7 @@ def once_alike(chain: Chain, do: Callable[[], object], what: Any, kinds: tuple[A
 
 
 def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:
-    """What follows from structure, places and masses of a chain, found once for one chain after another alike in these.
+    """What follows from structure, places and masses of a chain, found once for all chains alike in these.
 
     So are scenes of another stiffness, or with other loads, and runs with other steps.
 
@@ -143,11 +145,12 @@ def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:
         return find()
     others = tuple(body for body in chain.parts.bodies if not isinstance(body, Beam))
     key = bodies.masses.tobytes(), bodies.undeformed.tobytes(), others
-    known, copies = facts.get(what, (None, None))
-    if known != key:
-        copies = Copies(find())
-        facts[what] = key, copies
-    return copies.new()  # type: ignore[no-any-return]
+    known = facts.setdefault(what, {})
+    if key not in known:
+        if len(known) >= MASSES:
+            known.clear()
+        known[key] = Copies(find())
+    return known[key].new()  # type: ignore[no-any-return]
 
 
 def light(chain: Chain, find: Callable[[Chain], T]) -> T:

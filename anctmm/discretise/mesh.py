@@ -160,12 +160,7 @@ class BodyMesh:
         """Coordinates (…, nodes, vectors, 2) in the body's own direction."""
         if not self.flipped:
             return coordinates
-        return self._signs * coordinates[..., ::-1, :, :]  # type: ignore[no-any-return]
-
-    @cached_property
-    def _signs(self) -> Array:
-        """Of the vectors of a node, seen from the other end, (vectors, 1)."""
-        return np.array([[VECTORS[vector].sign] for vector in self.kind.vectors])
+        return _signs(self.kind.vectors) * coordinates[..., ::-1, :, :]
 
     def _ends(self, start, end):  # type: ignore[no-untyped-def]
         return (end, start) if self.flipped else (start, end)
@@ -180,6 +175,12 @@ def _shares(elements: int) -> tuple[Array, Array]:
 
 
 _kept_shares = lru_cache(maxsize=64)(_shares)
+
+
+@lru_cache
+def _signs(vectors: tuple[str, ...]) -> Array:
+    """Of the vectors of a node, seen from the other end of its body, (vectors, 1)."""
+    return np.array([[VECTORS[vector].sign] for vector in vectors])
 
 
 def body_meshes(

@@ -9,6 +9,7 @@ from rich.table import Table as RichTable
 
 from studies.benchmark import pictures as bench_pictures
 from studies.benchmark.additions import ELEMENTS, MOST_ADDED, PLAIN, added_costs
+from studies.benchmark.calls import AGAIN, MOST_BUILD, call_costs
 from studies.benchmark.kernels import compile_solvers, kernel_costs
 from studies.benchmark.length import BASE, digits, direct_checks, length_costs
 from studies.benchmark.peak import rates
@@ -58,6 +59,8 @@ def bench(quick: bool = False, say: Callable[[str], None] = lambda text: None) -
     add(length_costs(effort, samples))
     say("what one thing adds")
     add(added_costs(effort, samples))
+    say("calls beside their steps")
+    add(call_costs(effort, samples))
     say("a direct solver at length")
     add(direct_checks(effort, samples), digits(effort))
     required = requirements({name: t.frame for name, t in tables.items()}, quick)
@@ -87,7 +90,8 @@ def requirements(frames: Mapping[str, pd.DataFrame], quick: bool) -> Table:
     """
     rows = [
         *_explicit(frames["exudyn"]), *_equal_error(frames["equal_error"]), *_methods(frames["methods"]),
-        *_length(frames["length"]), *_additions(frames["additions"]), *_direct(frames["direct"]),
+        *_length(frames["length"]), *_additions(frames["additions"]), *_calls(frames["calls"]),
+        *_direct(frames["direct"]),
     ]  # fmt: skip
     frame = pd.DataFrame(rows)
     met = frame["found"] >= frame["required"]
@@ -160,6 +164,16 @@ def _additions(frame: pd.DataFrame) -> list[dict[str, Any]]:
             r["ratio"], 1.0 + MOST_ADDED, 1.0, "at most", r["status"],
         )
         for r in records(frame[frame["added"] != PLAIN])
+    ]  # fmt: skip
+
+
+def _calls(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    return [
+        _line(
+            f"s that a call takes beside its steps: {r['scene']} again, {r['integrator']}",
+            r["build_s"], MOST_BUILD, float("nan"), "at most", r["status"],
+        )
+        for r in records(frame[frame["call"] == AGAIN])
     ]  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from anctmm.errors import MeshError, StabilityError
 from anctmm.integrators import zhai
 from anctmm.integrators.implicit import system as implicit_system
 from anctmm.jit.copies import Copies
+from anctmm.jit.interpreting import interpreted
 from anctmm.solve import _checked_chain
 
 ROW = [beam(), beam("b", (1.0, 0.0), (2.0, 0.0))]
@@ -140,6 +141,58 @@ def arrays_of(thing):
     elif isinstance(thing, tuple | list):
         for part in thing:
             yield from arrays_of(part)
+
+
+PLATE = at.RigidBody("plate", 0.5, 3e-3, (1.1, 0.1), {"a": (1.0, 0.0), "b": (1.2, 0.2)})
+BASED = at.Scene("plate", [beam(), PLATE], [DRIVEN, at.Pin("a.end", "plate.a")], gravity=(0.0, -9.81))
+SPRING = at.Spring("plate.b", (1.5, 0.5), stiffness=3.0, damping=0.1)
+#: The same scene with some of its numbers changed.
+CHANGED = {
+    "stiffness": {"bodies": [replace(beam(), material=replace(SOFT, E=2.0 * SOFT.E)), PLATE]},
+    "density": {"bodies": [replace(beam(), material=replace(SOFT, density=2.0 * SOFT.density)), PLATE]},
+    "damping": {"bodies": [replace(beam(), material=replace(SOFT, damping=1e-3)), PLATE]},
+    "length": {"bodies": [replace(beam(), start=(-0.5, 0.0)), PLATE]},
+    "mass": {"bodies": [beam(), replace(PLATE, mass=0.7)]},
+    "inertia": {"bodies": [beam(), replace(PLATE, inertia=5e-3)]},
+    "center": {"bodies": [beam(), replace(PLATE, center=(1.2, 0.0))]},
+    "spin": {"bodies": [beam(), replace(PLATE, velocity=(-0.01, 0.01), spin=0.1)]},
+    "drive": {"joints": [replace(DRIVEN, angle=at.Quintic(turn=0.5, duration=0.05)), BASED.joints[1]]},
+    "spring": {"connectors": [SPRING]},
+    "points": {
+        "bodies": [beam(), replace(PLATE, points={"a": (1.0, 0.0), "b": (1.3, 0.0)})],
+        "connectors": [SPRING],
+    },
+    "load": {"loads": [at.Force("plate.b", lambda t: (0.0, -t))]},
+}
+
+
+@pytest.mark.parametrize("run", ["zhai", "generalized-alpha"])
+def test_scenes_that_differ_in_any_number_give_what_they_give_alone(run):
+    scenes = [BASED, *(replace(BASED, **changed) for changed in CHANGED.values())]
+    with interpreted():
+        kept_chains.forget()
+        together = [numbers(at.solve(scene, RUNS[run])) for scene in [*scenes, *scenes]]
+        for scene, one, again in zip(scenes, together[: len(scenes)], together[len(scenes) :], strict=True):
+            kept_chains.forget()
+            assert numbers(at.solve(scene, RUNS[run])) == one == again
+    assert len({tuple(said[0]) for said in together}) == len(scenes)
+
+
+@pytest.mark.parametrize("run", ["zhai", "generalized-alpha"])
+def test_solutions_share_no_array(run):
+    with interpreted():
+        scenes = [BASED, BASED, replace(BASED, **CHANGED["stiffness"])]
+        found = [list(arrays_in(at.solve(scene, RUNS[run]))) for scene in scenes]
+    for k, one in enumerate(found):
+        for other in found[k + 1 :]:
+            assert not any(np.shares_memory(a, b) for a in one for b in other)
+
+
+def arrays_in(solution):
+    """All arrays of a solution."""
+    yield from arrays_of([solution.t, *vars(solution.energy).values()])
+    for field in solution.fields.values():
+        yield from arrays_of([thing for thing in vars(field).values() if thing is not None])
 
 
 def test_runs_side_by_side_do_not_meet():

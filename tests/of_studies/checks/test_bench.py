@@ -11,6 +11,7 @@ from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.solve import solve
 from studies import cli
 from studies.benchmark import additions as bench_additions
+from studies.benchmark import calls as bench_calls
 from studies.benchmark import kernels as bench_kernels
 from studies.benchmark import study as bench
 from studies.benchmark.kernels import EXPLICIT, IMPLICIT
@@ -24,7 +25,7 @@ from studies.engine.tables import MOST_ROWS
 
 TABLES = {
     "requirements", "kernels", "peak", "exudyn", "equal_error", "work_precision", "methods", "length", "direct",
-    "digits", "additions", "samples",
+    "digits", "additions", "calls", "samples",
 }  # fmt: skip
 
 
@@ -171,7 +172,7 @@ def test_all_contestants_are_sampled_as_often_and_finish(small):
     raw = small.table("samples").frame
     counts = raw.groupby([raw["part"].str.split(",").str[0], "part", "what"]).size()
     assert set(counts.index.levels[0]) == {
-        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "additions", "direct",
+        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "additions", "calls", "direct",
     }  # fmt: skip
     assert (counts.loc["kernels"] == Effort(True).rounds).all()
     assert (counts.loc["length"] == Effort(True).rounds).all()
@@ -204,6 +205,24 @@ def test_equal_error_is_interpolated_from_runs_of_both_codes(small):
         assert len(reached) >= 2, scene
         assert (reached[["anctmm_implicit_s", "exudyn_best_s", "ratio_best"]] > 0.0).all(axis=None)
         assert (reached["anctmm_best_s"] <= reached["anctmm_implicit_s"]).all()
+
+
+def test_calls_differ_in_their_numbers_alone(monkeypatch):
+    asked = []
+    monkeypatch.setattr(bench_calls, "CALLS", 1)
+    monkeypatch.setattr(bench_calls, "RUNS", {"generalized-alpha": bench_calls.RUNS["generalized-alpha"]})
+    monkeypatch.setattr(bench_calls, "solve", lambda scene, run: asked.append(scene) or solve(scene, run))
+    frame, samples = bench_calls.call_costs(Effort(True), found := Samples()).frame, found.rows
+    assert set(frame["scene"]) == set(bench_calls.SCENES)
+    assert (frame["status"] == "ok").all()
+    assert (frame["repeats"] == Effort(True).rounds).all()
+    assert (frame[["cpu_s", "build_s"]] > 0.0).all(axis=None)
+    assert len(samples) == 2 * len(frame) * Effort(True).rounds
+    each = 3 + Effort(True).rounds
+    for n in range(len(bench_calls.SCENES)):
+        scenes = asked[3 * each * n : 3 * each * (n + 1)]
+        assert len({id(scene) for scene in scenes}) == len(set(scenes)) == 1 + 2 * each
+        assert len({scene.joints for scene in scenes}) == 1
 
 
 def test_what_is_added_does_not_change_the_motion():
