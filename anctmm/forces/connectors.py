@@ -16,7 +16,7 @@ from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, p
 from anctmm.errors import unknown_kind
 from anctmm.forces.laws import address_of, call_law
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded, inlined, uncompiled
+from anctmm.jit.compiling import embedded, inlined, merged, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.places import Place
@@ -280,7 +280,7 @@ def bends_at(c, n, x, rate, t):  # type: ignore[no-untyped-def]
     return abs(less - 2.0 * call_law(c.laws[n], x, rate, t) + more) > BENDS * abs(more - less)
 
 
-@embedded
+@merged
 def add_connectors(connectors, q, v, values, f):  # type: ignore[no-untyped-def]
     """Add the forces of connectors at q and v to f, (rows, nodes); what they are is kept in `now`."""
     if connectors is not None:
@@ -300,14 +300,14 @@ def add_connectors(connectors, q, v, values, f):  # type: ignore[no-untyped-def]
             connectors.now[n, 2] = stored(connectors, n, x)
 
 
-@embedded
+@merged
 def add_connectors_at_end(connectors, q, values, f):  # type: ignore[no-untyped-def]
     """The same at the velocities of `end_velocities`."""
     if connectors is not None:
         add_connectors(connectors, q, connectors.v, values, f)
 
 
-@embedded
+@merged
 def connectors_work(connectors, moving):  # type: ignore[no-untyped-def]
     """Work of connectors since the last call that is not their energy, J; 0 unless `moving`.
 
@@ -346,7 +346,7 @@ def connectors_power(connectors, q, v, values):  # type: ignore[no-untyped-def]
     return power
 
 
-@embedded
+@merged
 def connectors_energy(connectors):  # type: ignore[no-untyped-def]
     """Energy of all connectors at the last evaluation, J."""
     total = 0.0

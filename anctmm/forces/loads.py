@@ -26,7 +26,7 @@ from anctmm.errors import unknown_kind
 from anctmm.forces.connectors import Connectors, connectors_of, connectors_power, connectors_work
 from anctmm.forces.stiffness import Border, Local, follower_at, stiffness_of
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded, merged
+from anctmm.jit.compiling import embedded, merged, uncompiled
 from anctmm.jit.copies import writes
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
@@ -83,7 +83,7 @@ def loads_of(scene: Scene, bodies: Bodies, varying: list[Load]) -> Loads:
     q, rest = bodies.reference(), np.zeros((len(found), 2))
     for n, (kind, _, _) in enumerate(found):
         if kind == FOLLOWER:
-            rest[n] = vector_at(directions, n, q)
+            rest[n] = uncompiled(vector_at)(directions, n, q)
             rest[n] /= np.hypot(*rest[n])
     connectors = connectors_of(scene, bodies, len(varying))
     turning = [(n, kind == FOLLOWER, t, d) for n, (kind, t, d) in enumerate(found) if kind != DEAD]

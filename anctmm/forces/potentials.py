@@ -26,15 +26,13 @@ def potential_change(connectors: Connectors | None, q: Array, new: Array, values
     change = 0.0
     for n in range(len(connectors.kinds)):
         free, _ = uncompiled(free_measure)(connectors, n, values)
-        one, two = (measure(connectors, n, at)[0] - free for at in (q, new))
+        one, two = (uncompiled(measure)(connectors, n, at)[0] - free for at in (q, new))
         if connectors.kinds[n]:  # an angle: by less than half a turn at once
             two -= 2.0 * np.pi * np.round((two - one) / (2.0 * np.pi))
         if connectors.laws[n] == 0:
-            change += stored(connectors, n, two) - stored(connectors, n, one)
+            change += uncompiled(stored)(connectors, n, two) - uncompiled(stored)(connectors, n, one)
         else:
-            forces = [
-                force_of(connectors, n, one + x * (two - one), 0.0, float(uncompiled(time_of)(values)))
-                for x in POINTS
-            ]
+            t = float(uncompiled(time_of)(values))
+            forces = [uncompiled(force_of)(connectors, n, one + x * (two - one), 0.0, t) for x in POINTS]
             change += float(WEIGHTS @ np.array(forces)) * (two - one)
     return change

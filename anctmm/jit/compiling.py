@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from anctmm.jit.deferred import Deferred, implementations, when_loaded
+from anctmm.jit.interpreting import by_python
 
 #: Fused multiply-add may be used; nothing else is reordered, and NaN and infinity keep their meaning. numba's runtime
 #: is left out: what would take memory does not compile, and no reference to an array is counted, which costs some 5 ns
@@ -110,8 +111,13 @@ def _with_files(made: Any) -> Any:
 
 
 def uncompiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function that a kernel was made of, for what is done once: small, it runs sooner than it compiles."""
-    return getattr(function, "py_func", function)
+    """The function that a kernel was made of, for what is done once: small, it runs sooner than it compiles.
+
+    Kernels that it calls are run by Python, too: those that are parts of kernels are not kept, and would be compiled
+    in each process.
+    """
+    plain: Callable[..., Any] = getattr(function, "py_func", function)
+    return plain if getattr(plain, "py_func", None) is plain else by_python(plain)
 
 
 def chosen_by_types(function: Callable[..., Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:

@@ -9,7 +9,7 @@ from importlib import import_module
 from threading import Lock, RLock
 from typing import Any
 
-from anctmm.jit.interpreting import mode
+from anctmm.jit.interpreting import here, mode
 
 Function = Callable[..., Any]
 
@@ -53,7 +53,7 @@ class Deferred:
 
     def __call__(self, *args: Any, **kws: Any) -> Any:
         """Call from Python."""
-        if mode.on:
+        if mode.on or here.on:
             return self.py_func(*args, **kws)
         made = self._made
         return (self.kernel if made is None else made)(*args, **kws)

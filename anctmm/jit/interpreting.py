@@ -3,8 +3,11 @@
 The arithmetic is the same but for multiplications and additions that the compiler fuses: results differ by rounding.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache, wraps
+from threading import local
+from typing import Any
 
 
 class _Mode:
@@ -14,7 +17,13 @@ class _Mode:
         self.on = False
 
 
-mode = _Mode()
+class _Here(local):
+    """The same of one thread."""
+
+    on = False
+
+
+mode, here = _Mode(), _Here()
 
 
 @contextmanager
@@ -25,3 +34,19 @@ def interpreted() -> Iterator[None]:
         yield
     finally:
         mode.on = before
+
+
+@lru_cache
+def by_python(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function that a kernel is made of, run by Python with all kernels that it calls, in this thread alone."""
+
+    @wraps(function)
+    def call(*args: Any, **kws: Any) -> Any:
+        before, here.on = here.on, True
+        try:
+            return function(*args, **kws)
+        finally:
+            here.on = before
+
+    call.py_func = call  # type: ignore[attr-defined]
+    return call

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.forces.stiffness import Border, fill_border
-from anctmm.jit.compiling import embedded
+from anctmm.jit.compiling import embedded, merged
 from anctmm.recursion.riccati import sweep
 
 Array = NDArray[np.float64]
 
 
-@embedded
+@merged
 def factor_border(border, q, stiffness, loads, values, factors):  # type: ignore[no-untyped-def]
     """Bring the columns, Y and S up to date, the rest of the matrix being factored."""
     if border is not None:
@@ -82,7 +82,7 @@ def weights_of(border, x):  # type: ignore[no-untyped-def]
         z[k] /= S[k, k]
 
 
-@embedded
+@merged
 def correct(border, x):  # type: ignore[no-untyped-def]
     """Make x = A⁻¹ b, (rows, nodes), the solution with the whole matrix."""
     if border is not None:

@@ -21,6 +21,7 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.jit.compiling import uncompiled
 from anctmm.recursion.low_rank import correct, factor_border
 from anctmm.recursion.riccati import (
     block_factors,
@@ -109,7 +110,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
                     tables.buffer,
                     force,
                 )
-            end_velocities(loads.connectors, state.v, a, w, state.w_before, c)
+            uncompiled(end_velocities)(loads.connectors, state.v, a, w, state.w_before, c)
             add_connectors_at_end(loads.connectors, q, values, force)
             elastic_forces(
                 tables.formulations, q, tables.first, tables.kinds, tables.constants, tables.buffer, elastic
