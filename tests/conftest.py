@@ -48,7 +48,7 @@ SLOW = {
     "engine": ["processes"],
     "files": ["one_compiler"],
     "forces": ["acting", "histories", "laws"],
-    "integrators": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
+    "implicit": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
     "jit": ["announcing"],
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
@@ -67,7 +67,7 @@ SLOW = {
 INTERPRETED = {
     "discretise": ["rigid_loops", "structure"],
     "forces": ["acting"],
-    "integrators": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
+    "implicit": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth"],
     "of_reference": ["acting_against_dae", "random_scenes"],

@@ -70,7 +70,7 @@ TESTS = {
     "tests/integrators/test_motion.py tests/integrators/test_damping.py tests/recursion/test_rigid.py "
     "-k 'stoermer or limits_by or diverging or last_output or outputs_hold or batches or first_steps "
     "or would_stretch or would_bend or not_finite or free_bar_is_exact or (clamp_at_either and zhai and cable)'",
-    "anctmm/integrators/generalized_alpha.py": "tests/integrators/test_implicit.py "
+    "anctmm/integrators/generalized_alpha.py": "tests/integrators/implicit/test_implicit.py "
     "tests/integrators/test_motion.py tests/integrators/test_damping.py -k 'coefficients "
     "or members or factors or small_vibration or driven_clamp_is or counts or misses or annihilates or outputs_hold "
     "or batches or first_steps or residuals_told or measured_in or longer_than or gradients_beyond "
