@@ -73,7 +73,7 @@ def main() -> None:
 
 @app.command("list", cls=Command)
 def list_(
-    file: Annotated[str | None, typer.Argument(help="A file of yours: list its cases only.")] = None,
+    file: Annotated[str | None, typer.Argument(help="Your file: list its cases only.")] = None,
 ) -> None:
     """Scenes, solvers and studies; or the cases of a file."""
     from rich.console import Console
@@ -102,7 +102,8 @@ def run(
     integrator: Integrator = None,
     solvers: Solvers = None,
     out: Annotated[
-        Path | None, typer.Option(help="Where files go; else results/NAME.", parser=path, metavar="PATH")
+        Path | None,
+        typer.Option(help="Where files are written; default: results/NAME.", parser=path, metavar="PATH"),
     ] = None,
 ) -> None:
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
@@ -155,7 +156,7 @@ def study(
     workers: Workers = None,
     cluster: Cluster = None,
     out: Annotated[
-        Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
+        Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
     ] = Path("results"),
 ) -> None:
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
@@ -198,7 +199,7 @@ def report(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Where the page, tables and pictures go; else reports, or of a file reports/NAME.",
+            help="Where page, tables and pictures are written; default: reports, or reports/NAME for a file.",
             parser=path,
             metavar="PATH",
         ),
@@ -253,7 +254,7 @@ def recommend(
     table: Annotated[
         Path | None,
         typer.Option(
-            help="Directory of a measured trade; else yours in results/ or reports/, or the one that is kept.",
+            help="Directory of a measured trade; default: results/, reports/ or the one that ships with anctmm.",
             parser=path,
             metavar="PATH",
         ),
@@ -313,7 +314,10 @@ def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Mea
 
     takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
     first = "and 1 to 4 min more for compiling where no scene of its kind has run before"
-    print(f"anctmm: no trade of {case.name} is kept; measuring it takes {takes}, {first} …", file=sys.stderr)
+    print(
+        f"anctmm: no trade of {case.name} is stored; measuring it first takes {takes}, {first} …",
+        file=sys.stderr,
+    )
     with helped(options.quick) as runner:
         return advice.of_result(find("trade")(options, runner))
 
@@ -322,7 +326,7 @@ def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Mea
 def bench(
     quick: Quick = False,
     out: Annotated[
-        Path, typer.Option(help="Where tables and pictures go.", parser=path, metavar="PATH")
+        Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
     ] = Path("results"),
 ) -> None:
     """Measure kernels, peers, length and memory: tables as CSV and Markdown, pictures as SVG."""
@@ -349,7 +353,7 @@ def bench(
 
 @app.command(cls=Command)
 def check(
-    file: Annotated[str | None, typer.Argument(help="A Python file of yours that defines CASES.")] = None,
+    file: Annotated[str | None, typer.Argument(help="Your Python file that defines CASES.")] = None,
     case: Chosen = None,
     elements: Annotated[
         str | None,
@@ -363,10 +367,10 @@ def check(
         typer.Option(help="Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", metavar="LIST"),
     ] = None,
     solver: Annotated[str | None, typer.Option(help="Solvers by name: a,b.", metavar="LIST")] = None,
-    update: Annotated[bool, typer.Option("--update", help="Store what is new or differs.")] = False,
+    update: Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")] = False,
     scenes: Annotated[
         Path | None,
-        typer.Option(help="A Python file of your own that defines WATCHED.", parser=path, metavar="PATH"),
+        typer.Option(help="Your Python file that defines WATCHED.", parser=path, metavar="PATH"),
     ] = None,
     baselines: Annotated[
         Path | None,
@@ -377,7 +381,8 @@ def check(
         ),
     ] = None,
     out: Annotated[
-        Path, typer.Option(help="Where table, JUnit XML and pictures go.", parser=path, metavar="PATH")
+        Path,
+        typer.Option(help="Where table, JUnit XML and pictures are written.", parser=path, metavar="PATH"),
     ] = Path("results"),
 ) -> None:
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""

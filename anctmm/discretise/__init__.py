@@ -1,1 +1,1 @@
-"""How a scene is cut: mesh, assembly of elements, order of elimination."""
+"""Discretisation of a scene: mesh, assembly of elements, order of elimination."""

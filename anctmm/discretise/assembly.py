@@ -1,7 +1,7 @@
-"""All bodies' coordinates in one array by component, and compiled sums over their elements.
+"""Coordinates of all bodies in one array, stored by component, and compiled sums over their elements.
 
-It knows bodies and elements, not how they are joined: the transfer-matrix solver and the global one both use it,
-so that comparing their times compares methods.
+This module knows bodies and elements, but not joints: the transfer-matrix solver and the global one both use it, so
+that a comparison of their times compares the methods.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,7 @@
-"""A scene as ANC-TMM sees it: nodes in a row, what each body's last node is linked to, and what is known beforehand.
+"""A scene as ANC-TMM uses it: a row of nodes, the link behind each body's last node, and data computed in advance.
 
-Bodies stand in the order of elimination and in the direction in which they are passed (see `plan`). Every end has a
-node of its own, also where ends are joined.
+Bodies are in the order of elimination, and in the direction in which they are eliminated (see `plan`). Every end has
+its own node, also where ends are joined.
 """
 
 from collections.abc import Iterator, Mapping

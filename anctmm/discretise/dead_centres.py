@@ -1,8 +1,8 @@
-"""Rigid bodies on guides or in hinges that stop a motion at once that they allow at first: dead centres.
+"""Dead centres: rigid bodies on guides or in hinges whose motion is possible to first order, but blocked beyond it.
 
-The second-order test of `anctmm.discretise.junctions.rigid_loops` with all constraints of the scene instead of the
-equations of its pins: a body that is hinged, and guided across the line to its hinge, can begin to turn, and cannot.
-Where beams take part they give way, so that their constraints are left out. Drives stand where they are at t = 0.
+This is the second-order test of `anctmm.discretise.junctions.rigid_loops`, with all constraints of the scene instead of
+the equations of its pins. Example: a body that is hinged, and guided across the line to its hinge. Constraints on which
+beams act are left out, because beams deform. Drives have their values at t = 0.
 """
 
 from collections.abc import Iterable, Iterator
@@ -55,9 +55,9 @@ def check_dead_centres(kept: KeptUnknowns) -> None:
                 n for n in (meshes[k].body.name for k in of_unknown[stopped]) if n in chain.rigid
             )
             raise DiscretisationError(
-                f"bodies {listed(names)} are rigid, and their joints and guides hold them at a dead centre: they "
-                f"cannot make a motion that is open to them at first; start from another position, or let one of "
-                f"them bend ('cable' or 'shear')"
+                f"bodies {listed(names)} are rigid and at a dead centre of their joints and guides: a motion that is "
+                f"free to first order is blocked beyond it; start from another position, or make one of them flexible "
+                f"('cable' or 'shear')"
             )
 
 

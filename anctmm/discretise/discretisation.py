@@ -50,7 +50,7 @@ TIGHT = _NotGiven(1e-10)
 
 @dataclass(frozen=True)
 class Discretisation:
-    """How a scene is cut into elements and steps.
+    """Mesh, element, integrator, step and output of a run.
 
     Parameters
     ----------
@@ -62,29 +62,29 @@ class Discretisation:
     quadrature : str
         Of the cable: "full" (Gauss 5/3), "reduced" (Gauss 4/2) or "lobatto" (Lobatto 3, Gauss 2).
     integrator : Zhai, GeneralizedAlpha, Esdirk or str
-        A method with its parameters, or its name, "zhai" (explicit), "generalized-alpha" (implicit) or "esdirk"
-        (implicit, of fourth order), beside them; kept as the name.
+        A method with its parameters, or its name: "zhai" (explicit), "generalized-alpha" (implicit) or "esdirk"
+        (implicit, fourth order). Stored as the name.
     dt, t_end : float
-        Step (1e-3 without it) and run length, s; `t_end` a whole number of steps.
+        Step (default 1e-3) and length of the run, s; `t_end` is a whole number of steps.
     output_dt : float, optional
-        Interval of the output, s, a whole number of steps; without it every step, or with a tolerance the 200th part
-        of the run.
+        Interval of the output, s, a whole number of steps. Default: every step, or with a tolerance a 200th of the
+        run.
     tolerance : float, optional
-        Target error in time, instead of `dt`, relative to the largest displacement: an estimate of the local
-        error then drives the step of generalized-α or of "esdirk", whose outputs do not bound its steps. Steps end
-        where loads and drives break (`History`); of histories that do not say where, a change is seen that lasts 1e-4
-        of the run.
+        Target of the error in time, relative to the largest displacement, instead of `dt`: an estimate of the local
+        error controls the step of generalized-α or "esdirk". With "esdirk" outputs may lie within steps. Steps end at
+        the breaks of loads and drives (`History`); in histories without stated breaks, a change is detected that lasts
+        at least 1e-4 of the run.
     psi, phi : float
         Zhai's parameters ψ and φ (Rong 2014, eq. 38).
     spectral_radius : float
-        ρ∞ of generalized-α, in [0, 1]. Parameters of other methods than the one named are checked and kept, and
-        nothing is done with them, so that `dataclasses.replace(run, integrator="zhai")` chooses another method and
-        back; a method given whole, such as `Esdirk()`, names its own.
+        ρ∞ of generalized-α, in [0, 1]. Parameters of methods other than the one named are checked and stored but not
+        used, so that `dataclasses.replace(run, integrator="zhai")` can change the method and back. A method given as
+        an object, such as `Esdirk()`, brings its own parameters.
     newton_tolerance : float
-        Bound of the last Newton correction: of positions relative to the scene's length, of gradients absolute. With a
-        `tolerance` what a step may be wrong by bounds it, and this one, where it is given, if it is smaller.
+        Bound of the last Newton correction: of positions relative to the length of the scene, of gradients absolute.
+        With a `tolerance` the bound follows from the allowed error of a step; this one applies only if it is smaller.
     check_stability : bool
-        Whether an explicit step above the stability limit is refused.
+        Whether to refuse an explicit step above the stability limit.
 
     Raises
     ------
@@ -361,7 +361,7 @@ def _multiple(name: str, value: float, dt: float, parts: str = "steps dt") -> in
     if not ratio <= MOST_STEPS:
         raise StepError(
             f"{name} is {value!r} with {parts} = {dt!r} s, {ratio:.3g} of them; at most {MOST_STEPS:.3g} are "
-            f"allowed: their numbers are no longer exact beyond"
+            f"allowed, beyond which step numbers are not exact"
         )
     count = round(ratio)
     if count < 1 or abs(count * dt - value) > 1e-6 * dt:

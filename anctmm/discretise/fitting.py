@@ -1,4 +1,4 @@
-"""Initial velocities that fit the constraints between rigid bodies and guides: the nearest ones by kinetic energy."""
+"""Initial velocities corrected to satisfy the constraints of rigid bodies and guides: the nearest in kinetic energy."""
 
 import numpy as np
 import scipy

@@ -1,4 +1,4 @@
-"""Independent unknowns of a scene: what is left of those of all nodes where joints act."""
+"""Independent unknowns of a scene: those of all nodes, reduced by the joints."""
 
 from functools import cached_property
 

@@ -1,7 +1,7 @@
-"""Kept unknowns: their numbers, where they stand among the coordinates, and what ends take from them.
+"""Kept unknowns: their numbering, their position among the coordinates, and the map from them to the ends of bodies.
 
-Of a rigid body they are r and t; of another kept vertex its place, unless that is held, and the gradients of its welded
-groups, in the frame of the first end of each.
+The kept unknowns of a rigid body are r and t; those of another kept vertex are its position, unless it is fixed, and
+the gradients of its welded groups, in the frame of the first end of each.
 """
 
 from collections.abc import Sequence

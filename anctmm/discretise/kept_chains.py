@@ -1,7 +1,7 @@
-"""Chains that are kept between runs, with what is found of them: a short run takes less time than its preparation.
+"""Chains stored between runs, because the preparation of a short run takes longer than its steps.
 
-Kept are small ones, by the scene itself, which never changes, and an equal discretisation. Not kept is what a function
-of the user's answers; and what a run writes into, each run gets for itself.
+Small chains are stored, by the scene, which is immutable, and by an equal discretisation. Values returned by a user's
+functions are not stored; arrays that a run changes are new for each run.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What ANC-TMM cannot do, by feature of `anctmm.model.needs.MECHANISMS`: it refuses scenes that need it."""
+"""Features of `anctmm.model.needs.MECHANISMS` that ANC-TMM lacks: scenes that need them are refused."""
 
 from anctmm.model.needs import MECHANISMS
 

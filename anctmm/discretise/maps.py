@@ -1,8 +1,8 @@
-"""Plane vectors that are linear in the coordinates: places of bodies, directions that turn with them, sums along beams.
+"""Vectors in the plane that are linear in the coordinates: positions, directions fixed in bodies, sums along beams.
 
-A vector is Σ (a g + b g⊥) + constant over vectors g of nodes, g⊥ being g turned by +90°. A point of an element is such
-a sum by its shape functions, a point of a rigid body r + p_x t + p_y t⊥. A force on it is a generalized force by the
-transposed sum. So all loads and connectors are alike, wherever they act.
+A vector is Σ (a g + b g⊥) + constant over vectors g of nodes, where g⊥ is g rotated by +90°. A point of an element has
+this form by its shape functions, a point of a rigid body by r + p_x t + p_y t⊥. A force on it gives a generalized force
+by the transposed sum. All loads and connectors are therefore treated alike, wherever they act.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What a run will take of the machine's memory, estimated before any of it is taken."""
+"""Memory that a run will need, estimated before it starts."""
 
 import os
 from contextlib import suppress

@@ -1,7 +1,6 @@
-"""A scene cut into elements: nodes, reference coordinates, initial velocities and constant loads of every body.
+"""A scene divided into elements: nodes, reference coordinates, initial velocities and constant loads of every body.
 
-It knows nothing of joints: each body has its own nodes, in its own direction, as a global solver
-wants it.
+This module knows no joints: each body has its own nodes, in its own direction, as a global solver needs them.
 """
 
 from collections.abc import Iterable

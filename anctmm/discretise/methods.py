@@ -1,6 +1,6 @@
 """Integrators and their parameters.
 
-A method is data: the steps themselves stand in `anctmm.integrators`.
+A method is data only: the steps are in `anctmm.integrators`.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class Zhai:
     Parameters
     ----------
     psi, phi : float
-        ψ and φ; with ½ and ½ positions are those of Störmer and Verlet.
+        ψ and φ; with ½ and ½ the positions are those of Störmer–Verlet.
 
     Raises
     ------
@@ -51,9 +51,9 @@ class GeneralizedAlpha:
     Parameters
     ----------
     spectral_radius : float
-        ρ∞ in [0, 1]: 1 keeps the energy of high frequencies, 0 annihilates them in one step. Of rigid bodies, guides
-        and driven hinges take 0.9 or less: nearer to 1 errors of the forces of their constraints stay in the steps, or
-        grow. Accelerations of outputs, and so reactions, do not have them.
+        ρ∞ in [0, 1]: 1 conserves the energy of high frequencies, 0 removes them in one step. With rigid bodies, guides
+        and driven hinges use 0.9 or less: closer to 1, errors of the constraint forces remain in the steps or grow.
+        Accelerations at outputs, and therefore reactions, are free of them.
 
     Raises
     ------
@@ -99,8 +99,8 @@ class GeneralizedAlpha:
 class Coefficients(NamedTuple):
     """Step h (s), αm, αf, β, γ, and what a correction x adds: to_w x to w, to_q x to q.
 
-    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case. Of constraints Newton's
-    iteration keeps the derivative in time of this `level`: 0, positions, or 2, accelerations.
+    Newton's matrix is to_w M + to_q K_T. Steps have to_q = 1; see `NO_STEP` for the other case. `level` is the time
+    derivative of the constraints that Newton's iteration enforces: 0 (positions) or 2 (accelerations).
     """
 
     h: float

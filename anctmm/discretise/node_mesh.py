@@ -1,8 +1,8 @@
 """Bodies of one node: rigid bodies in natural coordinates, and point masses.
 
-A rigid body has the coordinates r, its centre of mass, and t, a unit vector that turns with it, (1, 0) in the
-reference. A point p of it, given from its centre in the reference, is r + p_x t + p_y t⊥, and as |ṫ| is the rate of its
-angle while |t| = 1, its mass matrix is the constant diag(m, m, I, I). A point mass has r alone.
+A rigid body has the coordinates r, its centre of mass, and t, a unit vector that rotates with it, (1, 0) in the
+reference. A point p of it, given relative to its centre in the reference, is r + p_x t + p_y t⊥. Since |ṫ| is the rate
+of its angle while |t| = 1, its mass matrix is the constant diag(m, m, I, I). A point mass has r only.
 """
 
 from dataclasses import dataclass

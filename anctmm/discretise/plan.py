@@ -1,12 +1,13 @@
-"""The order of elimination of a scene's bodies: from leaves to a root, loops closed by kept junctions.
+"""Order of elimination of the bodies of a scene: from leaves to a root; loops are closed by kept junctions.
 
-Bodies are the edges of a graph, the places where their ends meet its vertices. A tree is walked from its leaves to its
-root: what lies inboard of a junction is condensed, and the condensed matrices of all ends that arrive there are summed
-up, S = Σ S_child (Rui et al. 2020, 10.1007/s11044-019-09711-2). A loop has no leaf. So some of its junctions are kept:
-the stretches between them are condensed to both their ends, and the small graph of kept junctions is solved at last.
-Kept are the junctions where three or more stretches of loops meet, and one of each loop that has none. Always kept are
-rigid bodies, and junctions that constraints act on: guides and driven hinges. A line in the ground that guides a
-junction of a tree is no constraint: the node there is eliminated in the frame of the line.
+Bodies are the edges of a graph; the places where their ends meet are its vertices. A tree is eliminated from its leaves
+to its root: everything inboard of a junction is condensed, and the condensed matrices of all arriving ends are summed,
+S = Σ S_child (Rui et al. 2020, 10.1007/s11044-019-09711-2). A loop has no leaf, so some of its junctions are kept: the
+stretches between them are condensed to both their ends, and the small graph of kept junctions is solved at the end.
+
+Kept are the junctions where three or more stretches of loops meet, and one junction in each loop that has none; always
+kept are rigid bodies, and junctions with constraints (guides and driven hinges). A guide on the ground at a junction of
+a tree is no constraint: the node there is eliminated in the frame of the line.
 """
 
 from collections.abc import Collection, Sequence

@@ -1,7 +1,7 @@
-"""Angles by which sections at nodes have turned since the undeformed scene, whole turns included.
+"""Rotations of sections at nodes since the undeformed scene, including whole turns.
 
-Coordinates tell an angle but for whole turns. These are counted along a path: from one configuration to the next a
-section turns by less than half a turn.
+Coordinates determine an angle up to whole turns. These are counted along a path of configurations, from one to the next
+of which a section rotates by less than half a turn.
 """
 
 from collections.abc import Mapping

@@ -1,1 +1,1 @@
-"""Finite elements: energy, force, tangent and mass of one element, nothing of how elements are joined."""
+"""Finite elements: energy, force, tangent and mass of one element, independent of joints."""

@@ -1,7 +1,7 @@
-"""The element kernels behind one name each; only those of the kinds that a scene has are compiled.
+"""The element kernels behind one name each; only those of the kinds in a scene are compiled.
 
-The type of the first argument, a tuple of zeros, says which kinds there are: numba chooses the implementation by it.
-Without numba's compiler the functions here are called themselves.
+The type of the first argument, a tuple of zeros, encodes which kinds there are: numba selects the implementation by it.
+Without numba's compiler the functions here are called directly.
 """
 
 from collections.abc import Callable, Iterable, Mapping

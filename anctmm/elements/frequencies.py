@@ -1,4 +1,4 @@
-"""The highest frequency of an element that nothing holds."""
+"""The highest frequency of a free element."""
 
 from math import sqrt
 

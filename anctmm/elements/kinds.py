@@ -258,5 +258,5 @@ def check_kinds(
         if kind.name not in taken:
             raise error(
                 f"element is {name!r} for body {body!r}; {who} needs {' or '.join(map(repr, taken))} "
-                f"(solver 'anctmm' moves {kind.title} with {' or '.join(map(repr, kind.integrators))})"
+                f"(solver 'anctmm' has {kind.title} with {' or '.join(map(repr, kind.integrators))})"
             )

@@ -1,1 +1,1 @@
-"""What acts: loads, connectors and driven clamps, and their histories in time."""
+"""Loads, connectors and driven clamps, and their histories in time."""

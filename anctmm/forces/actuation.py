@@ -1,4 +1,4 @@
-"""What acts on a scene in time, tabulated for the kernels: driven clamps, loads, connectors."""
+"""Driven clamps, loads and connectors of a scene, tabulated in time for the kernels."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache

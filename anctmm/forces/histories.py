@@ -1,13 +1,13 @@
 """Histories as piecewise polynomials of controlled error, for kernels that choose their own steps.
 
-Loads and drives are callables of Python, which compiled steps cannot ask. So each is replaced, before the run, by
-Chebyshev interpolants on pieces that are halved until they agree with the callable: at points of their own, and at
-samples over the whole run. What does not agree on any piece is a jump; halving finds its place to rounding, and pieces
-end there. (Battles & Trefethen 2004, DOI 10.1137/S1064827503430126; jumps after Pachon, Platte & Trefethen 2010,
+Loads and drives are Python callables, which compiled steps cannot call. Before the run each is therefore replaced by
+Chebyshev interpolants on pieces that are halved until they agree with the callable, at additional points and at samples
+over the whole run. Where no piece agrees there is a jump; halving finds its position to round-off, and pieces end
+there. (Battles & Trefethen 2004, DOI 10.1137/S1064827503430126; jumps after Pachon, Platte & Trefethen 2010,
 DOI 10.1093/imanum/drp008.)
 
-What is guaranteed: a change that lasts 1e-4 of the run is seen (1e-3 of it beside stated breaks), since so densely the
-histories are sampled; what happens between stated breaks that are closer is seen too.
+Guaranteed: a change that lasts 1e-4 of the run is detected (1e-3 of it if breaks are stated), because the samples are
+that dense; changes between stated breaks that are closer together are detected as well.
 """
 
 from bisect import bisect_left
@@ -194,8 +194,8 @@ class _Search:
         again = tabulate(name, history, self.t[:AGAIN], width)
         if not np.array_equal(again, self.values[:AGAIN]):
             raise PropertyError(
-                f"{name}: the history gave {self.values[0].tolist()!r} at t = {float(self.t[0])!r} s, and then "
-                f"{again[0].tolist()!r}; one value at each time is needed"
+                f"{name}: the history gave {self.values[0].tolist()!r} at t = {float(self.t[0])!r} s, and at a second "
+                f"call {again[0].tolist()!r}; one value at each time is needed"
             )
         self.scale = np.abs(self.values).max(axis=0)
         if width == 2:  # the parts of one force
@@ -297,7 +297,7 @@ def check_drive(name: str, drive: Represented) -> None:
         if torn.size:
             raise PropertyError(
                 f"{name}: its {what} jumps at t = {float(drive.breaks[torn[0]]):.6g} s; with a tolerance a continuous "
-                f"{what} is needed, since a jump takes an infinite moment"
+                f"{what} is needed, because a jump needs an infinite moment"
             )
     half = 0.5 * np.diff(drive.edges)
     wide = np.flatnonzero(half > 1e-6 * drive.edges[-1])
@@ -309,8 +309,8 @@ def check_drive(name: str, drive: Represented) -> None:
         if bad.size:
             t = float(drive.edges[wide[bad[0]] + 1])
             raise PropertyError(
-                f"{name}: its {what} differs by {misfit[bad[0]]:.3g} from the derivative of what it is the rate of at "
-                f"t = {t:.6g} s; (θ, θ', θ'') must be derivatives of each other"
+                f"{name}: its {what} differs by {misfit[bad[0]]:.3g} from the derivative of its {('angle', 'rate')[k]} "
+                f"at t = {t:.6g} s; (θ, θ', θ'') must be derivatives of each other"
             )
 
 

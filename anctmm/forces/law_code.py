@@ -1,4 +1,4 @@
-"""What kernels call in the place of functions of `laws`."""
+"""Implementations that kernels call in place of functions of `laws`."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,7 @@
-"""Laws of connectors, (elongation, rate, t) → force: compiled as functions of C, called through their address.
+"""Laws of connectors, (elongation, rate, t) → force: compiled as C functions and called by their address.
 
-So kernels need not be compiled for each law, and can be kept on disk. A law is compiled once, and tried at some values:
-what numba cannot compile, and what gives something else than the function of Python does, is refused by name.
+Kernels therefore need not be compiled for each law, and can be stored on disk. A law is compiled once and compared with
+the Python function at some values: a law that numba cannot compile, or whose values differ, is refused by name.
 """
 
 import ctypes

@@ -1,7 +1,7 @@
-"""Loads whose generalized force varies: forces of time, moments, forces that turn with their place.
+"""Loads whose generalized force varies: functions of time, moments, follower forces.
 
 Each acts on a vector of the coordinates (`anctmm.discretise.maps`): a force on a place or, per length, on the sum of
-all places of a beam; a moment on the direction that it turns.
+all places of a beam; a moment on the direction that it rotates.
 """
 
 from functools import lru_cache

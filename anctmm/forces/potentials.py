@@ -1,4 +1,4 @@
-"""Potential energy of connectors, for what minimises it: laws by quadrature."""
+"""Potential energy of connectors, for its minimisation in statics; of laws by quadrature."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,15 +1,15 @@
-"""Stiffness of what acts: blocks within elements, and what couples distant nodes.
+"""Stiffness of loads and connectors: blocks within elements, and couplings of distant nodes.
 
-The derivative of a moment, or of a connector whose nodes are those of one element, is added to that element's matrix
-as the recursion passes it: `Local`. A connector between distant nodes has the matrix [C −C; −C C] of both its vectors,
-C of one or two directions. As
+The derivative of a moment, or of a connector within one element, is added to the matrix of that element when the
+recursion eliminates it: `Local`. A connector between distant nodes has the matrix [C −C; −C C] for its two vectors,
+where C has one or two directions. With
 
     [C −C; −C C] = 2 [C 0; 0 C] − [C; C] [C C]
 
-its local part holds both ends, so that a mechanism which only connectors hold is no singular matrix; the rest is a sum
-of c u uᵀ, one for each direction: `Border`, solved with by the formula of Sherman, Morrison and Woodbury. A force that
-turns with its place has the unsymmetric matrix c u vᵀ. So Newton's matrix is that of all forces, but for the change of
-a damper's direction.
+its local part acts on both ends, so that the matrix of a mechanism which only connectors hold is not singular. The
+rest is a sum of c u uᵀ, one for each direction: `Border`, solved by the formula of Sherman, Morrison and Woodbury. A
+follower force has the unsymmetric matrix c u vᵀ. Newton's matrix therefore contains all forces, except the change of a
+damper's direction.
 """
 
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What acts on a scene, for steps of any length: values at any time, where steps end, and what a step misses."""
+"""Loads, drives and connectors for steps of any length: values at any time, ends of steps, and what a step misses."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -1,1 +1,1 @@
-"""Time integration, statics, natural modes, stability limits, and what a run keeps."""
+"""Time integration, statics, natural modes, stability limits, and the output of runs."""

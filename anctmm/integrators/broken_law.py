@@ -1,4 +1,4 @@
-"""What is known of a run in which the law of a connector gave no number."""
+"""Status of a run in which the law of a connector returned no number."""
 
 import numpy as np
 
@@ -24,7 +24,7 @@ def broken_law(
     return Status(
         "diverged",
         f"the law of the {name_of(connector)} gives {force} near {when}, at {at}; a law must give a finite number for "
-        f"every elongation, rate and time that it is asked for",
+        f"every elongation, rate and time",
         time=t,
         step=step,
     )

@@ -1,4 +1,4 @@
-"""What is known of a run in which joints and drives leave bodies no place."""
+"""Status of a run in which joints and drives leave bodies no admissible position."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,15 +34,15 @@ def locked(chain: Chain, q: Array, rows: Rows | None, t: float, step: int | None
     if what == shape_of(body):
         parts, why = (
             f"change its shape by {error:.1e}",
-            "it turns too far in a step, which shorter ones mend, or joints",
+            "it turns too far in a step, or joints",
         )
     else:
         parts, why = f"part from {what} by {error:.1e}, of a length or of the scene's,", "joints"
     return Status(
         "failed",
         f"{kind} {body!r} would {parts} {when}: {why} and "
-        f"drives leave the bodies no place there, as where a linkage locks; a flexible body, other lengths or another "
-        f"drive may do, or, where the linkage can move, smaller steps",
+        f"drives leave the bodies no admissible position, as where a linkage locks; a flexible body, other lengths or "
+        f"another drive may help, or smaller steps if the linkage can move",
         time=t,
         step=step,
         body=body,

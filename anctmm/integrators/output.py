@@ -1,4 +1,4 @@
-"""What a run keeps: coordinates and energies at the output steps, and how it ended."""
+"""Output of a run: coordinates and energies at the output steps, and how the run ended."""
 
 import time
 from collections.abc import Callable, Mapping

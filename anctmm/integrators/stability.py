@@ -180,7 +180,7 @@ def check_step(chain: Chain) -> None:
     if zhai_limit(run.psi, run.phi) == 0.0:
         raise StabilityError(
             f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
-            f"at any step or allow no longer one (check_stability=False runs it all the same)"
+            f"at any step or have no larger stable step (check_stability=False runs it all the same)"
         )
     if run.dt <= safe_step(chain) and chain.start is None:  # a preload changes frequencies
         return
@@ -190,6 +190,6 @@ def check_step(chain: Chain) -> None:
         also = f", its highest rate of damping {rate:.6g} 1/s" if rate > 0.0 else ""
         raise StabilityError(
             f"dt is {run.dt!r} s; at most {limit:.6g} s is stable: the highest frequency of scene "
-            f"{chain.scene.name!r} so discretised is {frequency:.6g} rad/s{also} "
+            f"{chain.scene.name!r} as discretised is {frequency:.6g} rad/s{also} "
             f"(check_stability=False runs it all the same)"
         )

@@ -1,4 +1,4 @@
-"""Where a run starts from: an equilibrium that was found before."""
+"""Start of a run from a static equilibrium."""
 
 from dataclasses import replace
 

@@ -1,8 +1,8 @@
-"""Turns of bodies that no fixed joint holds against the ground, counted at each step of a run.
+"""Whole turns of bodies whose rotation no fixed joint prevents, counted at each step of a run.
 
-A direction at an output tells an angle but for whole turns, and the rate there tells them where it is nearly steady
-from one output to the next: not of a pendulum that swings between two outputs. From step to step a body turns by less
-than half a turn: a whole one is counted where its direction passes that of −x, which takes a comparison of signs.
+The direction at an output determines an angle up to whole turns. The rate there determines them only if it changes
+little between outputs, unlike that of a pendulum that swings between two outputs. From step to step a body rotates by
+less than half a turn: a whole turn is counted when its direction passes that of −x, which needs a comparison of signs.
 """
 
 from typing import NamedTuple

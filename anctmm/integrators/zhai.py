@@ -3,8 +3,8 @@
     q_{n+1} = q_n + v_n Δt + (½ + ψ) a_n Δt² − ψ a_{n−1} Δt²
     v_{n+1} = v_n + (1 + φ) a_n Δt − φ a_{n−1} Δt,     a_{−1} = a_0.
 
-Coordinates that are known are known at all three levels, so nothing drifts. Damping forces are those of the velocities
-v_n: with ψ = φ = ½ both lines stay of second order (the second is the method of Adams and Bashforth).
+Prescribed coordinates are prescribed at all three levels, so nothing drifts. Damping forces are those of the velocities
+v_n: with ψ = φ = ½ both formulas remain of second order (the second is the Adams–Bashforth method).
 """
 
 from contextlib import ExitStack, nullcontext
@@ -295,7 +295,7 @@ def _diverged(chain: Chain, step: int, q: Array, limit: float, stuck: Status | N
     return Status(
         "diverged",
         f"the motion diverged at t = {t:.6g} s (step {step}) in {part(body, element)}; "
-        f"a smaller dt than {chain.run.dt:g} s may do{why}",
+        f"a smaller dt than {chain.run.dt:g} s may help{why}",
         time=t,
         step=step,
         body=body,

@@ -105,7 +105,7 @@ class Compiling:
                 except OSError:  # another process has said it
                     return
             sys.stderr.write(
-                f"anctmm: compiling {name} and other kernels for this kind of scene; they are kept, and the next run "
+                f"anctmm: compiling {name} and other kernels for this kind of scene; they are stored, and the next run "
                 f"starts at once …\n"
             )
 

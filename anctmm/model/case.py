@@ -1,4 +1,4 @@
-"""A scene with what a study needs to know about it."""
+"""A scene with the data that studies need: probes, length and output interval."""
 
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ LONGEST_NOTE = 10_000
 
 @dataclass(frozen=True)
 class Case:
-    """A scene, where its motion is looked at, and for how long.
+    """A scene with its probes and the length of its motion.
 
-    A case names no mesh, step or solver: studies choose them, and say how far their results can be trusted.
+    A case names no mesh, step or solver: studies choose them, and estimate the uncertainty of their results.
 
     Parameters
     ----------
@@ -31,12 +31,11 @@ class Case:
         One or more places of the scene, whose motion is compared: "name.start", "name.end", ("name", fraction) of a
         beam, "name.point" of a rigid body.
     t_end : float or None
-        Length of the motion, s; None asks for the static equilibrium under the whole load instead.
+        Length of the motion, s; None: the static equilibrium under the full load.
     output_dt : float, optional
-        Interval of the compared histories, s, of which `t_end` is a whole number; the hundredth part of the motion
-        without it.
+        Interval of the compared histories, s; `t_end` is a whole number of it. Default: a hundredth of the motion.
     note : str
-        Shown wherever results are shown: what the scene is, what was assumed.
+        Shown with all results: what the scene is, what was assumed.
 
     Raises
     ------

@@ -40,17 +40,17 @@ class Spring(ConnectorKind):
     damping : float
         N s/m.
     length : float or callable, optional
-        Free length, m; the distance in the reference without it; t (s) → (l, l') in m, m/s of a driven one.
+        Free length, m, or t (s) → (l, l') in m, m/s. Default: the distance in the reference configuration.
     law : callable, optional
         (elongation (m), rate (m/s), t (s)) → tension (N), in place of stiffness, damping and preload; the elongation is
-        the distance less the free length. It is compiled, and must be a plain function of what numba knows.
+        the distance less the free length. A plain function that numba can compile.
     preload : float
         Tension at the free length, N.
 
     Raises
     ------
     PropertyError
-        If a value is of another kind or out of its range, or nothing is given that makes a force.
+        If a value is of another kind or out of its range, or no stiffness, damping, preload or law is given.
     """
 
     first: Written
@@ -97,29 +97,29 @@ class Spring(ConnectorKind):
 @final
 @dataclass(frozen=True)
 class RotationalSpring(ConnectorKind):
-    """A spring and damper that works against the turn of one place against another, or against the ground.
+    """A rotational spring and damper between two places, or between a place and the ground.
 
     Parameters
     ----------
     first : place
     second : place, optional
-        The angle is that of `second` less that of `first` since t = 0, continuous; without it that of `first`.
+        The angle is that of `second` less that of `first` since t = 0, with whole turns. Default: that of `first`.
     stiffness : float
         N m/rad.
     damping : float
         N m s/rad.
     angle : float or callable
-        At which it is free, rad; t (s) → (φ, φ') in rad, rad/s of a driven one.
+        Free angle, rad, or t (s) → (φ, φ') in rad, rad/s.
     law : callable, optional
-        (angle less the free one (rad), rate (rad/s), t (s)) → moment (N m) that works against the angle, in place of
-        stiffness, damping and preload. It is compiled, and must be a plain function of what numba knows.
+        (angle less the free angle (rad), rate (rad/s), t (s)) → moment (N m) against the angle, instead of stiffness,
+        damping and preload. A plain function that numba can compile.
     preload : float
         Moment at the free angle, N m.
 
     Raises
     ------
     PropertyError
-        If a value is of another kind or out of its range, or nothing is given that makes a moment.
+        If a value is of another kind or out of its range, or no stiffness, damping, preload or law is given.
     """
 
     first: Written
@@ -236,8 +236,8 @@ def _check_apart(connector: Connector, first: Place, second: Place | Point | Non
         raise RepeatedJointError(f"{name_of(connector)} names one place twice; two places are needed")
     if isinstance(first.body, RigidBody) and first.body.name == second.body.name:
         raise RepeatedJointError(
-            f"{name_of(connector)} acts between points of one rigid body, which do not move against each other; places "
-            f"of two bodies are needed"
+            f"{name_of(connector)} acts between points of one rigid body, which do not move relative to each other; "
+            f"places of two bodies are needed"
         )
 
 

@@ -1,4 +1,4 @@
-"""Joints: what holds places of bodies together, or to the ground, and lines on which places move."""
+"""Joints: connections of places of bodies with each other or with the ground, and guides along lines."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -26,11 +26,12 @@ class Pin(JointKind):
     Parameters
     ----------
     *places : place
-        One or more. A place may be in several joints, as long as none repeats what others hold already.
+        One or more; one place alone is pinned to the ground. A place may be in several joints, if no joint repeats a
+        constraint of the others.
     grounded : bool
-        Whether a hinge of several places is held, as by a support.
+        Whether several places are also pinned to the ground, as by a support.
     ends : iterable of place, optional
-        The places as one argument, as `dataclasses.replace` gives them; then none stands before it.
+        The places as one argument, as `dataclasses.replace` passes them; then `places` must be empty.
     """
 
     holds_direction, on_line = False, False
@@ -47,19 +48,20 @@ class Pin(JointKind):
 @final
 @dataclass(frozen=True, init=False)
 class Weld(JointKind):
-    """Rigid connection of places: positions and directions, at the angles they have in the reference.
+    """Rigid connection of positions and directions of places, at their angles in the reference configuration.
 
     Parameters
     ----------
     *places : place
-        Two or more. A place may be in several joints, as long as none repeats what others hold already.
+        Two or more. A place may be in several joints, if no joint repeats a constraint of the others.
     grounded : bool
-        Whether its place is pinned to the ground, as where a continuous beam passes over a support.
+        Whether the place is also pinned to the ground, as where a continuous beam passes over a support.
     angle : callable, optional
-        Of two places: t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², by which the second turns against the first, a driven
-        hinge; θ(0) = 0.
+        A driven hinge of two places: t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², the rotation of the second relative to
+        the first; θ(0) = 0.
     stretch : str
-        "held": beams share all gradients, and so the stretch; "free": directions alone, each end has its own stretch.
+        "held": beams share whole gradients, and therefore their stretch; "free": they share directions only, and each
+        end has its own stretch.
     ends : iterable of place, optional
         As of `Pin`.
     """
@@ -86,7 +88,7 @@ class Weld(JointKind):
         if angle is not None and len(self.ends) != 2:
             raise PropertyError(
                 f"weld of {shown(self.ends)} has an angle and {len(self.ends)} place(s); two are needed: "
-                f"the second turns against the first"
+                f"the second rotates relative to the first"
             )
 
     def __repr__(self) -> str:
@@ -98,16 +100,16 @@ class Weld(JointKind):
 @final
 @dataclass(frozen=True)
 class Clamp(JointKind):
-    """A place fixed to the ground, or to a support there that turns: a driven clamp.
+    """A place clamped to the ground, fixed or rotated by a drive (a driven clamp).
 
     Parameters
     ----------
     end : place
     angle : callable, optional
-        t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², from the reference direction, θ(0) = 0; fixed without it.
+        t (s) → (θ, θ', θ'') in rad, rad/s, rad/s², from the reference direction, θ(0) = 0. Default: fixed.
     stretch : str
-        "held": all gradients of a beam, and so its stretch, are those of the reference, turned; "free": the direction
-        alone, so that the beam is stretched at the clamp as beside it.
+        "held": the whole gradient of a beam, and therefore its stretch, is that of the reference, rotated; "free": only
+        the direction is prescribed, so that the beam can stretch at the clamp.
     """
 
     holds_direction, on_line = True, False
@@ -176,17 +178,17 @@ class _LineGuide(JointKind):
 @final
 @dataclass(frozen=True, init=False)  # that of both kinds
 class Slider(_LineGuide):
-    """A place that moves on a straight line through its reference place, and is free to turn.
+    """A place that moves on a straight line through its reference position, and is free to rotate.
 
     Parameters
     ----------
     place : place
     direction : (float, float)
-        Of the line in the reference, of any length; kept as a unit vector.
+        Of the line in the reference, of any length; stored as a unit vector.
     body : str, optional
-        The rigid body in which the line is fixed, with which it moves and turns; the ground without it.
+        The rigid body in which the line is fixed, and with which it moves. Default: the ground.
     position : callable, optional
-        t (s) → (s, s', s'') in m, m/s, m/s² along the line from the reference place, s(0) = 0: driven; free without it.
+        Drive along the line: t (s) → (s, s', s'') in m, m/s, m/s² from the reference position, s(0) = 0. Default: free.
 
     Raises
     ------
@@ -200,7 +202,7 @@ class Slider(_LineGuide):
 @final
 @dataclass(frozen=True, init=False)  # that of both kinds
 class Prismatic(_LineGuide):
-    """A place that moves on a straight line through its reference place, and does not turn against it.
+    """A place that moves on a straight line through its reference position, and cannot rotate relative to it.
 
     Parameters and errors are those of `Slider`.
     """

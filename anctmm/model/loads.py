@@ -26,7 +26,8 @@ class Force(LoadKind):
     end : place
     value : (float, float) or callable
     follower : bool
-        Whether it turns with the place: components are then those in the reference. A dead force without it.
+        Whether the force rotates with the place; its components are then those in the reference configuration.
+        Default: a dead force.
     """
 
     end: Written

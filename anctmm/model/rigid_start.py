@@ -19,17 +19,17 @@ Array = NDArray[np.float64]
 
 
 def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
-    """The scene with initial velocities that fit its joints and drives, each body moving as a rigid one.
+    """The scene with initial velocities of rigid motions that satisfy its joints and drives.
 
-    A driven clamp that turns at t = 0 sets what it holds in motion. Where joints leave freedom, the kinetic energy is
-    the least, as after a sudden start. Velocities that bodies had are replaced.
+    A driven clamp that rotates at t = 0 sets the bodies that it holds in motion. If the joints leave some freedom, the
+    kinetic energy is the smallest possible, as after a sudden start. Previous velocities of the bodies are replaced.
 
     Parameters
     ----------
     scene : Scene, optional
     **parts
-        What `Scene` takes, name, bodies, joints and so on, in place of a scene: one whose bodies do not move yet as its
-        joints and drives do is refused by `Scene`.
+        The arguments of `Scene` (name, bodies, joints, …) instead of a scene: `Scene` refuses rigid bodies whose
+        velocities do not satisfy joints and drives.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     Raises
     ------
     JointGapError
-        If bodies would have to bend at once.
+        If no rigid motions satisfy them.
     SceneError
         If a scene is given beside parts of one.
 
@@ -64,8 +64,8 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     missed = float(np.abs(rows @ motion - rates).max(initial=0.0))
     if missed > EQUAL * float(np.abs(rates).max(initial=0.0)):
         raise JointGapError(
-            f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: {missed:.3g} m/s "
-            f"are missed; bodies that bend need velocities of their own"
+            f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: the best "
+            f"are off by {missed:.3g} m/s; flexible bodies need velocities of their own"
         )
     motions = motion.reshape(-1, 3).tolist()
     bodies = tuple(

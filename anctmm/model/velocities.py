@@ -19,18 +19,18 @@ FINEST = 1e-12
 
 @dataclass(frozen=True)
 class RigidVelocity:
-    """Velocity of a straight body that moves as a rigid one, for `Beam(velocity=...)`.
+    """Velocity field of a rigid motion, for `Beam(velocity=...)`.
 
     Parameters
     ----------
     start, end : (float, float)
         Of the body, m.
     center : (float, float)
-        A point of the plane, m, that the body turns about,
+        Reference point of the rotation, m.
     spin : float
-        at this rate, rad/s,
+        Angular velocity, rad/s.
     velocity : (float, float)
-        while it moves with this velocity, m/s.
+        Velocity of the reference point, m/s.
 
     Raises
     ------

@@ -71,7 +71,8 @@ def _of_load(
                 solution,
                 float(ends[0]),
                 f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s; its impulse there is "
-                f"{_said(true)} {unit}, of which steps of {run.exact_dt:g} s see {_said(seen)}; {_advice(times, run)}",
+                f"{_said(true)} {unit}, of which steps of {run.exact_dt:g} s include {_said(seen)}; "
+                f"{_advice(times, run)}",
             )
             return
 
@@ -100,7 +101,7 @@ def _of_drive(drive: Drive, solution: Solution, run: Discretisation) -> Iterator
                 solution,
                 float(ends[0]),
                 f"{name}: it breaks within the step from t = {float(ends[0]):.6g} s and {moves} there by {off:.3g} "
-                f"{unit} that steps of {run.exact_dt:g} s do not see; {_advice(times, run)}",
+                f"{unit}, which steps of {run.exact_dt:g} s do not include; {_advice(times, run)}",
             )
             return
 
@@ -132,4 +133,4 @@ def _said(values: Array) -> str:
 
 def _advice(times: list[float], run: Discretisation) -> str:
     apart = float(np.diff(times).min()) if len(times) > 1 else run.exact_dt
-    return f"a dt below {0.1 * apart:.2g} s may do, or steps that end at its breaks, or `tolerance`"
+    return f"a dt below {0.1 * apart:.2g} s may help, or steps that end at its breaks, or `tolerance`"

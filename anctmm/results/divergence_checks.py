@@ -177,9 +177,9 @@ def _message(wild: bool, body: str, element: int) -> str:
     if wild:
         return (
             f"gradients grew beyond {STRETCH_LIMIT:g} by {{when}} in {part(body, element)}; "
-            f"a smaller dt or smaller loads may do"
+            f"a smaller dt or smaller loads may help"
         )
     return (
         f"{part(body, element)} is turned inside out at {{when}}; "
-        f"a finer mesh, a smaller dt or smaller loads may do"
+        f"a finer mesh, a smaller dt or smaller loads may help"
     )

@@ -120,8 +120,8 @@ def _jumps(drive: Drive, end: float) -> tuple[float, str] | None:
             return None
         times, table = times[k : k + 2], table[k : k + 2]
     return float(times[1]), (
-        f"{name}: it jumps by {table[1, 0] - table[0, 0]:.6g} {unit} at t = {times[1]:.6g} s, and no step follows "
-        f"that; a drive that gets there in some time is needed, such as anctmm.Quintic"
+        f"{name}: it jumps by {table[1, 0] - table[0, 0]:.6g} {unit} at t = {times[1]:.6g} s, which no step can "
+        f"follow; a drive that takes some time is needed, such as anctmm.Quintic"
     )
 
 

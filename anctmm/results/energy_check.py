@@ -195,7 +195,7 @@ def _finding(solution: Solution, k: int, code: str) -> Finding:
     worst = "" if body is None else f", worst in {part(body, element)}"
     balance, present = float(energy.balance[k]), float(all_energy(energy)[: k + 1].max())
     share = "nearly all energy" if code == "diverged" else "much of the energy"
-    verb = "came from nowhere" if balance > 0.0 else "vanished"
+    verb = "was created by numerical error" if balance > 0.0 else "vanished"
     advice = _advice(run) if balance > 0.0 or run.explicit else _advice_on_dissipation(run)
     return Finding(
         k,
@@ -211,11 +211,11 @@ def _advice(run: Discretisation) -> str:
     if run.explicit:
         return (
             f"an explicit step is above the stability limit, which deformation lowers, or too long for the motion; "
-            f"a smaller dt than {run.dt:g} s may do"
+            f"a smaller dt than {run.dt:g} s may help"
         )
     if run.tolerance is not None:
-        return f"the steps are too long for the motion; a tolerance below {run.tolerance:g} may do"
-    smaller = f"a smaller dt than {run.dt:g} s may do"
+        return f"the steps are too long for the motion; a tolerance below {run.tolerance:g} may help"
+    smaller = f"a smaller dt than {run.dt:g} s may help"
     if isinstance(run.method, GeneralizedAlpha) and run.spectral_radius > DAMPED:
         return (
             f"the steps are too long for the motion, or, with a spectral_radius of {run.spectral_radius:g}, errors of "
@@ -233,15 +233,13 @@ def _keeps_energy(run: Discretisation) -> bool:
 def _advice_on_dissipation(run: Discretisation) -> str:
     """Why energy may vanish, and what to try."""
     if not isinstance(run.method, GeneralizedAlpha):
-        return f"the method takes what the steps do not resolve; a smaller dt than {run.dt:g} s may do"
+        return f"the method removes motions that the steps do not resolve; a smaller dt than {run.dt:g} s may help"
     if _keeps_energy(run):
         return _advice(run)
-    taken = (
-        f"numerical dissipation (spectral_radius {run.spectral_radius:g}) takes what the steps do not resolve"
-    )
+    taken = f"numerical dissipation (spectral_radius {run.spectral_radius:g}) removes what the steps do not resolve"
     if run.tolerance is not None:
-        return f"{taken}; a tolerance below {run.tolerance:g} or a larger spectral_radius may do"
-    return f"{taken}; a smaller dt than {run.dt:g} s or a larger spectral_radius may do"
+        return f"{taken}; a tolerance below {run.tolerance:g} or a larger spectral_radius may help"
+    return f"{taken}; a smaller dt than {run.dt:g} s or a larger spectral_radius may help"
 
 
 def _exchangeable(solution: Solution) -> float:

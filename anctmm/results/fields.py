@@ -450,7 +450,5 @@ def _first(series: Array | None, outputs: int) -> Array | None:
 
 def _known(series: Array | None, what: str = "velocities") -> Array:
     if series is None:
-        raise ResultError(
-            f"{what} are not part of this solution: its solver keeps none, or it is a static one"
-        )
+        raise ResultError(f"{what} are not part of this solution: its solver stores none, or it is static")
     return series

@@ -75,8 +75,8 @@ def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
                 solution.t.size - 1,
                 "imprecise",
                 f"{_digits(part)} of the displacements can be trusted at {{when}}: positions {reach:.2g} m from the "
-                f"origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps; a scene "
-                f"nearer to the origin has its digits",
+                f"origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps; place "
+                f"the scene closer to the origin",
             )
     yield from _too_stiff(solution, max(reach, length), moved)
 
@@ -97,8 +97,8 @@ def _too_stiff(solution: Solution, reach: float, moved: float) -> Iterator[Findi
             solution.t.size - 1,
             "imprecise",
             f"{_digits(part)} of the displacements can be trusted at {{when}}: rounding of positions makes forces of "
-            f"{noise:.1e} N in body {stiffest!r}, which is too stiff beside the forces that act; a smaller E or a "
-            f"rigid body has more digits",
+            f"{noise:.1e} N in body {stiffest!r}, which is too stiff for the forces that act; a smaller E or a "
+            f"rigid body gives more digits",
             stiffest,
         )
 

@@ -1,4 +1,4 @@
-"""What every solver answers with: times, fields over the bodies, energies, cost and status."""
+"""The result of every solver: times, fields over the bodies, energies, cost and status."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
@@ -44,9 +44,19 @@ Fractions = float | str | Sequence[float] | Array
 class Energy:
     """Energies at the output times, J, each (n,); NaN where a solver does not give one.
 
-    kinetic + strain + potential − work is constant in the exact motion. `strain` is that of bodies and springs,
-    `potential` that of gravity and of constant forces, zero in the undeformed scene; `work` is what drives, torques,
-    laws and forces that vary in time or turn with their place have done, less what damping took.
+    kinetic + strain + potential − work is constant in the exact motion.
+
+    Parameters
+    ----------
+    kinetic : ndarray
+        Of all bodies.
+    strain : ndarray
+        Of bodies and springs.
+    potential : ndarray
+        Of gravity and of constant forces; zero in the undeformed scene.
+    work : ndarray
+        Done by drives, torques, laws, and forces that vary in time or follow their place, less the energy
+        dissipated by damping.
     """
 
     kinetic: Array
@@ -61,14 +71,14 @@ class Energy:
 
     @property
     def balance(self) -> Array:
-        """Energy that appeared from nowhere since t = 0, J, (n,): zero in the exact motion."""
+        """Numerical error of the energy since t = 0, J, (n,): zero in the exact motion, positive if energy appeared."""
         total = self.kinetic + self.strain + self.potential - self.work
         return total - total[:1]
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a run cost.
+    """Cost of a run.
 
     Parameters
     ----------
@@ -76,9 +86,9 @@ class Cost:
         Processor and wall time of the steps, s.
     steps, newton_iterations, factorizations : int
     build_s : float
-        Processor time of all else that the call did, s: building the system before the steps, the answer after them.
+        Processor time of the rest of the call, s: building the system before the steps, the solution after them.
     compile_s : float
-        Processor time that the compiler took, s; it is in none of the others.
+        Processor time of the compiler, s; not included in the others.
     """
 
     cpu_s: float = float("nan")
@@ -97,16 +107,24 @@ class Status:
     Parameters
     ----------
     code : str
-        "ok": nothing known speaks against the answer. "diverged", "failed" or "interrupted": what was computed until
-        then is kept.
-        "inaccurate": the run is whole, but more than a tenth of its energy came from nowhere, or its fixed steps miss
-        more than a tenth of a load or a drive that states its breaks, or the rate or acceleration that a drive gives
-        is no derivative. "imprecise": it is whole, but rounding leaves fewer digits than it should; the message says
-        how many. "unsupported": nothing was done.
+        "ok"
+            No check found anything wrong with the answer.
+        "diverged", "failed", "interrupted"
+            The run ended early; the solution has the history until then.
+        "inaccurate"
+            The history is complete, but more than a tenth of its energy was created by numerical error, or numerical
+            dissipation removed too much of it, or fixed steps miss more than a tenth of a load or a drive that states
+            its breaks, or the rate or acceleration of a drive is not the derivative of its value.
+        "imprecise"
+            The history is complete, but rounding leaves too few digits; the message says how many.
+        "unstable", "singular"
+            Of equilibria: not stable, or at the limit of stability.
+        "unsupported"
+            The solver lacks a feature that the scene needs; nothing was computed.
     message : str
         Why, and what to try.
     time : float, optional
-        s, of the first step that failed.
+        Of the first step that failed, s; of equilibria the load factor.
     step : int, optional
     body : str, optional
     element : int, optional
@@ -125,7 +143,7 @@ class Status:
 
     @property
     def ok(self) -> bool:
-        """Whether the run is whole."""
+        """Whether the code is "ok"."""
         return self.code == "ok"
 
     def __str__(self) -> str:
@@ -224,19 +242,32 @@ class Solution:
         return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), 2)
 
     def angle(self, place: Probe, fraction: Fractions | None = None) -> Array:
-        """Angles that sections have turned by since the first output, (n,), rad, counter-clockwise; of k fractions
-        (n, k). Parameters as of `position`; of a rigid body its name is enough.
+        """Angles by which sections have rotated since the first output, counter-clockwise.
 
-        A section is turned by what a torque turns there: the tangent of a cable's axis, r_y of a shear element. The
-        angle is continuous, whole turns included, however few outputs there are, along beams and from one body to what
-        is clamped or welded to it, or driven. Turns of what is free to turn are counted in the steps of ANC-TMM and of
-        the global DAE. Of other solvers it is followed by its velocities: there outputs must be less than half a turn
-        apart, or its rate change little between them. See `anctmm.results.whole_turns`.
+        The direction of a section is the one on which a torque acts: the tangent of a cable's axis, r_y of a shear
+        element. Angles include whole turns.
+
+        Parameters
+        ----------
+        place, fraction
+            As of `position`; for a rigid body its name is enough.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            rad; of k fractions (n, k).
+
+        Notes
+        -----
+        Along beams, and between bodies that are clamped, welded or driven, whole turns are found at each output. Of
+        bodies that are free to rotate, ANC-TMM and the global DAE count them at each step. For the other solvers they
+        are derived from angular velocities at the outputs, which must be less than half a turn apart unless the rate
+        changes little between them. See `anctmm.results.whole_turns`.
 
         Raises
         ------
         ResultError
-            If the solver keeps no angles, or the place is that of a point mass, which has none.
+            If the solver stores no angles, or the place is that of a point mass, which has none.
         """
         turning = self._turning(place, fraction)
         known = self.whole_turns
@@ -250,9 +281,20 @@ class Solution:
         return self._each(turning, fraction, lambda name, at: self._moving(name).spin(at), turns=True)
 
     def section_force(self, place: Probe, fraction: Fractions | None = None) -> Array:
-        """N, Q, M of the part of a beam beyond a section on the part before it, (n, 3), N, N, N m; of k fractions
-        (n, k, 3). Along the tangent, along the normal (the tangent turned by +90°), counter-clockwise: see
-        `anctmm.results.internal_forces.section_forces`. Parameters as of `position`.
+        """Section forces N, Q, M: those of the part of a beam beyond a section on the part before it.
+
+        N acts along the tangent, Q along the normal (the tangent rotated by +90°), M counter-clockwise: see
+        `anctmm.results.internal_forces.section_forces`.
+
+        Parameters
+        ----------
+        place, fraction
+            As of `position`.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            N, N, N m; of k fractions (n, k, 3).
 
         Raises
         ------
@@ -269,8 +311,10 @@ class Solution:
         return section_force(self, name, float(at))
 
     def reaction(self, joint: JointKind) -> Array:
-        """What a joint exerts on its first place, in fixed axes, (n, 3), N, N, N m: of a driven clamp the last one is
-        the torque of its drive. See `anctmm.results.internal_forces.reactions.reaction`.
+        """Force and moment of a joint on its first place, in fixed axes, (n, 3), N, N, N m.
+
+        For a driven clamp the moment is the torque of its drive. See
+        `anctmm.results.internal_forces.reactions.reaction`.
         """
         return reaction(self, cast(Joint, joint))
 

@@ -33,7 +33,7 @@ def unstable(
         Whether motions grow that swing to and fro.
     """
     count = "1 negative eigenvalue" if negative == 1 else f"{negative} negative eigenvalues"
-    why = "small motions grow, to and fro (flutter)" if flutter else f"the tangent stiffness has {count}"
+    why = "small oscillations grow (flutter)" if flutter else f"the tangent stiffness has {count}"
     before = f"; at {stable_until:.6g} it was stable" if stable_until > 0.0 else ""
     return Status(
         "unstable",

@@ -154,7 +154,7 @@ def flaw(scene: Scene, answer: object, *, growing: bool = True) -> str:
     if not len(t):
         return "no times and the status ok; a reason is needed" if answer.status.ok else ""
     if growing and (np.diff(t) <= 0.0).any():
-        return "times that do not grow"
+        return "times that do not increase"
     for body in scene.bodies:
         if body.name not in answer.fields:
             return f"no field of body {body.name!r}; one for every body is needed"

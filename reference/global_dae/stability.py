@@ -126,5 +126,5 @@ def check_step(model: Model) -> None:
     if run.dt > largest * (1.0 + 1e-9):
         raise StabilityError(
             f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "
-            f"{model.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
+            f"{model.scene.name!r} as discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
         )

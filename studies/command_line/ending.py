@@ -32,10 +32,10 @@ class Code(IntEnum):
 
 #: For the end of `anctmm --help`.
 CODES = (
-    "Exit codes: 0 done, and all is well; 1 a history differs, a rule is broken, an error is not reached, or a single "
-    "run fails; "
-    "2 an option, a file or a directory cannot be used; 3 a fault of anctmm itself (ANCTMM_TRACEBACK=1 shows where); "
-    "4 nothing was compared, or not with each solver of `run`, as what it needs is not installed; 130 interrupted; "
+    "Exit codes: 0 success; 1 a history differs, a rule is violated, a target error is not reached, or a single "
+    "run fails; 2 an option, a file or a directory cannot be used; 3 an internal error of anctmm "
+    "(ANCTMM_TRACEBACK=1 shows where); "
+    "4 nothing was compared, or not with each solver of `run`, because a solver is not installed; 130 interrupted; "
     "141 the output was closed early."
 )
 
@@ -98,11 +98,12 @@ def end_with(error: BaseException, done: bool = False) -> NoReturn:
     match code:
         case Code.FAULT:
             traceback.print_exception(error) if os.environ.get(TRACEBACK) else None
-            told = f"a fault of anctmm: {type(error).__name__}: {told} ({TRACEBACK}=1 shows where; please report it)"
+            hint = f"{TRACEBACK}=1 shows where; please report it"
+            told = f"internal error of anctmm: {type(error).__name__}: {told} ({hint})"
         case Code.INTERRUPTED:
             told = "interrupted"
         case _ if isinstance(error, SystemExit):
-            told = f"code of a plug-in or of a scene calls sys.exit({error.code!r}): nothing was done"
+            told = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
         case _:
             pass
     with suppress(OSError):

@@ -152,13 +152,13 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
         except KeyboardInterrupt:
             progress.stop()
             again = shlex.join(["anctmm", *sys.argv[1:]])
-            kept = (
-                f"Finished runs ({runner.computed} of this session) are kept in {cache}; go on with: {again}"
-            )
+            kept = f"Finished runs ({runner.computed} of this session) are stored in {cache}; continue with: {again}"
             if runner.forgotten:
-                kept += f". {runner.forgotten} runs of scenes with functions or classes of yours are not kept"
+                kept += (
+                    f". {runner.forgotten} runs of scenes with your own functions or classes are not stored"
+                )
             if cache is None:
-                kept = "Nothing is kept, for no directory could be written."
+                kept = "Nothing is stored, because no directory can be written to."
             say(console, f"Interrupted. {kept}")
             raise typer.Exit(Code.INTERRUPTED) from None
 

@@ -191,13 +191,13 @@ def samples(s: Subject) -> Measure:
     found = s.motion(cantilever(), **asked)
     if np.shape(found.t) != wanted.shape:
         raise BrokenRule(
-            f"{np.size(found.t)} outputs of shape {np.shape(found.t)}; {wanted.shape} are asked for"
+            f"{np.size(found.t)} outputs of shape {np.shape(found.t)}; {wanted.shape} are needed"
         )
     for fraction in FRACTIONS:
         shape = np.shape(found.position("bar", fraction))
         if shape != (len(wanted), 2):
             raise BrokenRule(
-                f"positions at fraction {fraction} have the shape {shape}; {(len(wanted), 2)} is asked for"
+                f"positions at fraction {fraction} have the shape {shape}; {(len(wanted), 2)} is needed"
             )
     return Measure(float(np.abs(found.t - wanted).max() / wanted[-1]), 1e-9, "of t_end")
 
@@ -278,7 +278,7 @@ def refuses_what_does_not_fit(s: Subject) -> str:
         if "nobody" not in str(error):
             raise BrokenRule(f"{type(error).__name__} does not name 'nobody': {error}") from None
         return type(error).__name__
-    raise BrokenRule(f"answered with status {found.status}; an error of anctmm.errors is asked for")
+    raise BrokenRule(f"answered with status {found.status}; an error of anctmm.errors is needed")
 
 
 def tells_divergence(s: Subject) -> str:
@@ -292,13 +292,15 @@ def tells_divergence(s: Subject) -> str:
     asked = run.times(run.output_steps)
     n, status = len(found.t), found.status
     if status.code not in ("diverged", "failed"):
-        raise BrokenRule(f"status {status}; 'diverged' or 'failed' is asked for")
+        raise BrokenRule(f"status {status}; 'diverged' or 'failed' is needed")
     if not status.message or status.time is None:
-        raise BrokenRule(f"status {status.code!r} tells {status.message!r} and the time {status.time!r}")
+        raise BrokenRule(
+            f"status {status.code!r} has message {status.message!r} and time {status.time!r}; both are needed"
+        )
     if not 1 <= n < len(asked) or not np.allclose(found.t, asked[:n], rtol=1e-9, atol=1e-12):
-        raise BrokenRule(f"{n} of {len(asked)} outputs kept; those before the failure are asked for")
+        raise BrokenRule(f"{n} of {len(asked)} outputs are stored; those before the failure are needed")
     if not all(np.isfinite(found.position("bar", f)).all() for f in FRACTIONS):
-        raise BrokenRule("the history kept is not finite")
+        raise BrokenRule("the stored history is not finite")
     return f"{status.code} at {status.time:.3g} s, {n} outputs kept"
 
 
@@ -428,33 +430,38 @@ def tells_stability(s: Subject) -> str:
         column = Scene("column", (bar(),), (Clamp("bar.start"),), loads)
         status = s.static(column, mesh=8, element=s.element, quadrature="full").status
         if status.code != wanted:
-            raise BrokenRule(f"status {status} at {factor} times Euler's load; {wanted!r} is asked for")
+            raise BrokenRule(f"status {status} at {factor} times Euler's load; {wanted!r} is needed")
     return "ok at 0.7, unstable at 1.5 times Euler's load"
 
 
 RULES = (
-    Rule(SIGNATURE, "it is called as all solvers are", called_as_asked),
-    Rule("answer", "a whole Solution of the scene, with its cost", answers),
-    Rule("sampling", "the times asked for, first and last included", samples),
+    Rule(SIGNATURE, "it has the signature of all solvers", called_as_asked),
+    Rule("answer", "a complete Solution of the scene, with its cost", answers),
+    Rule("sampling", "the requested times, first and last included", samples),
     Rule("beginning", "the first output is the scene as given", begins_undeformed),
     Rule("units: m, s", "a free bar falls by g t²/2", falls_freely),
     Rule("units: Pa, kg", "a small swing is that of its first two modes", swings_in_time),
-    Rule("energy", "none comes from nowhere", keeps_energy, ("energy",)),
-    Rule("rigid motion", "turned and moved scenes have such histories", turns),
+    Rule("energy", "none is created or lost", keeps_energy, ("energy",)),
+    Rule("rigid motion", "rotated and moved scenes have histories rotated and moved alike", turns),
     Rule("determinism", "the same again", repeats),
-    Rule("input", "scene and discretisation are left alone", leaves_input_alone),
+    Rule("input", "scene and discretisation are not changed", leaves_input_alone),
     Rule("bad options", "a mesh that does not fit is an error naming it", refuses_what_does_not_fit),
-    Rule("failure", "divergence: named status, history kept", tells_divergence),
-    Rule("limits", "what it lacks it refuses by name", refuses_what_it_lacks),
-    Rule("integrators", "both make one motion", integrators_agree, ("zhai", "generalized-alpha")),
-    Rule("high order", "the order of steps shows", order_is_high, ("esdirk",)),
+    Rule("failure", "divergence: a status that says so, and the history until then", tells_divergence),
+    Rule("limits", "it refuses by name what it lacks", refuses_what_it_lacks),
+    Rule(
+        "integrators",
+        "both integrators give the same motion",
+        integrators_agree,
+        ("zhai", "generalized-alpha"),
+    ),
+    Rule("high order", "the order of the steps is observed", order_is_high, ("esdirk",)),
     Rule("joints", "pinned ends stay together", joints_hold, ("joints",)),
     Rule("branches", "three ends at one place stay together", branches_hold, ("branches",)),
     Rule("loops", "a swinging triangle stays closed", loops_hold, ("loops",)),
-    Rule("drives", "a turning clamp takes the bar along", drives_drive, ("drives",)),
+    Rule("drives", "a turning clamp rotates the bar", drives_drive, ("drives",)),
     Rule("varying loads", "a growing force moves the mass centre", loads_vary, ("varying-loads",)),
     Rule("statics", "32 elements against the exact rod", rests_exactly, ("statics",)),
-    Rule("convergence", "8 → 32 elements gain", gains_by_elements, ("statics",)),
+    Rule("convergence", "32 elements are more accurate than 8", gains_by_elements, ("statics",)),
     Rule("load factors", "statics go from 0 to 1", loads_grow, ("statics",)),
     Rule("stability", "a column is unstable above Euler's load", tells_stability, ("statics", "stability")),
 )

@@ -18,7 +18,7 @@ def answers(found: Iterable[Refined]) -> tuple[Answer, ...]:
 def _of(found: Refined) -> list[Answer]:
     name = found.levels.case.name
     if not found.solution.status.ok:
-        return [Answer(f"{name}: how many digits hold?", "none", f"{found.reason}.")]
+        return [Answer(f"{name}: how many digits are correct?", "none", f"{found.reason}.")]
     values = values_of(found)
     moved = [v for v in values if v.quantity == "largest displacement"] or values
     told = [_digits(found, max(moved, key=lambda v: abs(v.value)))]
@@ -37,28 +37,30 @@ def _digits(found: Refined, value: Value) -> Answer:
     error = (
         f"estimated error {found.error:.1g} ({', '.join(parts)})"
         if parts
-        else "no mesh or step is to be refined"
+        else "there is no mesh or step to refine"
     )
     short = "" if found.reached else f"; above the target {found.target:g}, as {found.reason}"
-    return Answer(f"{found.levels.case.name}: how many digits hold?", value.text, f"{known}{error}{short}.")
+    return Answer(
+        f"{found.levels.case.name}: how many digits are correct?", value.text, f"{known}{error}{short}."
+    )
 
 
 def _held(value: Value) -> str:
-    """How many digits of a value hold, in words."""
+    """How many digits of a value are correct, in words."""
     match value.digits:
         case None:
             return ""
         case 0:
-            return "No digit holds. "
+            return "No digit is correct. "
         case 1:
-            return "Its first digit holds. "
+            return "Its first digit is correct. "
         case count:
-            return f"Its first {count} digits hold. "
+            return f"Its first {count} digits are correct. "
 
 
 def _force(name: str, forces: Sequence[Value]) -> Answer:
     worst = max(forces, key=lambda v: abs(v.value))
     sure = isfinite(worst.uncertainty) and worst.uncertainty < 0.1 * abs(worst.value)
-    doubt = "" if sure else " No more than its size is known: a smaller --error refines it."
+    doubt = "" if sure else " Only its order of magnitude is known: a smaller --error refines it."
     take = f"{_held(worst)}In {worst.probe}, {worst.quantity.removeprefix('largest force, ')}.{doubt}"
     return Answer(f"{name}: what is the largest force in a joint?", worst.text, take)

@@ -80,7 +80,7 @@ def run(options: Options, runner: Runner) -> Result:
     findings = (*(finding(f) for f in found), *told)
     return Result(
         name="convergence",
-        title="Convergence: which digits hold",
+        title="Convergence: which digits are correct",
         question="How does the error fall with mesh and step, and how far is each value from the exact one?",
         findings=findings,
         assumptions=tuple(dict.fromkeys(a for case in cases for a in assumptions_of(case))),
@@ -158,7 +158,7 @@ def finding(found: Refined) -> str:
         *([f"step {found.step.error:.1g}"] if levels.refines_step else []),
     ])  # fmt: skip
     if not parts:
-        return f"{about}: no mesh or step is to be refined."
+        return f"{about}: there is no mesh or step to refine."
     if not levels.estimates:  # of one mesh, or one step, nothing is known
         given, other = ("mesh", "step") if len(levels.meshes) == 1 else ("step", "mesh")
         parts = f"of the {other} alone; the {given} is the one given"

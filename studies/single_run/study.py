@@ -117,7 +117,7 @@ class SingleRun:
         """What is known of the error, in words."""
         found, levels = self.found, self.found.levels
         if not self.solution.status.ok:
-            return "no error is known of a run that is not whole"
+            return "the error of an incomplete run is not known"
         mesh, step = f"mesh {found.mesh.error:.1g}", f"step {found.step.error:.1g}"
         match levels.refines_mesh, levels.refines_step:
             case True, True:
@@ -128,7 +128,7 @@ class SingleRun:
                 known = "; that of the mesh is not known" if levels.meshes else ""
                 told = f"estimated error of the {step}{known}"
             case _ if not self.case.scene.beams and self.case.static:
-                return "an equilibrium of rigid bodies and masses: no mesh or step is to be refined"
+                return "an equilibrium of rigid bodies and masses: there is no mesh or step to refine"
             case _:
                 return "its error was not estimated, as mesh and step were given; --error does it"
         return told if found.reached else f"{told}: above the target {found.target:g}, as {found.reason}"

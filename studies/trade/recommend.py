@@ -119,7 +119,7 @@ def read(folder: Path) -> Measured:
             )
         if wrong := check_checksum(path):
             raise RecommendError(
-                f"table {path} may be damaged ({wrong}); a whole one of `anctmm study trade` is needed"
+                f"table {path} may be damaged ({wrong}); a complete one of `anctmm study trade` is needed"
             )
     return Measured(**frames, origin=str(folder))
 
@@ -253,7 +253,7 @@ def choose(
     affordable = mine if budget_s is None else mine[mine["cpu_s"] <= budget_s]
     if affordable.empty:
         first = mine.iloc[0]
-        remark = f"nothing measured is that cheap: the cheapest setting takes {first['cpu_s']:.2g} s"
+        remark = f"no measured setting is that cheap: the cheapest one takes {first['cpu_s']:.2g} s"
         return Choice(first.to_dict(), _others(mine.iloc[1:], first), False, (remark,))
     if error is None:
         best = nearest(affordable).iloc[0]
@@ -270,7 +270,7 @@ def _luck(able: pd.DataFrame, error: float) -> tuple[str, ...]:
     both = able["mesh_error"] + able["step_error"] + able["reference_error"]
     if not both.iloc[0] > error:
         return ()
-    said = "its errors of mesh and step cancel in part, which another motion may not repay"
+    said = "its errors of mesh and step cancel in part, which may not happen in another motion"
     safe = able[both <= error]
     if safe.empty:
         return (f"{said}; no measured setting meets {error:g} without",)
@@ -290,7 +290,9 @@ def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[
     ]
     floor = mine["reference_error"].min()
     if error <= floor:
-        said.append(f"{error:g} is below the reference's own uncertainty, {floor:.1g}: no run can promise it")
+        said.append(
+            f"{error:g} is below the reference's own uncertainty, {floor:.1g}: no run can guarantee it"
+        )
     return tuple(said)
 
 

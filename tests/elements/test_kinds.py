@@ -222,7 +222,7 @@ def test_a_kind_without_an_integrator_or_statics_is_refused_there(double, monkey
         for other in set(INTEGRATORS) - set(able):
             with pytest.raises(
                 DiscretisationError,
-                match=f"integrator '{other}' needs .* moves double cables with '{able[0]}'",
+                match=f"integrator '{other}' needs .* has double cables with '{able[0]}'",
             ):
                 at.solve(hinged(), mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
         with pytest.raises(DiscretisationError, match="element is 'double' for body 'a'; statics needs"):

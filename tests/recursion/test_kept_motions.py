@@ -191,7 +191,7 @@ def test_a_linkage_that_locks_is_told_as_by_full_blocks(monkeypatch):
     ours, blocks = marched(scene, **options), in_blocks(monkeypatch, scene, **options)
     assert ours.status.code == blocks.status.code == "failed"
     assert ours.status.step == blocks.status.step
-    assert "leave the bodies no place" in ours.status.message
+    assert "leave the bodies no admissible position" in ours.status.message
     assert "rigid body" in ours.status.message
 
 

@@ -38,7 +38,7 @@ def test_a_scene_that_is_too_far_away_says_so(road, place):
     if found.status == "imprecise":
         assert n == len(here.t)
         assert "digit" in found.status.message
-        assert "nearer to the origin" in found.status.message
+        assert "closer to the origin" in found.status.message
         assert f"t = {found.t[-1]:.6g} s" in found.status.message
 
 

@@ -1,1 +1,1 @@
-"""What meets at junctions: beams cut where joints act, vertices of the graph, constraints, loops that lock."""
+"""Junctions: beams divided at joints, vertices of the graph, constraints, loops that lock."""

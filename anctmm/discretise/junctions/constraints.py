@@ -1,11 +1,11 @@
 """Constraints between kept unknowns, as sums of monomials: Σ c w(t) x_i x_j = 0.
 
-All that joints and bodies ask for beyond linear maps has this form: |t|² = 1 of a rigid body, points of rigid bodies
-that meet, a line in the ground or in a rigid body, a direction. The coefficients depend on time by signals w of the
-drives: the cosine and the sine of an angle, or a position. So values, derivatives in time, the matrix J and its
-derivatives are all found by one small kernel (`anctmm.recursion.rows`).
+All conditions of joints and bodies beyond linear maps have this form: |t|² = 1 of a rigid body, coincident points of
+rigid bodies, a line in the ground or in a rigid body, a direction. Coefficients depend on time by signals w of the
+drives: the cosine and the sine of an angle, or a position. One small kernel (`anctmm.recursion.rows`) therefore
+computes all values, time derivatives, the Jacobian J and its derivatives.
 
-Vectors of the plane are complex numbers here, x + iy, linear in the unknowns.
+Vectors in the plane are complex numbers here, x + iy, linear in the unknowns.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence

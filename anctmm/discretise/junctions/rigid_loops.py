@@ -1,10 +1,10 @@
-"""Loops of rigid bodies in a position that they cannot leave: taut between supports, or folded onto themselves.
+"""Loops of rigid bodies in a singular position: taut between supports, or folded.
 
-Equations of joints between rigid bodies, J u = 0 for motions u, may depend on each other: λᵀJ = 0 with a state of
-self-stress λ. Where joints repeat each other for good (a third crank of a parallelogram, a welded frame) that does no
-harm. Where a motion that J allows parts the joints in second order, λ · J'(u, u) ≠ 0, it cannot be made: the position
-is singular, and accelerations found there are not those of the bodies (second-order test of Connelly and Whiteley 1996,
-DOI 10.1137/S0895480192229236).
+Equations of joints between rigid bodies, J u = 0 for motions u, may be dependent: λᵀJ = 0 with a state of self-stress
+λ. If joints are redundant in every position (a third crank of a parallelogram, a welded frame), this does no harm. If
+a motion that J allows separates the joints in second order, λ · J'(u, u) ≠ 0, the motion is impossible: the position
+is singular, and accelerations computed there are wrong (second-order test of Connelly and Whiteley 1996, DOI
+10.1137/S0895480192229236).
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -137,8 +137,8 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
             strained = (np.abs(stress) @ np.abs(J)).reshape(-1, 3).max(axis=1) > PARTING
             names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
             raise DiscretisationError(
-                f"bodies {listed(names)} are rigid, and their joints hold them taut or folded: they cannot "
-                f"make a motion that is open to them at first; start from another position, or let one of them bend "
+                f"bodies {listed(names)} are rigid, and taut or folded between their joints: a motion that is free to "
+                f"first order is blocked beyond it; start from another position, or make one of them flexible "
                 f"('cable' or 'shear')"
             )
 

@@ -1,7 +1,7 @@
-"""Beams cut into parts where joints act between their ends: the recursion joins bodies at their ends alone.
+"""Beams divided into parts where joints act between their ends, because the recursion joins bodies at ends only.
 
-A node between the ends of a beam is where two parts of it are welded to each other. So a joint there is one of ends,
-and all that follows (plan, recursion, integrators) knows nothing of it; results are those of the whole beam again.
+A node between the ends of a beam becomes a weld of two parts, so a joint there is a joint of ends. The rest of the
+solver (plan, recursion, integrators) needs no special treatment; results are assembled for the whole beam again.
 """
 
 from collections.abc import Iterator, Mapping
@@ -245,8 +245,8 @@ def _nodes(beam: Beam, elements: int, places: Mapping[float, Joint]) -> list[int
         )
         if same is not None:
             raise MeshError(
-                f"{shown(joint)} acts at {Place(beam, fraction)}, whose node is that of {same}; one way of writing "
-                f"a place is needed for all joints there"
+                f"{shown(joint)} acts at {Place(beam, fraction)}, which is the node of {same}; all joints there "
+                f"need the place written in one way"
             )
         found[node] = fraction
     return list(found)
@@ -262,7 +262,7 @@ def _fitting(beam: Beam, places: Mapping[float, Joint]) -> str:
     fitting = counts[whole][:NAMED].tolist()
     if not fitting:
         return f"no mesh up to {SEARCHED} has nodes at {listed(places)} of {beam.name!r}"
-    return f"mesh {', '.join(map(str, fitting))}, … of {beam.name!r} would do"
+    return f"mesh {', '.join(map(str, fitting))}, … of {beam.name!r} can be used"
 
 
 def _unused(name: str, taken: set[str]) -> str:

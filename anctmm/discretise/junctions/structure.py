@@ -1,7 +1,7 @@
-"""Facts of chains that follow from structure and mesh alone, whatever the numbers: found once for all chains alike.
+"""Data of chains that depend on structure and mesh only, not on numbers: computed once for all chains that share them.
 
-Order of elimination, links and what is held follow from the structure of the scene (`anctmm.model.kept.alike`) and from
-the number and kind of the elements of each beam.
+Order of elimination, links and fixed unknowns follow from the structure of the scene (`anctmm.model.kept.alike`) and
+from the number and kind of the elements of each beam.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""Vertices of the graph of bodies: ends that share what is unknown.
+"""Vertices of the graph of bodies: ends that share unknowns.
 
-A place held by the ground is no connection: each group of ends welded there to each other is a vertex of its own, and
-each end that is clamped there. Ends that are joined to a rigid body, at whatever point of it, are one vertex: the body.
-A body of one node, a point mass or a rigid body, stands at the vertex where its node is, as its end 1.
+A place fixed to the ground connects nothing: each group of ends that are welded to each other there is a separate
+vertex, and so is each clamped end. Ends joined to a rigid body, at any of its points, form one vertex: the body. A body
+of one node (a point mass or a rigid body) is at the vertex of its node, as its end 1.
 """
 
 from collections.abc import Iterable, Sequence

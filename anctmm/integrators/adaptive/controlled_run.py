@@ -421,7 +421,7 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float)
         body, element = worst_element(chain, correction_size(chain, state))
         what = (
             f"no step was small enough at t = {t:.6g} s, with corrections {in_short(history)} in the last one "
-            f"tried; the motion may blow up there"
+            f"tried; the motion may be unbounded there"
         )
     else:
         body, element = worst_element(chain, gradient_size(state.q))
@@ -429,12 +429,12 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float)
     asked, known = float(chain.run.tolerance or 0.0) * scale, EPS * float(np.abs(state.q[:2]).max())
     if asked < ROUNDED * known:
         advice = (
-            f"the tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m asks for {asked:.2g} m, and positions "
-            f"are rounded to {known:.2g} m: a larger one is needed"
+            f"tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m is {asked:.2g} m, and positions are "
+            f"rounded to {known:.2g} m: a larger tolerance is needed"
         )
     else:
         bends = any(beam.name not in chain.rigid for beam in chain.parts.beams)
-        advice = f"{'a finer mesh may do, or ' if bends else ''}a load that does not jump{'' if bends else ' may do'}"
+        advice = "a load that does not jump may help" + (", or a finer mesh" if bends else "")
     return Status(
         "diverged",
         f"{what}, worst in {part(body, element)}: {advice}",

@@ -1,1 +1,1 @@
-"""What implicit methods share: system, steps, Newton's iteration, how a run starts, goes on and fails."""
+"""Parts that implicit methods share: system, steps, Newton's iteration, start, continuation and failure of a run."""

@@ -1,8 +1,8 @@
-"""Accelerations that balance the forces of a state and keep all constraints: at the start, and at outputs.
+"""Accelerations that satisfy the equations of motion and all constraints: at the start, and at outputs.
 
-Implicit steps keep constraints and drives as positions alone. Accelerations along them may be wrong by a part that no
-step takes away (`generalized_alpha`), and with them reactions and section forces. Those of positions and velocities at
-an output follow by a step of no length, as at the start.
+Implicit steps enforce constraints and drives as positions only. Accelerations along them may have an error that no step
+removes (`generalized_alpha`), and so may reactions and section forces. Accelerations that follow from positions and
+velocities at an output are found by a step of length zero, as at the start.
 """
 
 from collections.abc import Callable, Iterator

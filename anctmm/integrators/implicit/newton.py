@@ -1,6 +1,6 @@
 """Newton's iteration of an implicit step, its linear solves by the Riccati recursion.
 
-The matrix is kept as long as the corrections fall (modified Newton); where that fails, it is renewed at each one.
+The matrix is kept as long as the corrections decrease (modified Newton); otherwise it is computed in each iteration.
 """
 
 import numpy as np

@@ -1,4 +1,4 @@
-"""What is known of a step whose Newton iteration failed."""
+"""Status of a run whose Newton iteration failed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> 
     return Status(
         "diverged",
         f"{what}, worst in {part(body, element)}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
-        f"may do",
+        f"may help",
         time=t,
         step=step,
         body=body,

@@ -1,8 +1,8 @@
-"""How an implicit run with a fixed step starts, goes on and ends, whatever its method.
+"""Start, continuation and end of an implicit run with a fixed step, for all methods.
 
-It starts from the accelerations with M w = F at t = 0, found by the kernel that takes the steps: they are what Newton's
-iteration finds in a step of no length with the mass alone for its matrix (`NO_STEP`). So nothing is compiled for what
-is done once. Kernels that start anew on the way call `balance`.
+It starts from the accelerations with M w = F at t = 0. The kernel of the steps computes them: they are the result of
+Newton's iteration in a step of length zero with the mass as its matrix (`NO_STEP`). So nothing is compiled for a
+computation that is done once. Kernels that restart during a run call `balance`.
 """
 
 from collections.abc import Callable, Sequence

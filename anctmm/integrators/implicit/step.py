@@ -1,6 +1,6 @@
-"""What an implicit step does before and after Newton's iteration: predict, finish; and the forces of damping in it.
+"""Parts of an implicit step before and after Newton's iteration (predict, finish), and the damping forces in it.
 
-The formulas stand in `generalized_alpha`.
+The formulas are in `generalized_alpha`.
 """
 
 from anctmm.discretise.assembly import damping_forces

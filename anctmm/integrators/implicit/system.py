@@ -1,4 +1,4 @@
-"""What implicit runs start from: state, damping, Newton's iteration, and the system of them that their kernels take."""
+"""Start of implicit runs: state, damping, Newton's iteration, and the system that their kernels receive."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Natural modes of a scene, and how their frequencies change with a spin."""
+"""Natural modes of a scene, and their frequencies as functions of a spin."""
 
 from anctmm.integrators.modes.campbell import Campbell, campbell
 from anctmm.integrators.modes.modes import modes

@@ -1,4 +1,4 @@
-"""How the frequencies of a scene that turns steadily change with its speed (Campbell 1924)."""
+"""Frequencies of a steadily rotating scene as functions of its speed (Campbell 1924)."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ class Campbell:
         Returns
         -------
         list of (float, float)
-            Speeds (rad/s) and frequencies (Hz), found between the speeds given along straight lines.
+            Speeds (rad/s) and frequencies (Hz), interpolated linearly between the given speeds.
 
         Raises
         ------
@@ -109,18 +109,18 @@ def campbell(
     count: int | None = None,
     **options: Any,
 ) -> Campbell:
-    """Frequencies of a scene that turns steadily, at several speeds.
+    """Frequencies of a steadily rotating scene at several speeds.
 
     Parameters
     ----------
     scene : Scene or callable
-        What turns, as for the `spin` of `modes`; or speed (rad/s) → the scene, where it changes with the speed.
+        As for `spin` of `modes`; or a function speed (rad/s) → scene, if the scene depends on the speed.
     speeds : iterable of float
         rad/s.
     run : Discretisation, optional
         Or its fields as keywords; only mesh, element and quadrature matter.
     count : int, optional
-        Modes at each speed; ten, or as many as there are, without it.
+        Modes at each speed; default ten, or all if there are fewer.
 
     Returns
     -------

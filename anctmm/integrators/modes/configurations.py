@@ -1,4 +1,4 @@
-"""Configurations that small motions are about: the last output of a solution, or that of a steady spin."""
+"""Configurations about which motions are linearised: the last output of a solution, or that of a steady spin."""
 
 from warnings import warn
 
@@ -56,7 +56,7 @@ def steady_state(system: StaticSystem, frame: Frame) -> Array:
     if found < frame.spin**2:
         raise SolverError(
             f"no steady state of scene {system.chain.scene.name!r} at a spin of {frame.spin!r} rad/s was found beyond "
-            f"{np.sqrt(found):.6g} rad/s; a finer mesh or another spin may do"
+            f"{np.sqrt(found):.6g} rad/s; a finer mesh or another spin may help"
         )
     return q
 
@@ -104,7 +104,7 @@ def checked(chain: Chain, about: object) -> Solution:
     _check_cut(chain, about)
     if about.status.code in LOST and not about.static:
         raise DiscretisationError(
-            f"about is a run that ended with {about.status.code!r} ({about.status.message}); a run that is whole is "
+            f"about is a run that ended with {about.status.code!r} ({about.status.message}); a complete run is "
             f"needed: its last output is no state of scene {chain.scene.name!r}"
         )
     if about.static and not about.status.ok and about.t[-1] < 1.0:
@@ -155,9 +155,9 @@ def check_balance(
     away = float((forces[known] / (masses[known] * squares[known])).max(initial=0.0))
     if away > AWAY * length:
         warn(
-            f"the last output that modes of scene {system.chain.scene.name!r} are about is no equilibrium: forces are "
-            f"left there that move it by some {away:.2g} m. Modes are those of the stiffness in this state; let the "
-            f"motion come to rest before, or give about=at.solve_static(...)",
+            f"the last output that modes of scene {system.chain.scene.name!r} are about is no equilibrium: its "
+            f"residual forces would move it by about {away:.2g} m. Modes are those of the stiffness in this state; let "
+            f"the motion come to rest first, or give about=at.solve_static(...)",
             EquilibriumWarning,
             stacklevel=3,
         )

@@ -1,11 +1,11 @@
-"""Eigenvalues of small motions, by the sweeps of the recursion: nothing global is assembled.
+"""Eigenvalues of small motions, by the sweeps of the recursion, without a global matrix.
 
-Where joints and rigid bodies ask for J u = 0, the solve S of a force gives displacements that keep that. So S M has the
-eigenvalues 1/(λ + σ) of the motions that are free, and 0 for all others, which ARPACK does not look for.
+If joints and rigid bodies require J u = 0, the solve S of a force gives displacements that satisfy it. S M then has the
+eigenvalues 1/(λ + σ) of the free motions, and 0 for all others, which ARPACK does not search for.
 
-Without damping and spin the problem is K x = −λ² M x, of a symmetric K unless forces turn with their place. Else it is
-the quadratic one in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu), A z = λ B z,
-of which A⁻¹B needs a solve with the shifted stiffness alone.
+Without damping and spin the problem is K x = −λ² M x, with a symmetric K unless there are follower forces. Otherwise it
+is the quadratic problem in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu),
+A z = λ B z, where A⁻¹B needs only a solve with the shifted stiffness.
 """
 
 from collections.abc import Callable
@@ -247,5 +247,5 @@ def _lost(
 ) -> SolverError:
     found = "" if error is None else f" ({len(error.eigenvalues)} were found)"
     return SolverError(
-        f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge{found}; fewer may do"
+        f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge{found}; fewer may help"
     )

@@ -1,8 +1,8 @@
-"""The frame that a scene stands still in: the ground, one that turns with a clamp, or one that moves with guides.
+"""The frame in which a scene is at rest: the ground, one that rotates with a clamp, or one that moves with guides.
 
-Small motions have modes only where the coefficients of their equations are constant in time. About a motion they are so
-in the frame of its drives, if all of the scene moves with it: a clamp that turns at a constant rate and holds the scene
-alone, or guides in the ground that move at one constant velocity. Drives that stand still at that time are held there.
+Small motions have modes only if the coefficients of their equations are constant in time. About a motion this is so in
+the frame of its drives, if the whole scene moves with it: a clamp with a constant rate that alone holds the scene, or
+guides in the ground with one constant velocity. Drives at rest at that time are held.
 """
 
 from typing import NamedTuple
@@ -102,7 +102,7 @@ def _moving(scene: Scene, time: float) -> list[_Moving]:
         if abs(acceleration) * time**2 > still:
             raise DiscretisationError(
                 f"about ends at t = {time:.6g} s, where {name} changes by {rate:.6g} {unit}/s and {acceleration:.6g} "
-                f"{unit}/s²: no frame is steady there, {VARYING}; {HINT}"
+                f"{unit}/s²: no frame moves steadily there, {VARYING}; {HINT}"
             )
         if abs(rate) * time > still:
             found.append(_Moving(joint, name, unit, rate))
@@ -116,7 +116,7 @@ def _centre(scene: Scene, given: str) -> Array:
     if len(clamps) != 1 or len(held) != 1:
         raise DiscretisationError(
             f"{given}, and scene {scene.name!r} is held by {len(held)} joints, {len(clamps)} of them clamps; "
-            f"it turns steadily with one clamp that nothing else holds back"
+            f"a steady rotation needs one clamp and no other joint to the ground"
         )
     if any(scene.gravity) or scene.loads:
         raise DiscretisationError(

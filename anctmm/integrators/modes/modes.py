@@ -36,7 +36,7 @@ def modes(
     spin: float = 0.0,
     **options: Any,
 ) -> Modes:
-    """Lowest natural modes of a scene, of mechanisms with rigid bodies, guides, springs and dampers, too.
+    """Lowest natural modes of a scene, including mechanisms with rigid bodies, guides, springs and dampers.
 
     Parameters
     ----------
@@ -44,16 +44,14 @@ def modes(
     run : Discretisation, optional
         Or its fields as keywords; only mesh, element and quadrature matter.
     count : int, optional
-        How many; ten, or as many as there are, without it.
+        Number of modes; default ten, or all if there are fewer.
     about : Solution, optional
-        Whose last output is linearised, of the same scene and mesh: an equilibrium of `solve_static`, or a motion, with
-        loads and drives as they are then. Drives that stand still are held. A clamp that turns at a constant rate and
-        holds the scene alone makes it the steady spin it is near; guides in the ground that move at one constant
-        velocity, a steady translation. About other moving drives there are no modes, as the coefficients change with
-        time. Velocities against that frame are left out. The start without it, without loads and preloads.
+        The equations are linearised about its last output, with the loads and drives of that time. It is an equilibrium
+        of `solve_static` or a motion, of the same scene and mesh. Default: the initial configuration, without loads and
+        preloads.
     spin : float
-        Rate, rad/s, of a steady turn of the whole scene with its one clamp, as of a blade on a hub; the steady state
-        is found first. Only without `about`, gravity and loads.
+        Rate of a steady rotation of the whole scene with its only clamp, rad/s, such as a blade on a hub; the steady
+        state is computed first. Not together with `about`, gravity or loads.
 
     Returns
     -------
@@ -70,6 +68,13 @@ def modes(
     -----
     EquilibriumWarning
         If the last output of a motion is no equilibrium.
+
+    Notes
+    -----
+    About a motion, drives that stand still are held. If a clamp with a constant rate alone holds the scene, the modes
+    are those of a steady rotation; if guides in the ground move at one constant velocity, of a steady translation.
+    Velocities relative to that moving frame are neglected. About motions with other moving drives there are no modes,
+    because the coefficients of the linearised equations change with time.
     """
     refuse(checked_scene(scene), LACKING, "a search for modes")
     run = discretise(run, options)

@@ -1,4 +1,4 @@
-"""Natural modes that were found: frequencies, damping, shapes, pictures."""
+"""Natural modes as results: frequencies, damping, shapes, pictures."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

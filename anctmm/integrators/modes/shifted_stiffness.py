@@ -1,7 +1,7 @@
-"""The matrix of the quadratic problem of small motions for a small shift of the rate, factored.
+"""The matrix of the quadratic eigenvalue problem for a small shift of the rate, factored.
 
-With λ = ν + s it is K + s C + s² M, which the inverse of that problem needs (`eigenvalues`): of a scene that is free to
-move K alone is singular. In a frame that turns with Ω it is K − Ω² M, and s = 0.
+With λ = ν + s it is K + s C + s² M, whose inverse the problem needs (`eigenvalues`): K alone is singular for a scene
+that is free to move. In a frame that rotates with Ω it is K − Ω² M, and s = 0.
 """
 
 import numpy as np

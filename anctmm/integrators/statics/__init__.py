@@ -1,4 +1,4 @@
-"""Static equilibria: along a growing load, past limit points, on the stable branch, and whether they are stable."""
+"""Static equilibria and their stability: along a growing load, through limit points, on the stable branch."""
 
 from anctmm.integrators.statics.equilibria import solve_static
 

@@ -1,10 +1,10 @@
-"""The path of equilibria by its arc length: past limit points of the load, forwards and back.
+"""The path of equilibria by its arc length: through limit points of the load, forwards and backwards.
 
-An equilibrium is a point (q, λ) with residual(q, λ) = 0. From one to the next the path is followed along its tangent t,
-and corrected by Newton's method in the plane normal to t, so that the load factor λ is an unknown as q is (Riks 1979,
-DOI 10.1016/0020-7683(79)90081-7; Crisfield 1981, DOI 10.1016/0045-7949(81)90108-5). Each correction takes two solves
-with K_T, for the residual and for the load. Lengths are those of positions relative to the scene's length and of
-gradients, as root mean squares over the nodes, and of λ.
+An equilibrium is a point (q, λ) with residual(q, λ) = 0. The path is followed along its tangent t and corrected by
+Newton's method in the plane normal to t, so that the load factor λ is an unknown like q (Riks 1979, DOI
+10.1016/0020-7683(79)90081-7; Crisfield 1981, DOI 10.1016/0045-7949(81)90108-5). Each correction needs two solves with
+K_T, for the residual and for the load. Arc length combines positions relative to the scene's length and gradients, as
+root mean squares over the nodes, and λ.
 """
 
 from collections.abc import Callable, Iterator

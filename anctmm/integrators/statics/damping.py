@@ -1,4 +1,4 @@
-"""Damping of small motions about a configuration: Kelvin-Voigt's, and that of dampers."""
+"""Damping of small motions about a configuration: Kelvin–Voigt damping and dampers."""
 
 import numpy as np
 import scipy

@@ -1,4 +1,4 @@
-"""Statics by ANC-TMM: equilibria under a growing load, each of which says whether it is stable."""
+"""Statics by ANC-TMM: equilibria under a growing load, and the stability of each."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -39,7 +39,7 @@ FIRST, POINTS = 1.0 / 32.0, 20_000
 #: Elements of a body with which a mesh of MANY nodes is asked whether the scene is a mechanism.
 COARSE = 8
 #: Advice where forces have no potential, and so no branch is one of least energy.
-LESS = "smaller loads, or a stiffer scene, may do"
+LESS = "smaller loads, or a stiffer scene, may help"
 ADVICE = "branch='stable' finds a stable one"
 #: Bytes that are taken for each coordinate, as measured.
 MEMORY = 280.0
@@ -63,30 +63,41 @@ def solve_static(
     run : Discretisation, optional
         Or its fields as keywords; only mesh, element, quadrature and newton_tolerance matter.
     load_steps : int, optional
-        Equal parts of the load whose equilibria are kept; 1 without it. A part that Newton's iteration does not reach
-        is halved as often as needed. With path="arclength" the first step is one of so many parts (32 without it).
+        Number of equal load increments; their equilibria are the outputs. Default 1. An increment that Newton's
+        iteration does not reach is halved as often as needed. With path="arclength" it sets the first step (default
+        32).
     branch : str
-        "path": what Newton's iteration reaches from the equilibrium before, be it stable or not; which one that is may
-        depend on `load_steps`. Where it reaches none, as from a mechanism, a slack cable, or past a limit of
-        stability, a stabilised path is followed to a stable equilibrium from there, and the status says so.
-        "stable": a minimum of the potential energy, that to which slow loading with much damping leads, past buckling
-        and jumps; it does not depend on `load_steps`. Of two that are equally near, as of a perfect column, the one
-        towards positive y (or x) is taken.
+        "path"
+            The equilibrium that Newton's iteration reaches from the one before, stable or not; it may depend on
+            `load_steps`. If none is reached, as from a mechanism, a slack cable, or beyond a limit of stability, a
+            stabilised path leads to a stable equilibrium, and the status says so.
+        "stable"
+            A minimum of the potential energy: the one to which slow loading with strong damping leads, beyond buckling
+            and jumps. It does not depend on `load_steps`. Of two that are equally near, as for a perfect column, the
+            one towards positive y (or x) is chosen.
     path : str
-        "load": the load grows from 0 to 1. "arclength": the path of equilibria is followed by its arc length, past
-        limit points, where the load factor falls and grows again, until it reaches 1 first. Limit points are points
-        of the path, found to rounding.
+        "load"
+            The load grows from 0 to 1.
+        "arclength"
+            The path of equilibria is followed by its arc length, through limit points, where the load factor decreases
+            and increases again, until the factor first reaches 1. Limit points are outputs, exact to round-off.
 
     Returns
     -------
     Solution
-        `t` holds the load factors from 0 to 1; the last output is the equilibrium under the whole load. `stable` says
-        of each whether it is stable. The status is "ok" if all equilibria but that of factor 0, the undeformed scene,
-        are stable. It is "unstable" from the first load factor on at which the potential energy has no minimum;
-        "singular" if a motion needs no force there (a mechanism, a body that is free to move, the limit of stability);
-        "diverged" where no equilibrium is found; "imprecise" where rounding leaves fewer than four digits, as on very
-        fine meshes. The message says where, and what to try. With path="arclength" only the last equilibrium need be
-        stable, and the message names the limit points.
+        `t` has the load factors from 0 to 1; the last output is the equilibrium under the full load. `stable` says for
+        each whether it is stable.
+
+    Notes
+    -----
+    Status of the solution, whose message says where, and what to try:
+
+    - "ok": all equilibria but that of factor 0, the undeformed scene, are stable; with path="arclength" the last one
+      is, and the message names the limit points.
+    - "unstable": from some load factor on the potential energy has no minimum.
+    - "singular": some motion needs no force there (a mechanism, a free body, the limit of stability).
+    - "diverged": no equilibrium was found.
+    - "imprecise": rounding leaves fewer than four digits, as on very fine meshes.
 
     Raises
     ------
@@ -180,8 +191,8 @@ def _stabilised(search: LoadPath) -> Advance:
         if q is None or not _possible(search.chain, q) or search.adopt(target, q) is not None:
             return status
         search.notes.append(
-            f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path led from there "
-            f"to the one at {target:.6g}"
+            f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path leads from "
+            f"there to the one at {target:.6g}"
         )
         return None
 
@@ -258,14 +269,14 @@ def _lost(search: LoadPath, points: int) -> Status:
     motion = stability_of(search.system, search.q, search.factor).motion
     body, element = worst_element(search.chain, search.system.sizes(motion))
     why = (
-        f"{points} points do not lead to the whole load"
+        f"{points} points do not reach the full load"
         if points == POINTS
-        else "no step is short enough: a mechanism that is free to move, or a mesh too coarse for the bend"
+        else "no step is short enough: the scene may be a mechanism that is free to move, or the mesh too coarse"
     )
     return Status(
         "diverged",
         f"the path of equilibria ends at load factor {search.factor:.6g}, softest in {part(body, element)}; "
-        f"{why}; a finer mesh, another load or path='load' may do",
+        f"{why}; a finer mesh, another load or path='load' may help",
         time=search.factor,
         body=body,
         element=element,

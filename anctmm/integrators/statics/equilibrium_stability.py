@@ -1,7 +1,7 @@
-"""Whether an equilibrium is stable: the inertia of its tangent stiffness, and whether that is singular.
+"""Stability of an equilibrium: the inertia of its tangent stiffness, and whether that is singular.
 
-Under conservative loads an equilibrium is stable where the potential energy has a strict minimum (Lagrange, Dirichlet):
-where K_T is positive definite on what the joints leave free. The elimination of the recursion has as many negative
+Under conservative loads an equilibrium is stable if the potential energy has a strict minimum (Lagrange, Dirichlet): if
+K_T is positive definite on the motions that the joints allow. The elimination of the recursion has as many negative
 pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 """
 

@@ -1,4 +1,4 @@
-"""Newton's iteration on K_T along a growing load: an equilibrium near the one before, stable or not."""
+"""Newton's iteration with K_T along a growing load: an equilibrium near the one before, stable or not."""
 
 from functools import cached_property
 
@@ -156,7 +156,9 @@ class LoadPath:
                 "imprecise", f"{_digits(self.digits)} of the displacements can be trusted: {COARSER}"
             )
         if self.floor > self.chain.run.newton_tolerance:
-            return Status("ok", f"corrections stop falling at {self.floor:.1e}, the rounding of this scene")
+            return Status(
+                "ok", f"corrections do not decrease below {self.floor:.1e}, the round-off level of this scene"
+            )
         return Status()
 
     def _blurred(self, factor: float) -> Status:

@@ -1,10 +1,10 @@
-"""The stable branch of equilibria: downhill in the potential energy while the load grows.
+"""The stable branch of equilibria: minimisation of the potential energy while the load grows.
 
-From each equilibrium the load grows a little and the energy is minimised by Newton's method with K_T + μ M, μ so large
-that the matrix is positive definite and the step not too long (Levenberg and Marquardt, with the mass matrix as the
-metric: implicit Euler steps of an overdamped motion). Where the forces vanish but the energy has no minimum, the scene
-is moved along the mode of the lowest, negative eigenvalue. So the answer is what slow loading with much damping leads
-to, jumps included.
+From each equilibrium the load is increased a little, and the energy is minimised by Newton's method with K_T + μ M,
+where μ is so large that the matrix is positive definite and the step not too long (Levenberg and Marquardt, with the
+mass matrix as the metric: implicit Euler steps of an overdamped motion). Where the forces vanish but the energy has no
+minimum, the scene is moved along the mode of the lowest, negative eigenvalue. The result is the one of slow loading
+with strong damping, jumps included.
 """
 
 from collections.abc import Iterator

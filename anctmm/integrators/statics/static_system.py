@@ -1,4 +1,4 @@
-"""Forces, tangent and potential of a chain under a part of its load: what every search for an equilibrium needs."""
+"""Forces, tangent and potential energy of a chain under a part of its load, for every search for equilibria."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -117,7 +117,7 @@ class KernelFiles(_Cache):  # type: ignore[misc]
         except FileNotFoundError:
             return None
         except Exception as error:  # whatever a file of another make may raise
-            note(f"the kept kernel {self._name} is not readable ({error!r}); it is compiled anew")
+            note(f"the stored kernel {self._name} is not readable ({error!r}); it is compiled again")
             with suppress(OSError):
                 path.unlink()
             return None
@@ -244,7 +244,7 @@ def _used(path: Path) -> None:
 @lru_cache
 def _not_kept(reason: str, path: str) -> None:
     """Say once why kernels are not kept."""
-    note(f"compiled kernels cannot be kept in {path} ({reason}); the next run compiles them again")
+    note(f"compiled kernels cannot be stored in {path} ({reason}); the next run compiles them again")
 
 
 @lru_cache

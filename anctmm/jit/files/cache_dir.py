@@ -42,7 +42,9 @@ def kept_in(name: str) -> Path | None:
                 _once(f"{reasons[0]}; {place} is used instead (ANCTMM_CACHE may name another directory)")
             return place / name
         reasons.append(f"{place} cannot be {'trusted' if shared else 'written'} ({reason})")
-    _once(f"{'; '.join(reasons)}: nothing is kept (ANCTMM_CACHE may name a directory that can be written)")
+    _once(
+        f"{'; '.join(reasons)}: compiled kernels are not stored (ANCTMM_CACHE may name a directory that can be written)"
+    )
     return None
 
 

@@ -128,8 +128,8 @@ class _System:
             free = V[int((sizes > NONE * sizes[0]).sum()) :]
             if np.abs(free[:, column : column + 3]).max(initial=0.0) > UNKNOWN:
                 raise ResultError(
-                    "joints of rigid bodies repeat each other here: equilibrium does not tell how they share their "
-                    "forces; a body that bends is needed among them"
+                    "joints of rigid bodies are redundant here: equilibrium does not determine how they share their "
+                    "forces; a flexible body is needed among them"
                 )
             out[n] = np.linalg.lstsq(matrix[n], right[n], rcond=NONE)[0][column : column + 3]
         return out * [1.0, 1.0, self.length]

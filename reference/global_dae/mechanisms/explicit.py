@@ -110,7 +110,7 @@ class Zhai(Marcher):
             q = q + self._least(c.jacobian(q, p), misfit)[1]
         misfit = c.value(q, p)
         if np.abs(misfit).max() > KEPT * max(1.0, self.system.layout.scene.length):
-            raise Failure("joints and drives leave the bodies no place", None)
+            raise Failure("joints and drives leave the bodies no admissible position", None)
         J, rate = c.jacobian(q, p), c.rate(q, p)
         if c.held.any():
             v = v - self._directly(J, J @ v + rate)

@@ -61,7 +61,7 @@ class GeneralizedAlpha(Marcher):
             self.rows = independent_rows(c.jacobian(found.q, p), self.system.layout.unit)
             found = self._newton(state, t, p)
             if np.abs(c.value(found.q, p)).max() > MISSED * max(1.0, self.system.layout.scene.length):
-                raise Failure("joints and drives leave the bodies no place", None)
+                raise Failure("joints and drives leave the bodies no admissible position", None)
         mean = (1.0 - self.alpha_f) * found.a + self.alpha_f * state.a
         self.auxiliary = (mean - self.alpha_m * self.auxiliary) / (1.0 - self.alpha_m)
         damping, _ = self.system.elastic.damping(found.q, found.v)

@@ -66,7 +66,7 @@ def check_step(system: System) -> None:
     if run.dt > largest * (1.0 + 1e-9):
         raise StabilityError(
             f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "
-            f"{system.layout.scene.name!r} so discretised is {frequency:.6g} rad/s (check_stability=False runs it all "
+            f"{system.layout.scene.name!r} as discretised is {frequency:.6g} rad/s (check_stability=False runs it all "
             f"the same)"
         )
 

@@ -230,7 +230,7 @@ class Refinement:
                 break
             finer = self._finer(found)
             if finer == (i, j):
-                reason = "no other mesh or step than those given may be taken"
+                reason = "only the given mesh and step may be used"
                 break
             i, j = finer
         if best is None:  # the first run is too long already
@@ -366,7 +366,7 @@ class Refined:
         """The run as what errors are measured against."""
         best, probes = self.solution, self.levels.case.probes
         if not best.status.ok or not isfinite(self.error):
-            why = self.reason or "no coarser run is whole"
+            why = self.reason or "no coarser run is complete"
             return Reference(f"none: {self.label}: {why}", lambda s: nan, nan)
         return Reference(self.label, lambda s: compare(s, best, probes).error, self.error, best)
 

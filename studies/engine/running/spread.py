@@ -27,7 +27,7 @@ class Died:
     reason: str
 
     def __str__(self) -> str:
-        return f"a worker died of it, and another that tried again: {self.reason}"
+        return f"a worker died during it, and another one at the second attempt: {self.reason}"
 
     def result(self) -> NoReturn:
         """Say so.
@@ -43,7 +43,7 @@ class Elsewhere(Enum):
     """In place of an answer."""
 
     KEPT = "another session has computed it meanwhile"
-    HERE = "it cannot be sent: who asks computes it"
+    HERE = "it cannot be sent to a worker: the main process computes it"
 
 
 Came = Answer | Died | Elsewhere
@@ -176,7 +176,7 @@ class Spread:
             ) from error
         except OtherCode as error:
             raise SweepError(
-                f"a worker{self._team.where} has other code: {error}; the same version of everything is needed"
+                f"a worker{self._team.where} has other code: {error}; the same versions are needed"
             ) from error
         except Exception as error:
             text = " ".join(str(error).split())

@@ -132,7 +132,7 @@ class Store:
         try:
             data = encode(result, given)
         except NotPlain as error:
-            self._once("result", f"a result cannot be kept ({error}); it is computed each time")
+            self._once("result", f"a result cannot be stored ({error}); it is computed each time")
             return
         self._write_bytes(path, data)
 
@@ -140,7 +140,7 @@ class Store:
         try:
             atomic_write(path, MAGIC + hashlib.sha256(data).digest() + data)
         except OutputError as error:
-            self._once("room", f"finished runs cannot be kept: {error}; the sweep goes on without")
+            self._once("room", f"finished runs cannot be stored: {error}; the sweep continues without")
             return False
         return True
 
@@ -159,7 +159,7 @@ class Store:
                 if not wait:
                     raise
                 self._once(
-                    "wait", "another session is at a run wanted here, too; this one waits for its result"
+                    "wait", "another session is computing a run that is needed here; waiting for its result"
                 )
                 lock.acquire()
         except Timeout:
@@ -194,5 +194,5 @@ def _content(path: Path) -> bytes:
     content = path.read_bytes()
     digest, data = content[len(MAGIC) : len(MAGIC) + 32], content[len(MAGIC) + 32 :]
     if not content.startswith(MAGIC) or hashlib.sha256(data).digest() != digest:
-        raise Unreadable("truncated or of another make")
+        raise Unreadable("truncated, or written by another version")
     return data

@@ -134,7 +134,7 @@ def test_a_run_that_has_failed_has_no_modes():
     lost = at.solve(scene, dt=1e-2, t_end=1.0)
     assert lost.status == "diverged"
     with pytest.raises(
-        DiscretisationError, match=r"about is a run that ended with 'diverged'.*a run that is whole"
+        DiscretisationError, match=r"about is a run that ended with 'diverged'.*a complete run"
     ):
         at.modes(scene, about=lost)
 

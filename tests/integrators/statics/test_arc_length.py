@@ -154,7 +154,7 @@ def test_a_path_that_never_ends_is_stopped(monkeypatch):
     monkeypatch.setattr(equilibria, "POINTS", 5)
     found = solve_static(truss(-1.5 * PEAK.fun), mesh=1, path="arclength")
     assert found.status == "diverged"
-    assert "5 points do not lead to the whole load" in found.status.message
+    assert "5 points do not reach the full load" in found.status.message
     assert len(found.t) == len(found.stable) == 5
 
 

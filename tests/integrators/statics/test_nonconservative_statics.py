@@ -31,7 +31,7 @@ def test_a_mass_that_hangs_by_a_slack_spring_is_found(follower):
     )
     assert theirs.status.ok, theirs.status
     assert ours.status.ok, ours.status
-    assert "a stabilised path led" in ours.status.message
+    assert "a stabilised path leads" in ours.status.message
     for place in ("v.end", "plate.q", "load.center"):
         assert np.abs(ours.position(place)[-1] - theirs.position(place)[-1]).max() < 1e-9
     below = ours.position("load.center")[-1] - ours.position("v.end")[-1]

@@ -71,7 +71,7 @@ def test_a_directory_that_others_may_have_filled_is_not_used(temporary, make, re
     (text,) = said
     assert reason in text
     assert str(place) in text
-    assert "nothing is kept" in text
+    assert "compiled kernels are not stored" in text
 
 
 def test_a_directory_of_another_user_is_not_used(temporary, monkeypatch):

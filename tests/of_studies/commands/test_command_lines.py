@@ -261,7 +261,7 @@ TABLES = {
 #: Arguments, the exit code, what is said. FILE is a file, DIR an empty directory, TRADE a kept trade.
 ARGUMENTS = {
     "nothing": ([], 2, ["Usage"]),
-    "help": (["--help"], 0, ["Exit codes: 0 done", "recommend"]),
+    "help": (["--help"], 0, ["Exit codes: 0 success", "recommend"]),
     "help of a command": (["check", "--help"], 0, ["--baselines"]),
     "list": (["list"], 0, ["four-bar", "pyelastica"]),
     "list of more": (["list", "more"], 2, ["more"]),
@@ -534,7 +534,7 @@ def test_a_fault_of_the_program_is_told_in_one_line_with_a_code_of_its_own(monke
     done = runner.invoke(app, arguments)
     assert done.exit_code == ending.Code.FAULT == 3
     assert done.stderr.startswith(
-        "anctmm: a fault of anctmm: ZeroDivisionError: division by zero (ANCTMM_TRACEBACK=1"
+        "anctmm: internal error of anctmm: ZeroDivisionError: division by zero (ANCTMM_TRACEBACK=1"
     )
     assert done.stderr.count("\n") == 1
     done = runner.invoke(app, arguments, env={ending.TRACEBACK: "1"})

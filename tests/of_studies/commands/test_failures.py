@@ -653,27 +653,31 @@ PLACES = {
         "note",
         ["file", "cannot be written", "Not a directory", "is used instead", "ANCTMM_CACHE"],
     ),
-    "no place at all": (nowhere, "note", ["file", "cannot be written", "nothing is kept", "ANCTMM_CACHE"]),
-    "no home": (no_home, "note", ["nothing is kept", "ANCTMM_CACHE"]),
+    "no place at all": (
+        nowhere,
+        "note",
+        ["file", "cannot be written", "kernels are not stored", "ANCTMM_CACHE"],
+    ),
+    "no home": (no_home, "note", ["kernels are not stored", "ANCTMM_CACHE"]),
     "kernel cut": (
         lambda here: kernel_cache(here, cut_kernel),
         "note",
-        ["doubled", "checksum is wrong", "compiled anew"],
+        ["doubled", "checksum is wrong", "compiled again"],
     ),
     "bit of a kernel's machine code": (
         lambda here: kernel_cache(here, spoil_kernel(0.7)),
         "note",
-        ["doubled", "checksum is wrong", "compiled anew"],
+        ["doubled", "checksum is wrong", "compiled again"],
     ),
     "bit of a kernel's checksum": (
         lambda here: kernel_cache(here, spoil_kernel(0.001)),
         "note",
-        ["doubled", "checksum is wrong", "compiled anew"],
+        ["doubled", "checksum is wrong", "compiled again"],
     ),
     "no room for kernels": (
         lambda here: kernel_cache(here, forget_kernels),
         "note",
-        ["kernels cannot be kept", "No space left", "next run compiles them again"],
+        ["kernels cannot be stored", "No space left", "next run compiles them again"],
     ),
     "run cut": (
         lambda here: entry(here, lambda path, whole: path.write_bytes(whole[:-100])),
@@ -700,13 +704,17 @@ PLACES = {
         "note",
         [".run", "not readable", "computed again"],
     ),
-    "no room for runs": (full_store, "note", ["cannot be kept", ".run", "No space left", "goes on without"]),
+    "no room for runs": (
+        full_store,
+        "note",
+        ["cannot be stored", ".run", "No space left", "continues without"],
+    ),
     "no locks": (
         unlocked,
         "note",
         ["cannot be locked", "No locks available", "two sessions may repeat runs"],
     ),
-    "result of no file": (unpicklable, "note", ["cannot be kept", "lambda", "computed each time"]),
+    "result of no file": (unpicklable, "note", ["cannot be stored", "lambda", "computed each time"]),
     "foreign CSV": (
         lambda here: stored_history(here, lambda whole: b"t,x\n0,1\n"),
         CheckError,

@@ -116,7 +116,8 @@ def test_interrupted_sweep_keeps_its_runs_and_says_how_to_go_on(tmp_path, expect
     said = " ".join(err.split())
     assert process.returncode == 130, err
     done = re.search(
-        r"Interrupted\. Finished runs \((\d+) of this session\) are kept in (\S+); go on with: anctmm", said
+        r"Interrupted\. Finished runs \((\d+) of this session\) are stored in (\S+); continue with: anctmm",
+        said,
     )
     assert done, said
     assert Path(done[2]) == tmp_path / "anctmm" / "runs"

@@ -41,7 +41,7 @@ BROKEN_PACKAGES = {
             "solver 'nan' answers scene 'cantilever-fall' with positions of body 'beam' that are not finite"),
     "flat": ("solve = changed(lambda p: p[:, 0])", "flat:solve", "positions of body 'beam' of shape ("),
     "bodiless": ("solve = changed(lambda p: p, 'bream')", "bodiless:solve", "no field of body 'beam'"),
-    "backwards": ("solve = changed(lambda p: p, t=-1.0)", "backwards:solve", "times that do not grow"),
+    "backwards": ("solve = changed(lambda p: p, t=-1.0)", "backwards:solve", "times that do not increase"),
     "worded": ("solve = changed(lambda p: p, status='fine')", "worded:solve", "the status 'fine'; an anctmm.Status"),
 }  # fmt: skip
 #: Put before those modules: a solution with one thing changed.

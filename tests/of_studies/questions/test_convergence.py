@@ -188,7 +188,7 @@ def test_of_a_rigid_equilibrium_nothing_is_to_be_refined():
     scene = at.Scene("rest", [bar], [at.Pin("bar.o")], connectors=[hinge], gravity=(0, -9.81))
     case = at.Case(scene, ["bar.tip"], t_end=None)
     result = studied([case], quick=True)
-    said = "no mesh or step is to be refined"
+    said = "there is no mesh or step to refine"
     assert result.findings == (f"rest, anctmm, static: {said}.",)
     assert result.answers[0].take.endswith(f"{said}.")
     assert said in run_case(case, Runner(None)).error

@@ -642,8 +642,8 @@ def test_interrupted_command_says_what_is_kept(monkeypatch, tmp_path, capsys):
         interrupt()
     assert stop.value.exit_code == 130
     said = " ".join(capsys.readouterr().err.split())
-    assert "Finished runs (7 of this session) are kept" in said
-    assert said.endswith(". 2 runs of scenes with functions or classes of yours are not kept")
+    assert "Finished runs (7 of this session) are stored" in said
+    assert said.endswith(". 2 runs of scenes with your own functions or classes are not stored")
 
 
 def test_four_bar_over_half_a_turn_has_opensees(four_bar_result):

@@ -369,7 +369,7 @@ FRAME = pd.DataFrame({
             "the measured range does not reach 0.0005: it ends at 0.001 ± 0.0001",
         ),
         (1e-5, None, "3", False, "1e-05 is below the reference's own uncertainty, 0.0001"),
-        (0.2, 0.5, "1", False, "nothing measured is that cheap: the cheapest setting takes 1 s"),
+        (0.2, 0.5, "1", False, "no measured setting is that cheap: the cheapest one takes 1 s"),
     ],
 )
 def test_choices(error, budget, elements, reached, remark):
