@@ -1,4 +1,4 @@
-"""Public name of what a solver says it can do, `anctmm.solvers.capabilities`."""
+"""Public name of the capabilities of a solver, `anctmm.solvers.capabilities`."""
 
 from anctmm.solvers.capabilities import Offer
 

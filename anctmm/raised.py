@@ -1,4 +1,4 @@
-"""Where an error was raised: the line of a user's own file, among those of libraries."""
+"""The line of a user's own file at which an error was raised, among the lines of libraries."""
 
 import linecache
 import os

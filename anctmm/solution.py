@@ -1,4 +1,4 @@
-"""Public names of what a solver answers, `anctmm.results.solution`."""
+"""Public names of the results of a solver, `anctmm.results.solution`."""
 
 from anctmm.results.fields import HermiteField, LagrangeField
 from anctmm.results.solution import Cost, Energy, Solution, Status

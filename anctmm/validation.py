@@ -1,7 +1,7 @@
-"""Checks of what a user gives: each names the thing, its value and what is allowed, and returns plain values.
+"""Checks of user input: each error names the item, its value and what is allowed; each check returns plain values.
 
-A number is an int, a float, a Fraction, a Decimal or a NumPy scalar, and becomes a float. Texts, truth values,
-complex numbers, durations and quantities with units of another package are none: nothing is guessed.
+A number is an int, a float, a Fraction, a Decimal or a NumPy scalar, and becomes a float. Texts, truth values, complex
+numbers, durations and quantities with units of another package are refused: nothing is guessed.
 """
 
 from collections.abc import Callable, Iterable, Sequence

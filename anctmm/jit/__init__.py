@@ -1,1 +1,1 @@
-"""Compiling kernels and keeping them."""
+"""Compilation and storage of kernels."""

@@ -1,7 +1,8 @@
-"""Telling the user what is compiled and how long it took, and compiling with fewer interruptions of Python's own.
+"""Messages about compilation and its duration, and compilation with fewer interruptions by Python's garbage collector.
 
-The compiler reports when it begins and ends; a run whose kernels are found on disk pays for nothing here. Processes
-that one process begins tell as one: the first to compile says so, the one that began them says what all of it took.
+The compiler reports when it begins and ends; a run whose kernels are found on disk has no cost here. Processes started
+by one process report together: the first that compiles prints the message, and the one that started them prints the
+total.
 """
 
 import atexit

@@ -1,8 +1,9 @@
-"""Named tuples that kernels are handed by their address.
+"""Named tuples that kernels receive by their address.
 
-numba hands a tuple over as its numbers, some seven for each array: a scene is 900 of them. At every call, and for every
-name that the tuple gets, the compiler would copy them all. Here kernels read what they need where the call from Python
-has put it. Kernels never write there, and say so: that two arrays may overlap is no reason to read it again.
+numba passes a tuple as its numbers, about seven for each array: a scene has 900 of them. At every call, and for every
+name that the tuple gets, the compiler would copy them all. Here kernels read what they need from the memory where the
+call from Python has stored it. Kernels never write there, and declare so: otherwise the compiler would have to read it
+again after each store to an array, which might overlap.
 """
 
 from typing import TypeVar

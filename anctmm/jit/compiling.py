@@ -1,7 +1,7 @@
-"""How kernels are compiled.
+"""Decorators for kernels.
 
-Each decorator here turns a function into a kernel, or into a part of kernels, once it is needed (`deferred`). Kernels
-are kept on disk (`kernel_files`), under a hash of all code that they are made of (`code_digest`).
+Each decorator turns a function into a kernel, or into a part of kernels, when it is needed (`deferred`). Kernels are
+stored on disk (`kernel_files`), under a hash of all code that they contain (`code_digest`).
 """
 
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""Arrays that kernels write into, once more: what one run fills is no other run's."""
+"""Copies of arrays that kernels write to, so that no two runs share them."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

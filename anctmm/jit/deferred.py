@@ -1,6 +1,6 @@
-"""The compiler is loaded when a kernel is called first: numba takes longer to load than all else of this package.
+"""Loading of the compiler at the first call of a kernel: numba takes longer to load than this whole package.
 
-Until then a kernel is the function that it is made of, and what numba is to be told of our types and functions waits.
+Until then a kernel is the Python function that it is made from, and the registration of types and functions waits.
 """
 
 from collections.abc import Callable, Mapping

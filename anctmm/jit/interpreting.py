@@ -1,6 +1,7 @@
-"""Kernels run by Python instead of the compiler: a few steps of a few elements take less time so than compiling.
+"""Kernels run by Python instead of the compiler: for a few steps of a few elements this is faster than compiling.
 
-The arithmetic is the same but for multiplications and additions that the compiler fuses: results differ by rounding.
+The arithmetic is the same, except for multiplications and additions that the compiler fuses: results differ by
+rounding.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""What kernels call in the place of functions of `mixed_precision`."""
+"""Implementations that kernels call in place of functions of `mixed_precision`."""
 
 from typing import Any
 

@@ -1,6 +1,6 @@
-"""Calls of kernels that last long enough to cost nothing beside their work, and short enough to be interrupted.
+"""Batches of steps for each call of a kernel: long enough that calls cost nothing, short enough for an interruption.
 
-Python answers Ctrl-C between two calls of compiled code, not within one.
+Python handles Ctrl-C between two calls of compiled code, not within one.
 """
 
 import time

@@ -1,6 +1,6 @@
-"""Asking the processor for memory ahead of its use: long chains are bound by memory, not by arithmetic.
+"""Prefetching of memory by the processor: long chains are limited by memory, not by arithmetic.
 
-The processor's own prefetching stops at each page of 4 kB, which the factors of nine nodes fill.
+The hardware prefetcher stops at each page of 4 kB, which the factors of nine nodes fill.
 """
 
 from anctmm.jit.deferred import compiled_in

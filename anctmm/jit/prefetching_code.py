@@ -1,4 +1,4 @@
-"""What kernels call in the place of functions of `prefetching`."""
+"""Implementations that kernels call in place of functions of `prefetching`."""
 
 from typing import Any
 

@@ -1,1 +1,1 @@
-"""What is there: bodies, joints, loads, histories and the graph they make."""
+"""The model: bodies, joints, loads, histories and the graph that they form."""

@@ -1,7 +1,7 @@
-"""What constructors accept, for type checkers: any ordered iterable of things, any pair of numbers.
+"""Types that constructors accept: any ordered iterable of objects, any pair of numbers.
 
-Attributes hold what validation made of it, tuples. Classes of one kind have a base in common, so that
-a list of several of them is a list of that kind, whatever its order.
+Attributes have the validated values, as tuples. Classes of one kind have a common base, so that a list of several of
+them is a list of that kind for type checkers, whatever its order.
 """
 
 from collections.abc import Sequence

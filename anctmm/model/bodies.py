@@ -1,4 +1,4 @@
-"""Bodies and what they are made of."""
+"""Beams and their materials."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields

@@ -1,8 +1,8 @@
-"""Facts that are found once: of a scene, which never changes, or of all scenes of one structure.
+"""Facts computed once: of a scene, which is immutable, or of all scenes with the same structure.
 
-Scenes are alike that have the same bodies by kind and name, and the same joints, as those of a study over a parameter
-have. What is connected follows from that alone. Places, sections, materials, velocities, gravity, loads and connectors
-do not matter to it.
+Scenes have the same structure if they have the same bodies by kind and name, and the same joints, as in a parameter
+study. The connections follow from these alone; places, sections, materials, velocities, gravity, loads and connectors
+do not affect them.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""What a scene asks of a solver beyond beams, pins, welds and clamps, so that nothing is passed over in silence."""
+"""Features that a scene needs beyond beams, pins, welds and clamps, so that no solver ignores one."""
 
 from collections.abc import Iterable, Iterator, Mapping
 

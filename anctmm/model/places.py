@@ -1,4 +1,4 @@
-"""Places of bodies: how they are written, and what they are."""
+"""Places of bodies: their notation and meaning."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -1,4 +1,4 @@
-"""Initial velocities that fit joints and drives: those of rigid bodies, with the least kinetic energy."""
+"""Initial velocities of rigid motions that satisfy joints and drives, with the least kinetic energy."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Junctions: the places where ends of bodies meet, found from the joints as edges of a graph."""
+"""Junctions: the places where ends of bodies meet, derived from the joints as edges of a graph."""
 
 from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass

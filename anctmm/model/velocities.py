@@ -1,4 +1,4 @@
-"""Initial velocities as functions of the fraction of a body's length: that of a rigid motion, and slopes of any."""
+"""Initial velocities as functions of the fraction of a body's length: rigid motions, and derivatives of any."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

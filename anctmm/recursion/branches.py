@@ -1,8 +1,8 @@
-"""Where the recursion leaves the row of nodes: ends that pass on to a node which is not the next one.
+"""Branches in the order of elimination: ends that pass on to a node which is not the next one.
 
-Nodes stand in the order of elimination. What a node passes on goes to the next node, unless its body ends at a junction
-where another body passes on: then it waits there, and is added to what arrives (S = Σ S_child, e = Σ e_child; Rui et
-al. 2020, 10.1007/s11044-019-09711-2). A chain has no such place, and pays nothing.
+Nodes are in the order of elimination. A node passes on to the next node, unless its body ends at a junction where
+another body continues: then its matrix and vector wait there, and are added to those that arrive (S = Σ S_child, e = Σ
+e_child; Rui et al. 2020, 10.1007/s11044-019-09711-2). A chain has no such place, and no extra cost.
 """
 
 from typing import NamedTuple

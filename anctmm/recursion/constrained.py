@@ -1,8 +1,8 @@
-"""What constraints between kept unknowns ask of a step: projections, accelerations, Newton's corrections.
+"""Constraints between kept unknowns within a step: projections, accelerations, Newton corrections.
 
-An explicit step takes what truncation adds to the constraints, an error of h³, from positions and then from velocities:
-the nearest ones by the mass, M Δq = −Jᵀμ. Only the small system of kept unknowns is factored anew for it; the rest of
-the scene follows in one backward sweep.
+An explicit step violates the constraints by an error of h³. It is removed from positions and then from velocities by
+the projection that is nearest in the metric of the mass, M Δq = −Jᵀμ. Only the small system of kept unknowns is
+factored for it; the rest of the scene follows in one backward sweep.
 """
 
 from anctmm.jit.compiling import embedded, kernel, shared

@@ -1,18 +1,18 @@
-"""Explicit steps of scenes that keep few unknowns: the independent motions of these, found once, beside scalar blocks.
+"""Explicit steps of scenes with few kept unknowns: their independent motions, computed once, beside scalar blocks.
 
-With all kept junctions and rigid bodies held, and places on lines in the ground, a scene is a set of trees, whose
-accelerations a the recursion finds in scalar blocks. What these n unknowns x add is a sum of r constant fields.
-Joints that are linear in x, pins above all, and lines leave x = N y; the field Φ of each y continues its x into the
+With all kept junctions and rigid bodies fixed, and guided places fixed on their lines, a scene is a set of trees,
+whose accelerations a the recursion computes in scalar blocks. The n kept unknowns x add a sum of r constant fields.
+Joints that are linear in x (pins above all) and lines leave x = N y; the field Φ of each y continues its x into the
 trees where no load acts on them (constraint modes of Craig and Bampton 1968, DOI 10.2514/3.4741, by inertia). With
 ΦᵀMΦ = 1 and loads b
 
     y = Φᵀ b − Jᵀλ,    a ← a + Φ y,
 
-in which λ belongs to the constraints that are left, J y = −γ: the lengths of rigid bodies, their directions and guides.
-As b has been passed on when y is wanted, Φᵀ b is taken from the loads that arrive, by constant weights.
+where λ belongs to the remaining constraints, J y = −γ: the lengths of rigid bodies, their directions and guides. When y
+is needed, b has been passed on already, so Φᵀ b is computed from the loads that arrive, with constant weights.
 
-Positions and velocities lose what truncation adds to these constraints in the directions Jᵀ, the nearest ones by the
-mass, as in `constrained`.
+Errors of these constraints by truncation are removed from positions and velocities in the directions Jᵀ, by the nearest
+ones in the metric of the mass, as in `constrained`.
 """
 
 from functools import partial

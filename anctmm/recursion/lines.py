@@ -1,9 +1,9 @@
-"""Places that guides hold on straight lines in the ground, where the recursion eliminates them like any others.
+"""Places guided on straight lines in the ground, which the recursion eliminates like any others.
 
-Across its line a place is held, as a support holds it in all directions; in the line's frame that is one known
-component. Full blocks are turned into this frame for the elimination of that node, and back. The scalar form of
-explicit steps knows no directions: there the forces λ of the guides are found between the two sweeps. What the
-recursion passes on of the loads Jᵀ, along the path from the place to the root, is as constant as the mass,
+Across its line a place is fixed, as a support fixes it in all directions; in the frame of the line one component is
+known. Full blocks are rotated into this frame for the elimination of that node, and back. The scalar form of explicit
+steps has no directions: there the forces λ of the guides are computed between the two sweeps. The part of the loads Jᵀ
+that the recursion passes on, along the path from the place to the root, is constant like the mass,
 
     b ← b − L⁻¹Jᵀ λ,    λ = (J M⁻¹Jᵀ)⁻¹ (L⁻¹Jᵀ)ᵀ G b,    M⁻¹ = L⁻ᵀ G L⁻¹,
 

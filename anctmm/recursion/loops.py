@@ -1,15 +1,17 @@
-"""Loops: stretches between kept junctions, condensed to both their ends, and the sparse system of what is kept.
+"""Loops: stretches between kept junctions, condensed to both their ends, and the sparse system of the kept unknowns.
 
-The recursion passes a stretch as it passes a chain, but the unknowns x of the junction it starts at stay parameters:
-node i has, beside its loads, a coupling C_i with them. Where node i is eliminated, with G_i and L_i of the chain,
+The recursion eliminates a stretch like a chain, but the unknowns x of the junction where it starts remain as
+parameters: node i has, beside its loads, a coupling C_i with them. When node i is eliminated, with G_i and L_i of the
+chain,
 
     K_i = C_iᵀ G_i,    C_{i+1} = −L_i C_i,    S ← S − K_i C_i,
 
-forwards −K_i b_i are loads on x, and backwards a_i loses K_iᵀ x. At its end a stretch leaves the condensed matrices of
-both ends and their coupling (a two-port). Their sum over all stretches is the matrix of the kept unknowns (`sparse`).
+in the forward sweep −K_i b_i are loads on x, and in the backward sweep K_iᵀ x is subtracted from a_i. The result of a
+stretch are the condensed matrices of both ends and their coupling (a two-port). Their sum over all stretches is the
+matrix of the kept unknowns (`sparse`).
 
-An end takes from the kept unknowns x what a linear map says, a = W x: the place and the gradients of a junction, or of
-a point p that is fixed in a rigid body, r + p_x t + p_y t⊥, and t turned. So it leaves Wᵀ S W and Wᵀ e there.
+An end depends on the kept unknowns x by a linear map, a = W x: the position and the gradients of a junction, or of a
+point p fixed in a rigid body, r + p_x t + p_y t⊥, and t rotated. It therefore contributes Wᵀ S W and Wᵀ e there.
 """
 
 from typing import NamedTuple

@@ -1,10 +1,10 @@
-"""Solving with a matrix that differs from that of the recursion by Σ c u vᵀ: Sherman, Morrison and Woodbury.
+"""Solution with a matrix that differs from that of the recursion by Σ c u vᵀ: Sherman, Morrison and Woodbury.
 
 With U and V the columns u and v, Y = A⁻¹ U by one sweep each, and S = 1 + c Vᵀ Y,
 
     (A + U c Vᵀ)⁻¹ b = x − Y S⁻¹ c Vᵀ x,    x = A⁻¹ b.
 
-What couples distant nodes is of this form (`anctmm.forces.stiffness.Border`).
+Couplings of distant nodes have this form (`anctmm.forces.stiffness.Border`).
 """
 
 import numpy as np

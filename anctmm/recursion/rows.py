@@ -1,7 +1,7 @@
 """Constraints g(x, t) = 0 between kept unknowns, Σ c w x_i x_j each, for kernels.
 
-Their rows J stand in the matrix of the kept unknowns. An explicit step asks for J ẍ = −(the rest of g̈), Newton's
-iteration for J Δx = −g, with −Jᵀλ on the coordinates and the curvature λ ∂²g in the matrix.
+Their Jacobian J is part of the matrix of the kept unknowns. An explicit step solves J ẍ = −(the rest of g̈), Newton's
+iteration J Δx = −g, with −Jᵀλ in the residual and the curvature λ ∂²g in the matrix.
 """
 
 from dataclasses import replace

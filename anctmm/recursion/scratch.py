@@ -1,8 +1,8 @@
-"""Scratch of the recursion in full blocks: matrices and vectors of one node, and where each of them begins.
+"""Work space of the recursion in full blocks: matrices and vectors of one node, and their offsets.
 
-They stand in one array, one behind the other: of several arrays the compiler does not know that they do not overlap.
-The size d of the blocks is the length of a tuple, `size`, and so a part of its type: where each begins is a constant
-in machine code.
+They are parts of one array, one after another: of several arrays the compiler does not know that they do not overlap.
+The size d of the blocks is the length of a tuple, `size`, and thus a part of its type: the offsets are constants in
+machine code.
 """
 
 import numpy as np

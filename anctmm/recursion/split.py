@@ -1,7 +1,8 @@
-"""The factored mass in scalar blocks: x and y share them, and r_y is apart.
+"""The factored mass in scalar blocks: x and y share them, and r_y is separate.
 
-Any constant mass without a weld at an angle has this form; what few unknowns are kept adds is apart, `kept_motions`.
-It is factored once for a whole run. Anything else takes the full blocks of `riccati`, which tells of the recursion.
+Any constant mass without a weld at an angle has this form; the contribution of few kept unknowns is separate,
+`kept_motions`. It is factored once for a whole run. Other matrices need the full blocks of `riccati`, which describes
+the recursion.
 """
 
 from typing import NamedTuple

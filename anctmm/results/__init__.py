@@ -1,1 +1,1 @@
-"""What a run answers: solutions, their fields and energies, comparisons, divergence checks."""
+"""Results of runs: solutions, their fields and energies, comparisons, checks."""

@@ -1,4 +1,4 @@
-"""What a call costs beside its steps: building the system, the answer, and what the compiler took."""
+"""Cost of a call besides its steps: building the system and the solution, and compilation."""
 
 from collections.abc import Callable
 from dataclasses import replace

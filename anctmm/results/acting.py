@@ -1,4 +1,4 @@
-"""What acts on a scene over a run, by its size: for checks that ask how large an energy or a force may be."""
+"""Size of the loads on a scene over a run, for checks that need a scale of energies or forces."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -1,8 +1,8 @@
-"""What falls between the steps of a run of fixed step: loads and drives that change within a step, by their own breaks.
+"""Loads and drives that change within a fixed step, detected by their own breaks.
 
-A fixed step asks a history at its two ends. What the history does between them cannot be seen, unless it states its
-breaks: then the impulse of a step that has breaks inside is integrated from break to break and set beside what the
-two ends say of it. Histories that state nothing are not examined: that would take thousands of calls.
+A fixed step evaluates a history at its two ends. Changes between them are unknown unless the history states its breaks:
+then the impulse of a step with breaks inside is integrated from break to break and compared with that of the two end
+values. Histories without stated breaks are not examined, because that would take thousands of calls.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,6 +1,6 @@
-"""Joints and lengths that are not kept: parted ends, supports that have moved, rigid bodies that are strained.
+"""Violated joints and lengths: separated ends, displaced supports, strained rigid bodies.
 
-Solvers keep them by construction or to the tolerance of Newton's iteration; this is what sees that one did not.
+Solvers satisfy them by construction or to the tolerance of Newton's iteration; this check detects where one did not.
 """
 
 from collections.abc import Callable, Iterator, Mapping

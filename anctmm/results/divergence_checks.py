@@ -1,10 +1,10 @@
-"""What no run of a scene may show, found in a finished history: its status says what, where and when.
+"""Checks of a finished history that determine its status: what is wrong, where and when.
 
-Signs that a run has diverged though its numbers are finite: a gradient beyond all bounds, an element turned inside out
-(no energy of these elements forbids that), nearly all energy from nowhere. Signs that it has failed: joints or rigid
-bodies that are not kept. There the history is cut. One that stays whole may be inaccurate (too much energy came
-from nowhere, or a load or a drive acted between the steps) or imprecise (rounding has taken its digits). All are
-looked for after the run, at the outputs: a step costs nothing.
+Signs that a run has diverged although its numbers are finite: a gradient beyond all bounds, an inverted element (the
+energy of these elements does not prevent that), nearly all energy created by numerical error. Signs that it has failed:
+violated joints or rigid bodies. The history then ends there. A complete history may be inaccurate (too much energy was
+created, or a load or a drive changed between the steps) or imprecise (too few digits are left). All checks run after
+the steps, at the outputs, so that steps cost nothing.
 """
 
 from collections.abc import Iterator, Mapping

@@ -1,8 +1,7 @@
-"""Whether drives say what they do: rates and accelerations that are the derivatives of the angle or place, which is
-continuous.
+"""Consistency of drives: rates and accelerations must be the derivatives of a continuous angle or position.
 
-A drive gives a value with its derivatives, and solvers take each where they need it: positions from one, velocities,
-work and start from the others. Where these are no derivatives, all of this is wrong, and no balance tells.
+A drive returns a value with its derivatives, and solvers use each of them: positions from one, velocities, work and the
+start from the others. If they are no derivatives, all of this is wrong, and no energy balance shows it.
 """
 
 from collections.abc import Callable, Iterator

@@ -1,4 +1,4 @@
-"""Ends of bodies over a run, of all bodies together: what joints hold, and what moves most."""
+"""Ends of bodies over a run, of all bodies together: places fixed by joints, and those that move most."""
 
 from typing import NamedTuple
 

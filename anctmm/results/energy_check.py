@@ -1,9 +1,9 @@
-"""Energy that comes from nowhere: the one check of energies, for every solver that knows its own.
+"""Energy created or lost by numerical error: one check of energies for all solvers that compute them.
 
-The balance of a run is the energy that has appeared since t = 0 and that nothing has brought: the error of the
-integrator. It is measured by all energy that is present or was exchanged. Nothing may add any. Numerical dissipation
-(ρ∞ < 1) may take the vibrations that loads and drives leave and that the step does not resolve, as its user wants, but
-not the motion itself.
+The balance of a run is the energy that has appeared since t = 0 without a source: the error of the integrator. It is
+compared with all energy that is present or was exchanged. No run may create energy. Numerical dissipation (ρ∞ < 1) may
+remove vibrations that loads and drives leave and that the step does not resolve, as intended, but not the motion
+itself.
 """
 
 from collections.abc import Iterator

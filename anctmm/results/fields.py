@@ -1,4 +1,4 @@
-"""Motion of a body: its nodes at each output, and what lies between them."""
+"""Motion of a body: its nodes at each output, and interpolation between them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""What a check finds against a run."""
+"""A finding of a check against a run."""
 
 from typing import NamedTuple
 

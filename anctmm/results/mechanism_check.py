@@ -1,7 +1,7 @@
-"""Joints of mechanisms that are not kept: parted places, places that have left their line, welds that have turned.
+"""Violated joints of mechanisms: separated places, places that have left their line, welds that have rotated.
 
-For scenes with rigid bodies, guides, driven welds or joints between the ends of beams; those of beams joined at their
-ends are looked at together by `anctmm.results.constraint_check`.
+For scenes with rigid bodies, guides, driven welds or joints between the ends of beams; beams joined at their ends are
+checked together by `anctmm.results.constraint_check`.
 """
 
 from collections.abc import Iterator

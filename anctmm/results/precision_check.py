@@ -1,7 +1,7 @@
-"""Digits that rounding has taken: far from the origin, and where a body is too stiff for the forces that act.
+"""Digits lost by rounding: far from the origin, and where a body is too stiff for the forces that act.
 
-Both are estimates from above, of what double precision may do at worst: runs in which they are large were seen to be
-wrong by a twentieth of them or more, and runs in which they are small never.
+Both are upper estimates of the error in double precision: in tests, runs with large estimates were wrong by at least a
+twentieth of them, and runs with small estimates were never wrong.
 """
 
 from collections.abc import Iterator

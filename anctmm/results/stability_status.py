@@ -1,4 +1,4 @@
-"""The status of statics whose equilibrium is not stable, in the same words whoever found it."""
+"""The status of an equilibrium that is not stable, in the same words for all solvers."""
 
 from anctmm.results.finding import part
 from anctmm.results.solution import Status

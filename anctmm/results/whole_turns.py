@@ -1,11 +1,11 @@
-"""Whole turns: which of the angles that differ by them a section has turned by.
+"""Whole turns: by which of the angles that differ by them a section has rotated.
 
-A direction at an output tells an angle but for whole turns. Along a beam a section has turned by less than half a turn
-against the next one, so that one place of a body tells all others, at each output by itself. What a clamp, a weld or a
-guide holds has turned by as much as what holds it, and by as much more as their drive turns it. The turns of what is
-free to turn are counted at each step (`integrators.turn_count`). Where a solver does not count them, a body is followed
-from one output to the next by its mean rate, as its velocities tell it: for that outputs must be less than half a turn
-apart, or the rate must change little between them.
+The direction at an output determines an angle up to whole turns. Along a beam neighbouring sections differ by less than
+half a turn, so one place of a body determines all others, at each output separately. What a clamp, a weld or a guide
+holds has rotated as much as the part that holds it, plus the rotation of their drive. Turns of bodies that are free to
+rotate are counted at each step (`integrators.turn_count`). If a solver does not count them, a body is followed from one
+output to the next by its mean angular velocity: outputs must then be less than half a turn apart, or the rate must
+change little between them.
 """
 
 from collections.abc import Iterator, Mapping

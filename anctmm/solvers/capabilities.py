@@ -1,4 +1,4 @@
-"""What a solver says it can do, so that what it cannot is shown and not passed over."""
+"""Capabilities that a solver declares, so that missing features are reported and not ignored."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

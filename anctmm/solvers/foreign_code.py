@@ -1,4 +1,4 @@
-"""Code of others: a plug-in, a file of scenes, a load's law. Whatever it raises is an error its caller can name."""
+"""Foreign code: a plug-in, a file of scenes, a law of a connector. Whatever it raises becomes an error with a name."""
 
 import os
 import sys

@@ -1,6 +1,6 @@
-"""Solvers by name: every installed package may add its own through the entry-point group `anctmm.solvers`.
+"""Solvers by name: every installed package may add its own by the entry-point group `anctmm.solvers`.
 
-A package that cannot be loaded, or answers with nonsense, gives an error that names it; the others go on.
+A package that cannot be loaded, or returns an invalid solution, causes an error that names it; the others continue.
 """
 
 import sys

@@ -1,1 +1,1 @@
-"""What is told to numba, and what it does otherwise for kernels."""
+"""Settings and extensions of numba for kernels."""

@@ -1,4 +1,4 @@
-"""What numba is told of named tuples that kernels are handed by their address (`by_address`)."""
+"""Types of named tuples that kernels receive by their address (`by_address`), as numba needs them."""
 
 import hashlib
 from collections.abc import Callable

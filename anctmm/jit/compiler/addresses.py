@@ -1,6 +1,6 @@
-"""Machine code that other machine code finds by its address: of kernels that are compiled apart from their callers.
+"""Machine code that other machine code calls by its address: kernels compiled separately from their callers.
 
-Callers know such a kernel by a name, which says its types, and LLVM is told its address before it loads them.
+Callers know such a kernel by a name, which contains its types; LLVM gets its address before it loads them.
 """
 
 import hashlib

@@ -1,8 +1,8 @@
 """Compiled kernels on disk: a file for each kernel, signature and version of its code, with a checksum.
 
-A file is whole or not there, and none is ever changed but by one that holds more: machine code beside what callers
-link. So processes that run side by side read it without a lock. What is not used for long, and versions older than the
-last few of a kernel, are removed when new kernels are kept.
+A file is written atomically, and replaced only by one that contains more: machine code in addition to the code that
+callers link. Processes that run at the same time therefore read it without a lock. Kernels that have not been used for
+long, and all but the last few versions of a kernel, are removed when new kernels are stored.
 """
 
 import hashlib

@@ -1,7 +1,8 @@
-"""Kernels that other kernels call: optimised to be linked into their callers, and no more until Python calls them.
+"""Kernels that other kernels call: optimised for linking, and compiled fully only when Python calls them.
 
-The compiler would make machine code of every function by itself, and an entry for Python beside it, though the caller's
-machine code holds it once more. Here a function gets both when Python calls it first: half of the compiler's time.
+By default the compiler makes machine code of every function, and an entry for Python, although the caller's machine
+code contains it already. Here a function gets both at its first call from Python, which saves half of the compilation
+time.
 """
 
 import threading

@@ -1,9 +1,9 @@
-"""Compiling in two processes side by side: a second one compiles some kernels for their callers, this one the rest.
+"""Compilation in two processes at the same time: the second compiles some kernels for their callers, this one the rest.
 
-Both take from one list: this process the next that it reaches, the second one the last that nobody has begun, so that
-both are at work until they meet. What the second process compiles comes to this one through the files of kernels, which
-are locked while they are made. So nothing is lost where it cannot be started, or fails: what is not there is compiled
-here.
+Both take kernels from one list: this process the next that it needs, the second one the last that is not begun, so that
+both work until they meet. Kernels of the second process reach this one through the kernel files, which are locked while
+they are written. If the second process cannot be started or fails, nothing is lost: this process compiles what is
+missing.
 """
 
 import os

@@ -1,9 +1,9 @@
-"""Kernels that are compiled apart from those that call them.
+"""Kernels compiled separately from those that call them.
 
-What is linked into a caller is optimised there once more, and becomes machine code in each caller, which is the last
-that a first run waits for. A separate kernel is compiled once for all callers, while they are: they need its
-signature, which its annotations tell, and its address when they are loaded (`addresses`). Nothing is inlined through
-such a call: it is for large parts alone.
+Code linked into a caller is optimised there once more and becomes machine code in each caller, which is the last step
+that a first run waits for. A separate kernel is compiled once for all callers, at the same time as they are: they need
+only its signature, given by its annotations, and its address when they are loaded (`addresses`). Nothing is inlined
+through such a call, so it is meant for large parts only.
 """
 
 import inspect

@@ -1,1 +1,1 @@
-"""Compiled kernels on disk: their names, their files, and who may write them."""
+"""Compiled kernels on disk: names, files, and permissions."""

@@ -1,7 +1,7 @@
-"""Where kernels and finished runs are kept, and what becomes of them where nothing can be written.
+"""The directory of kernels and finished runs, and alternatives if it is not writable.
 
-Nothing is read from a directory that another user could have filled: among the temporary files of a machine, whose
-names can be guessed, a directory is used only if it is the user's own, closed to all others, and no link.
+Nothing is read from a directory that another user could have written to: in the temporary directory of a machine, where
+names can be guessed, a directory is used only if it belongs to the user, is closed to all others, and is no link.
 """
 
 import os

@@ -1,8 +1,8 @@
-"""What the machine code of a kernel depends on, as a hash.
+"""A hash of everything that the machine code of a kernel depends on.
 
-A kernel's code is its own function, every function it calls, and the constants that both take from their modules. All
-of that is followed here, function by function, so that a kernel is compiled again when something it uses has changed,
-and only then: docstrings, comments and functions it does not call make no difference.
+The code of a kernel is its own function, every function it calls, and the constants that these use from their modules.
+All of it is followed here, function by function, so that a kernel is compiled again when something it uses has changed,
+and only then: docstrings, comments and functions that it does not call make no difference.
 """
 
 import ast

@@ -1,7 +1,8 @@
-"""One process compiles a kernel, and others that need it meanwhile wait for its file: they would do the same work.
+"""A lock for compilation: one process compiles a kernel, and others that need it at the same time wait for its file.
 
-Processes lock a file beside that of the kernel; the lock of a process that ends is gone. Where files cannot be locked,
-each compiles for itself. No two wait for each other: who holds a kernel's lock waits for those alone that it calls.
+Processes lock a file beside that of the kernel; the lock disappears when its process ends. If files cannot be locked,
+each process compiles on its own. There is no deadlock: a process that holds a kernel's lock waits only for kernels that
+this kernel calls.
 """
 
 import time

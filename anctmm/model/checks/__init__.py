@@ -1,1 +1,1 @@
-"""Whether what a scene holds fits together."""
+"""Checks that the parts of a scene fit together."""

@@ -1,4 +1,4 @@
-"""Whether sliders, prismatic joints and driven welds fit the other joints: each must hold what these leave free."""
+"""Whether sliders, prismatic joints and driven welds are compatible with the other joints and not redundant."""
 
 from collections.abc import Iterator
 

@@ -1,4 +1,4 @@
-"""Whether the joints of a scene fit each other and its bodies: no hold twice, no gap, no direction where none is."""
+"""Whether the joints of a scene are compatible with each other and its bodies."""
 
 from collections import deque
 from math import hypot

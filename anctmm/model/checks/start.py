@@ -1,9 +1,9 @@
-"""Initial velocities: whether joints and drives can have those of the bodies.
+"""Initial velocities: whether those of the bodies satisfy joints and drives.
 
-Velocities of joined ends must be equal, and those of held ends zero. At a weld the gradients turn together, too: what
-else is given has no meaning. At a clamp the ground or the drive says what the gradient does, whatever the body's
-velocity; a difference is told by a warning, since the energy of the start then depends on the mesh. A rigid
-body has no such freedom: it must move as its joints do.
+Velocities of joined ends must be equal, and those of fixed ends zero. At a weld the gradients must also rotate
+together. At a clamp the ground or the drive prescribes the gradient, whatever the velocity of the body; a difference
+causes a warning, because the initial energy then depends on the mesh. A rigid body has no such freedom: it must move
+as its joints do.
 """
 
 from cmath import phase

@@ -1,1 +1,1 @@
-"""What a solution becomes outside of Python: files, tables, pictures."""
+"""Export of solutions: files, tables, pictures."""

@@ -1,8 +1,8 @@
-"""Results as bytes and back, by data alone: reading them runs no code, whoever wrote them.
+"""Results as bytes and back, as plain data: reading them runs no code, whoever wrote them.
 
-A text in JSON describes the result, and beside it stand its arrays. Kept are numbers, texts, containers, NumPy's
+A text in JSON describes the result; its arrays are stored beside it. Possible are numbers, texts, containers, NumPy
 arrays, and instances of dataclasses and named tuples, whose fields are set without a call. A class is looked up among
-those that this process has loaded already: nothing is imported.
+those that this process has already loaded: nothing is imported.
 """
 
 import json

@@ -1,7 +1,7 @@
-"""Solutions in files: NumPy's arrays and a description in JSON, in one `.npz`. Reading runs no code of the file.
+"""Solutions in files: NumPy arrays and a description in JSON, in one `.npz`. Reading runs no code from the file.
 
-`numpy.load(path)` shows the arrays to anybody: "t", "energy.kinetic", "fields.beam.coordinates", … What a file cannot
-hold are functions of the user's: drives, loads and laws that are Python functions.
+`numpy.load(path)` shows the arrays: "t", "energy.kinetic", "fields.beam.coordinates", … A file cannot contain the
+user's functions: drives, loads and laws that are Python functions.
 """
 
 import json

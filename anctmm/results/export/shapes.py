@@ -1,4 +1,4 @@
-"""What is to be seen of a solution: the shapes of its bodies, springs and guides at all outputs, and its supports."""
+"""Geometry for pictures: shapes of bodies, springs and guides at all outputs, and supports."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

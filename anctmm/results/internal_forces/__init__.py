@@ -1,1 +1,1 @@
-"""Forces inside a scene: what acts on it, what joints exert, what a section transmits."""
+"""Internal forces of a scene: loads on bodies, reactions of joints, section forces."""

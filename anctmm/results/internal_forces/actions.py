@@ -1,4 +1,4 @@
-"""What acts on the bodies of a solution at each output: loads and connectors as forces and moments, weights."""
+"""Loads on the bodies of a solution at each output: loads and connectors as forces and moments, weights."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

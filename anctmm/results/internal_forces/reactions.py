@@ -1,10 +1,10 @@
-"""Reactions of joints: what they exert on the places that they hold, from the equilibrium of the bodies.
+"""Reactions of joints: their forces on the places that they hold, from the equilibrium of the bodies.
 
-What holds an end of a beam that bends is known (`section_forces`), what holds a rigid body, or a beam of element
-"rigid", is m r̈ and I θ̈ less what else acts on it (`rigid`). Joints that share a place or a rigid body are found
-together. Unknown is what each joint exerts on each of its places. The equations: at each place or body these sum up to
-what holds it; over the places of a joint they sum up to 0 where it is not held by the ground; what a joint leaves free
-has no force or moment.
+The total force on an end of a flexible beam is known (`section_forces`); that on a rigid body, or on a beam of element
+"rigid", is m r̈ and I θ̈ less the other loads on it (`rigid`). Joints that share a place or a rigid body are solved
+together. The unknowns are the force and moment of each joint on each of its places. The equations: at each place or
+body they sum up to the known total; over the places of a joint that is not fixed to the ground they sum up to zero; in
+directions that a joint leaves free they vanish.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What holds bodies that do not bend: rigid bodies, point masses and beams of element "rigid"."""
+"""Total force of the joints on rigid bodies, point masses and beams of element "rigid"."""
 
 from typing import Any
 

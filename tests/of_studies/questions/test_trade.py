@@ -355,7 +355,7 @@ FRAME = pd.DataFrame({
             None,
             "2",
             True,
-            "cancel in part, which another motion may not repay; without, anctmm, implicit, 3 c",
+            "cancel in part, which may not happen in another motion; without, anctmm, implicit, 3 c",
         ),
         (None, 3.0, "2", True, ""),
         (None, 100.0, "3", True, ""),
