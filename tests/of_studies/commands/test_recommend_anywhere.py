@@ -139,7 +139,7 @@ def test_a_scene_that_is_not_in_the_table_is_measured_alone_after_saying_how_lon
     monkeypatch.setattr("studies.engine.study.find", lambda name: study)
     done = invoke("four-bar-moment", "--error", "1e-2", "--quick")
     assert asked == [["four-bar-moment"]]
-    assert "measuring it takes some " in done.output
+    assert "measuring it first takes some " in done.output
     assert done.exit_code == 130
 
 
