@@ -1,1 +1,1 @@
-"""Who else answers: exact solutions, an ordinary global-DAE ANCF solver, Exudyn, OpenSees and PyElastica."""
+"""Independent solvers and solutions: exact, an ordinary global-DAE ANCF solver, Exudyn, OpenSees, PyElastica."""

@@ -1,1 +1,1 @@
-"""What is asked: one question a module, the command line, runs, timings, tables, pictures, the page."""
+"""Studies of the solvers, their commands, and what they share: runs, timings, tables, pictures, the results page."""

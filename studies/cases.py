@@ -1,4 +1,4 @@
-"""Cases by name: those built in, and those that a Python file of a user's defines."""
+"""Cases by name: built in, or defined by a user's Python file."""
 
 import os
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Public names for scenes of your own that `anctmm check` watches, see `studies.regression`."""
+"""Public names for your own scenes in `anctmm check`, see `studies.regression`."""
 
 from studies.regression.scenes import Static, Watch
 

@@ -1,4 +1,4 @@
-"""The command line. Whatever is slow to import is imported by the command that needs it."""
+"""The command line. Modules that are slow to import are imported by the command that needs them."""
 
 import sys
 from collections.abc import Callable

@@ -1,8 +1,8 @@
-"""Exact solutions, in closed form or solved to rounding; nothing here knows a finite element.
+"""Exact solutions, in closed form or computed to round-off, without finite elements.
 
-Static cantilevers of three continua (`cantilever_static`, `solve_static`, `solve_rod`, `solve_director`),
-their closed forms, the elastic catenary, natural frequencies, the rigid motions that stiff beams tend to, and
-mechanisms of rigid bodies.
+Static cantilevers of three continua (`cantilever_static`, `solve_static`, `solve_rod`, `solve_director`), their closed
+forms, the elastic catenary, natural frequencies, the rigid motions to which stiff beams converge, and mechanisms of
+rigid bodies.
 """
 
 from reference.exact.andrews import andrews_squeezer

@@ -1,4 +1,4 @@
-"""The static problem all rod models here are asked: a cantilever under dead loads."""
+"""The static problem that all rod models here solve: a cantilever under dead loads."""
 
 from dataclasses import dataclass
 

@@ -1,6 +1,6 @@
-"""Mechanisms of rigid bodies whose motion is known: closed forms, and equations of their own, integrated to rounding.
+"""Mechanisms of rigid bodies with known motion: closed forms, and minimal equations of motion, integrated to round-off.
 
-None of them uses the bodies' natural coordinates: angles are the unknowns.
+None of them uses the bodies' natural coordinates: the unknowns are angles.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Rigid motions that stiff beams tend to: pendulum, uniform bar on a pin, two of them, and free flight."""
+"""Rigid motions to which stiff beams converge: pendulum, uniform bar on a pin, two of them, and free flight."""
 
 from dataclasses import dataclass
 from math import cos, pi, sin, sqrt

@@ -1,7 +1,7 @@
-"""Joints of two nodes that Exudyn has no item for: its general constraint of coordinates, with our equations.
+"""Joints of two nodes that Exudyn does not provide: its general constraint of coordinates, with our equations.
 
-For welds between beams and rigid bodies, driven welds, and guides that are fixed in rigid bodies. Exudyn's joints hold
-the direction of a cable's end and not its stretch; here all of its gradient is held, as in the other solvers.
+For welds between beams and rigid bodies, driven welds, and guides fixed in rigid bodies. Exudyn's joints fix the
+direction of a cable's end but not its stretch; here the whole gradient is fixed, as in the other solvers.
 """
 
 from collections.abc import Callable

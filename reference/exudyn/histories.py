@@ -1,4 +1,4 @@
-"""Functions of the user's that Exudyn calls while it runs: at the times of the steps, their errors kept."""
+"""User functions that Exudyn calls at the times of its steps; their errors are stored and raised afterwards."""
 
 from collections.abc import Callable
 from typing import Any

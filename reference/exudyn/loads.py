@@ -1,4 +1,4 @@
-"""Loads in Exudyn; those of time are user functions."""
+"""Loads in Exudyn; functions of time become user functions."""
 
 import math
 from collections.abc import Callable

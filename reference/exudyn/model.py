@@ -1,4 +1,4 @@
-"""What both Exudyn peers need to build a model of a scene: a quiet import, nodes, joints, loads, sensors.
+"""Parts of a model that both Exudyn peers need: a quiet import, nodes, joints, loads, sensors.
 
 Exudyn: Gerstmayr 2023, DOI 10.1007/s11044-023-09937-1. Its coordinates are displacements from the reference.
 """

@@ -1,7 +1,7 @@
-"""Run an Exudyn model at its best, time it and read its history: what both Exudyn peers share.
+"""Run of an Exudyn model at its best settings, its time and its history: shared by both Exudyn peers.
 
-One thread, fixed steps, a sparse solver that keeps its pattern, no files, internal sensors.
-The time taken is that of `SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
+One thread, fixed steps, a sparse solver that keeps its pattern, no files, internal sensors. The time is that of
+`SolveDynamic` or `SolveStatic` alone, without building and assembling the model.
 """
 
 from collections.abc import Callable, Mapping

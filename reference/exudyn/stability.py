@@ -1,4 +1,4 @@
-"""Whether an equilibrium that Exudyn found is stable: eigenvalues of the system as Exudyn itself linearises it."""
+"""Stability of an equilibrium found by Exudyn: eigenvalues of the system as linearised by Exudyn itself."""
 
 from importlib import import_module
 from typing import Any

@@ -1,7 +1,7 @@
-"""Whether an equilibrium is stable: the inertia of K_T on the null space of the constraints, from a global matrix.
+"""Stability of an equilibrium: the inertia of K_T on the null space of the constraints, from a global matrix.
 
-No part of this is shared with the recursion of ANC-TMM: the tangent is assembled, projected by Z with Φ Z = 0, and its
-eigenvalues are counted by LAPACK or, of a large one, by the signs of the pivots of a symmetric sparse factorisation.
+Nothing is shared with the recursion of ANC-TMM: the tangent is assembled, projected by Z with Φ Z = 0, and its
+eigenvalues are counted by LAPACK or, for a large one, by the signs of the pivots of a symmetric sparse factorisation.
 """
 
 from dataclasses import dataclass

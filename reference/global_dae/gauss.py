@@ -1,7 +1,8 @@
 """Implicit steps of high order: collocation at Gauss's three points, order 6, on independent coordinates.
 
-This is what the global solver takes for integrator "esdirk", implicit steps of high order. It shares neither method nor
-linear algebra with the integrator of that name, so that references are found by two roads. With a, b and c of Gauss,
+The global solver uses this method for integrator "esdirk", implicit steps of high order. It shares neither method nor
+linear algebra with the integrator of that name, so that references are confirmed by an independent method. With a, b
+and c of Gauss,
 
     M w_i = F(Y_i, t + c_i h),   Y_i = y + c_i h v + h² Σ_j (a²)_ij w_j,   y' = y + h v + h² Σ_i (bᵀa)_i w_i,
     v' = v + h Σ b_i w_i

@@ -1,4 +1,4 @@
-"""Marching in time: state shared by both integrators, batches of steps, output, cost and status."""
+"""Time marching: state shared by both integrators, batches of steps, output, cost and status."""
 
 from dataclasses import dataclass, replace
 from time import perf_counter, process_time

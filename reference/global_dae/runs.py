@@ -1,4 +1,4 @@
-"""What runs for a scene and a discretisation: the global solver's integrators, and its equilibria."""
+"""Selection of the global solver's integrator or statics for a scene and a discretisation."""
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.errors import UnsupportedError, unknown_option

@@ -1,4 +1,4 @@
-"""Angles that bodies have turned by, as sums over the steps: outputs alone do not tell whole turns."""
+"""Rotations of bodies summed over the steps, because outputs alone do not determine whole turns."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The solution that an analysis by OpenSees gives: fields, energies, and how it ended."""
+"""The solution from an analysis by OpenSees: fields, energies, and status."""
 
 from dataclasses import replace
 

@@ -1,7 +1,7 @@
-"""A scene as OpenSees has it: nodes with two displacements and a rotation, joined by beams that follow their chords.
+"""A scene as a model in OpenSees: nodes with two displacements and a rotation, joined by corotational beams.
 
-Ends that are welded share a node; ends that are hinged have a node each, whose displacements are equal. A driven clamp
-is a support whose rotation is prescribed.
+Welded ends share a node; hinged ends have separate nodes with equal displacements. A driven clamp is a support with a
+prescribed rotation.
 """
 
 from collections.abc import Callable

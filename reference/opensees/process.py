@@ -1,4 +1,4 @@
-"""Run an analysis by OpenSees in a process of its own, and read what it has written, whatever ended it."""
+"""Run of an analysis by OpenSees in a separate process, and its output, even if the process crashes."""
 
 import json
 import os

@@ -1,1 +1,1 @@
-"""What every command shares: how it ends, its streams, its options, its progress."""
+"""Parts shared by all commands: exit codes, streams, options, progress."""

@@ -1,4 +1,4 @@
-"""How a command ends: every way has one exit code, and none is a bare exception."""
+"""End of a command: each kind has one exit code, and none is an uncaught exception."""
 
 import os
 import shutil

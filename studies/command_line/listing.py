@@ -1,4 +1,4 @@
-"""What `anctmm list` shows: cases, solvers and studies."""
+"""Output of `anctmm list`: cases, solvers and studies."""
 
 from collections.abc import Iterable
 

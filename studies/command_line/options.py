@@ -1,4 +1,4 @@
-"""Options as typed to options as meant. An option that cannot be read is named with what is allowed."""
+"""Parsing of options. An option that cannot be parsed is named with the allowed values."""
 
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a command shows while it works, on standard error: a bar on a terminal, lines elsewhere."""
+"""Progress of a command on standard error: a bar on a terminal, lines elsewhere."""
 
 import shlex
 import sys

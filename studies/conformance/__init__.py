@@ -1,1 +1,1 @@
-"""Does a solver keep the rules of the interface?"""
+"""Does a solver obey the rules of the interface?"""

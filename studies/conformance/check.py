@@ -1,4 +1,4 @@
-"""Whether a registered solver keeps the rules of `studies.conformance.rules`: runs them and shows the findings."""
+"""Runs the rules of `studies.conformance.rules` on a registered solver and shows the findings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

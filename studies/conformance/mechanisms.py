@@ -1,4 +1,4 @@
-"""How the cantilever of the rules comes to need what mechanisms have: bodies, guides, connectors and loads."""
+"""Variants of the cantilever of the rules with features of mechanisms: bodies, guides, connectors and loads."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace

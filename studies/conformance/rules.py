@@ -1,4 +1,4 @@
-"""What is asked of every solver, a function a rule. All scenes are made of one soft bar of 1 m."""
+"""The rules for every solver, one function each. All scenes are made of one soft bar of 1 m."""
 
 import copy
 from collections.abc import Callable, Collection, Mapping

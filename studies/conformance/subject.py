@@ -1,4 +1,4 @@
-"""What a conformance rule is, and what it is given: a solver under test."""
+"""Definition of a conformance rule, and its argument: the solver under test."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

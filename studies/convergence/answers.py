@@ -1,4 +1,4 @@
-"""What the page begins with about a case: which digits hold, and what its joints carry."""
+"""Summary of a case for the results page: how many digits are correct, and the forces in its joints."""
 
 from collections.abc import Iterable, Sequence
 from math import isfinite

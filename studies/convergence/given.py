@@ -1,4 +1,4 @@
-"""Meshes and steps that a user asks for, as levels from coarse to fine."""
+"""Meshes and steps given by the user, as levels from coarse to fine."""
 
 from itertools import pairwise
 

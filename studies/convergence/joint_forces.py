@@ -1,4 +1,4 @@
-"""What joints and springs carry, and how many digits of it hold."""
+"""Forces of joints and springs, and how many of their digits are correct."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress

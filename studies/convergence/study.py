@@ -1,4 +1,4 @@
-"""How a case's error falls with mesh and step, and which digits of its values hold."""
+"""Convergence of a case with mesh and step, and how many digits of its values are correct."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace

@@ -1,1 +1,1 @@
-"""What every study shares: runs, store, sweeps, tables, times."""
+"""Parts that all studies share: runs, store, sweeps, tables, times."""

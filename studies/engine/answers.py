@@ -1,4 +1,4 @@
-"""What a study answers: a question, a figure, and what to take."""
+"""An answer of a study: a question, a value, and a recommendation."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass

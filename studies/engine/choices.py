@@ -1,4 +1,4 @@
-"""What a solver may choose at the same mesh and step, as its capabilities say: for runs, tables and scripts."""
+"""Settings that a solver may choose at the same mesh and step, from its capabilities: for runs, tables and scripts."""
 
 import ast
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Text and tables on a terminal of any width: lines are broken between words, never inside one."""
+"""Text and tables on a terminal of any width: lines are broken between words only."""
 
 import os
 import textwrap

@@ -1,4 +1,4 @@
-"""A scene in other units, at another place or turned: the same physics with other numbers."""
+"""A scene in other units, at another place or rotated: the same physics with other numbers."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace

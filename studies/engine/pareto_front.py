@@ -1,4 +1,4 @@
-"""Fronts of error and cost: what no other setting beats, what comes near, and what is cheapest under an error."""
+"""Pareto fronts of error and cost: non-dominated settings, settings near the front, and the cheapest for an error."""
 
 from collections.abc import Iterable
 from typing import Protocol, TypeVar

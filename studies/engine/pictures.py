@@ -1,4 +1,4 @@
-"""Pictures and animations that a study answers with; `studies.report` draws them."""
+"""Pictures and animations of a study; `studies.report` draws them."""
 
 from dataclasses import dataclass
 

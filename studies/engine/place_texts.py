@@ -1,4 +1,4 @@
-"""Places of a scene in words: no two have the same ones."""
+"""Texts for the places of a scene, all different."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable

@@ -1,4 +1,4 @@
-"""Runs cases and remembers them, one by one: a sweep goes on where it stopped."""
+"""Runs cases and stores their results one by one, so that a sweep can be continued after an interruption."""
 
 import inspect
 from collections.abc import Callable, Iterable, Iterator, Sequence

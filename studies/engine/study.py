@@ -1,4 +1,4 @@
-"""What every study is asked and answers, and the list of studies."""
+"""The interface of studies, and the list of all studies."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace

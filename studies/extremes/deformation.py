@@ -1,4 +1,4 @@
-"""Rolled into two circles, swung wildly, turned inside out: what is exact, what converges, and what can be compared."""
+"""Beams rolled into two circles, large swings, inverted elements: what is exact, converges, or can be compared."""
 
 from dataclasses import dataclass, replace
 from functools import partial

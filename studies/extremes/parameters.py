@@ -1,4 +1,4 @@
-"""Stiff beside soft, slender, nearly incompressible: static equilibria against closed forms, by several roads."""
+"""Ratios of stiffness, slenderness, incompressibility: static equilibria against closed forms, by several methods."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Far from the origin, tiny, huge, soft and hard: what only the numbers' own digits may change."""
+"""Far from the origin, tiny, huge, soft and hard: only rounding may change the answer."""
 
 from dataclasses import dataclass
 from functools import partial

@@ -1,4 +1,4 @@
-"""The four-bar over half a turn of its crank, for peers whose elements know no more."""
+"""The four-bar over half a turn of its crank, for peers whose elements allow no more."""
 
 from dataclasses import replace
 

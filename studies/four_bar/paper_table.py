@@ -1,4 +1,4 @@
-"""The paper's Table 2 rebuilt: the same motion by an ordinary ANCF solver, by ANC-TMM and by Exudyn."""
+"""The paper's Table 2 repeated: the same motion by an ordinary ANCF solver, by ANC-TMM and by Exudyn."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

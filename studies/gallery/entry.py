@@ -1,4 +1,4 @@
-"""What the gallery shows of a scene: how it is run, what is drawn, and a number that is known."""
+"""Content of the gallery for a scene: how it is run, what is drawn, and a known number."""
 
 import runpy
 from collections.abc import Callable, Mapping

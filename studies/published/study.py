@@ -1,4 +1,4 @@
-"""Published problems with numbers: each is confirmed, contradicted, or cannot be compared, and it says why."""
+"""Published problems with numbers: each is confirmed, contradicted, or cannot be compared, with the reason."""
 
 from collections.abc import Iterator
 

@@ -1,1 +1,1 @@
-"""Do scenes still move as their stored histories say?"""
+"""Regression check: are the stored histories still reproduced?"""

@@ -1,4 +1,4 @@
-"""How cases of a user's are watched: one coarse run each, as what is watched is the code and not its accuracy."""
+"""Regression check of a user's cases: one coarse run each, because the code is tested and not the accuracy."""
 
 from collections.abc import Iterable
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What a check leaves behind: a table on the terminal and as files, JUnit XML, and pictures of the differences."""
+"""Output of a check: a table on the terminal and as files, JUnit XML, and pictures of the differences."""
 
 from collections.abc import Sequence
 from itertools import groupby

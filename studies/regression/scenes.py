@@ -1,4 +1,4 @@
-"""Which histories `anctmm check` watches: those of the base scenes, or those a user's file declares."""
+"""Histories of `anctmm check`: those of the base scenes, or those that a user's file declares."""
 
 import re
 from collections.abc import Iterable, Mapping, Set

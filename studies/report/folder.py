@@ -1,4 +1,4 @@
-"""What a study leaves behind: a directory of its tables and pictures, with the machine and checksums."""
+"""Output directory of a study: its tables and pictures, with the machine and checksums."""
 
 from pathlib import Path
 

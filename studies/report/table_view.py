@@ -1,4 +1,4 @@
-"""A table as the page shows it: what is the same in all rows is told once, columns have names for people."""
+"""A table on the page: values equal in all rows are shown once, and columns have readable names."""
 
 import re
 from collections.abc import Sequence

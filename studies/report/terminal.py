@@ -1,4 +1,4 @@
-"""What a study prints: a narrow table of its runs, the reasons of those that failed, and its findings."""
+"""Output of a study on the terminal: a narrow table of its runs, the reasons of failures, and its findings."""
 
 from collections.abc import Sequence
 

@@ -1,1 +1,1 @@
-"""One run of one case: what comes out, and how far it can be trusted."""
+"""One run of one case: its results and their uncertainty."""

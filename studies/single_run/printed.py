@@ -1,4 +1,4 @@
-"""What `anctmm run` prints."""
+"""Output of `anctmm run`."""
 
 from functools import partial
 from math import isfinite

@@ -1,4 +1,4 @@
-"""Run a case once: on a mesh and by a step that are given, or that are chosen for a target error."""
+"""One run of a case, with a given mesh and step, or with those chosen for a target error."""
 
 from collections.abc import Sequence
 from contextlib import suppress

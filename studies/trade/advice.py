@@ -1,4 +1,4 @@
-"""What the page begins with: for each scene and target error the setting to take, and why."""
+"""Summary of the trade for the results page: the recommended setting for each scene and target error, and why."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Whose times are compared: of solvers whose way to do a scene is made to be fast."""
+"""The solvers whose times are compared: those that solve a scene by code made for speed."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What error-controlled steps cost beside the best fixed step of the same mesh, and whether they keep their promise."""
+"""Cost of error-controlled steps relative to the best fixed step on the same mesh, and their errors."""
 
 from collections.abc import Iterator
 from typing import Any

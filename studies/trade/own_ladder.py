@@ -1,4 +1,4 @@
-"""Meshes, steps and references of a case that nobody has tuned: all follow from its refinement."""
+"""Meshes, steps and references of a user's case, all derived from its refinement."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""What `anctmm recommend` prints."""
+"""Output of `anctmm recommend`."""
 
 from rich.console import Console
 from rich.markup import escape

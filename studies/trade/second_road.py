@@ -1,4 +1,4 @@
-"""References found once more by another road: another solver, method and, maybe, mesh."""
+"""References confirmed by an independent method: another solver and integrator, and possibly another mesh."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Which error comes from the mesh and which from the step: a run beside a fine step on its own mesh."""
+"""The parts of the error from mesh and step: a run compared with a fine step on its own mesh."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""At which order the steps of a reference converge, on a coarse mesh and on its own: whether the motion is smooth."""
+"""Observed order of the steps of a reference, on a coarse mesh and on its own: whether the motion is smooth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The trade of error for time: every setting on both base scenes, the front, and what each error comes from."""
+"""The trade of error for time: every setting on both base scenes, the front, and the origin of each error."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """Scenes with rigid bodies, guides, connectors or other loads: general equations, in plain NumPy.
 
-M q̈ + Jᵀμ = f(q, q̇, t), Φ(q, t) = 0. Nothing here is shared with ANC-TMM but the elastic forces of beams. Matrices are
-dense, whatever the linear algebra is called: made to check, not to be fast.
+M q̈ + Jᵀμ = f(q, q̇, t), Φ(q, t) = 0. Nothing here is shared with ANC-TMM except the elastic forces of beams. Matrices
+are dense for both settings of linear algebra: the code is written for verification, not for speed.
 """
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation

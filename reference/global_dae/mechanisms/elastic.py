@@ -1,4 +1,4 @@
-"""Beams that bend: mass, elastic and damping forces, tangents and energies, on the coordinates of a layout."""
+"""Flexible beams: mass, elastic and damping forces, tangents and energies, on the coordinates of a layout."""
 
 from functools import cached_property
 from typing import Any

@@ -1,4 +1,4 @@
-"""Rows of a Jacobian that do not follow from others: a parallelogram with a third crank holds some twice."""
+"""Independent rows of a Jacobian: a parallelogram with a third crank has redundant ones."""
 
 import numpy as np
 from numpy.typing import NDArray

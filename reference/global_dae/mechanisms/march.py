@@ -1,4 +1,4 @@
-"""Marching in time: what both integrators share, output, cost and status."""
+"""Time marching shared by both integrators: output, cost and status."""
 
 from dataclasses import dataclass
 from time import perf_counter, process_time

@@ -1,1 +1,1 @@
-"""How well a value is known: sweeps over meshes and steps, references, estimates from refinement, digits that hold."""
+"""Accuracy of values: sweeps over meshes and steps, references, estimates by refinement, correct digits."""

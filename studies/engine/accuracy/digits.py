@@ -1,4 +1,4 @@
-"""Values read off a run, each with its own uncertainty: how many of its digits hold."""
+"""Values of a run with their uncertainty: how many of their digits are correct."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""References of errors: a fine run, and how well it is known."""
+"""References for errors: a fine run and its own uncertainty."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace

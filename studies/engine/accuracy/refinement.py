@@ -1,6 +1,6 @@
-"""Meshes and steps chosen by the program: both are refined until an estimate of the error is small enough.
+"""Automatic choice of mesh and step: both are refined until an estimate of the error is small enough.
 
-Meshes or steps may be given instead, from coarse to fine; what is left is estimated from those.
+Meshes or steps may be given instead, from coarse to fine; the remaining error is estimated from those.
 """
 
 from collections.abc import Sequence

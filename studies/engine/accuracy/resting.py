@@ -1,4 +1,4 @@
-"""Probes that rest: their displacements tell nothing of a run, but some of them turn."""
+"""Probes at rest: their displacements say nothing about the error of a run, but some of them rotate."""
 
 import numpy as np
 from numpy.typing import NDArray

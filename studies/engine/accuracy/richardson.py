@@ -1,11 +1,11 @@
-"""What refinement still has to change, from results on levels of mesh or step (Richardson's estimate).
+"""Estimate of the remaining error from results on several levels of mesh or step (Richardson extrapolation).
 
-An error that falls as h^p makes results on h and r h differ by d = e (r^p − 1), e being the error that is left on h.
-The order p is observed on three levels, from the ratio of two differences. Where it is near that of theory,
-d / (r^p − 1) is taken 1.5 times, and p is never taken to be higher than theory says; the factor of the grid convergence
-index (Roache 1994, doi:10.1115/1.2910291), 1.25, was seen to be too small by a few hundredths where steps excite a
-scene's highest frequencies. Elsewhere another part of the error may be about to show, which falls more slowly: then
-twice what an error of first order would leave is taken.
+If the error is proportional to h^p, results on h and r h differ by d = e (r^p − 1), where e is the remaining error on
+h. The order p is observed on three levels, from the ratio of two differences. If it is near the theoretical order, 1.5
+d / (r^p − 1) is used, and p never exceeds the theoretical one. The factor of the grid convergence index (Roache 1994,
+doi:10.1115/1.2910291), 1.25, was too small by a few hundredths in tests where steps excite the highest frequencies of
+a scene. Otherwise another part of the error, which decreases more slowly, may dominate on finer levels: then twice the
+estimate for first order is used.
 """
 
 from collections.abc import Sequence

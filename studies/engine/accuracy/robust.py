@@ -1,4 +1,4 @@
-"""Errors that no loose bound of Newton's iteration makes smaller by chance."""
+"""Errors that a loose Newton tolerance cannot make smaller by chance."""
 
 from collections.abc import Hashable, Sequence
 

@@ -1,1 +1,1 @@
-"""Times: of contestants in turn, on one thread, after a warm-up; and what the benchmark runs."""
+"""Timing: solvers in alternating runs, on one thread, after a warm-up; and the settings of the benchmark."""

@@ -1,4 +1,4 @@
-"""Times of contestants in turn: samples in nanoseconds of a unit of work, their medians and spreads."""
+"""Times of alternating runs: samples in nanoseconds per unit of work, their medians and spreads."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""What the benchmark runs: one kind of beam at any number of elements, chains of it, and their steps."""
+"""Models of the benchmark: one kind of beam with any number of elements, chains of it, and their steps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

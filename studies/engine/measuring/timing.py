@@ -1,4 +1,4 @@
-"""Measuring fairly: one thread, no garbage collection, after a warm-up, alternating, raw samples kept."""
+"""Fair timing: one thread, no garbage collection, after a warm-up, alternating runs, raw samples stored."""
 
 import gc
 import os

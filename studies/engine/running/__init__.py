@@ -1,1 +1,1 @@
-"""How runs are done: here, by worker processes, or on a cluster; and times by themselves, in turn."""
+"""Execution of runs: in this process, by worker processes, or on a cluster; times separately, by alternating runs."""

@@ -1,4 +1,4 @@
-"""Text that tells a run from every other, with every digit, and the modules that it is made of."""
+"""A text that identifies a run uniquely, with all digits, and the modules that it consists of."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""What comes of a case: its solution, what it cost, and what its error is measured against."""
+"""Outcome of a case: its solution, its cost, and the reference for its error."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

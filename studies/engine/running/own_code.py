@@ -1,4 +1,4 @@
-"""Modules of the user's that a run needs: a worker that does not find them gets them along with the run."""
+"""Modules of the user that a run needs: they are sent with the run to a worker that does not have them."""
 
 import sys
 from collections.abc import Iterable, Iterator

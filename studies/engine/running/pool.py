@@ -1,8 +1,8 @@
-"""Worker processes on this machine as an executor. One that dies costs the call that it was at, and no other.
+"""Worker processes on this machine as an executor. If one dies, only its current call is lost.
 
 The executor of the standard library gives up all calls when one of its processes dies. Here each process has a thread
-that hands it one call at a time, and begins another process in its place. The processes are new interpreters: they need
-no `if __name__ == "__main__"` in the script that asks for them, and share no thread and no lock with it.
+that passes it one call at a time, and starts another process to replace it. The processes are new interpreters: they
+need no `if __name__ == "__main__"` in the calling script, and share no thread and no lock with it.
 """
 
 import os

@@ -1,4 +1,4 @@
-"""Independent jobs in several processes, for what measures no time: jobs that run side by side disturb each other."""
+"""Independent jobs in several processes, for work that is not timed: parallel jobs disturb each other."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Runs spread over workers, each computed once, whatever dies: a run is claimed in the store while it is out."""
+"""Runs distributed over workers, each computed once even if workers die: a run is locked in the store meanwhile."""
 
 import time
 from collections import deque

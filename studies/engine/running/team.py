@@ -1,4 +1,4 @@
-"""Who computes the errors of a sweep: worker processes on this machine, or those of a cluster."""
+"""The workers that compute the errors of a sweep: processes on this machine, or those of a cluster."""
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor

@@ -1,4 +1,4 @@
-"""One run of one solver, and how it is done: whatever fails is an answer, too."""
+"""One run of one solver; every failure becomes a solution with a status."""
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager

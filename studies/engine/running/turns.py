@@ -1,4 +1,4 @@
-"""Who may run on this machine: runs side by side, or one that is timed, with no other of ours at work."""
+"""Locks for a machine: either several runs at the same time, or one that is timed, without other runs of ours."""
 
 import hashlib
 import os

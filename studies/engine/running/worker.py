@@ -1,8 +1,8 @@
-"""What a worker does with a call that it is sent, in a process or on a machine of its own: the answer, as bytes.
+"""Work of a worker, in a process or on another machine: a call and its answer, as bytes.
 
-A call, mostly a run, arrives as bytes, and its answer goes back as those that the store keeps, without the scene.
-Before a worker opens them it makes sure that its code is that of who asks: an answer is kept under the code that made
-it.
+A call, usually a run, arrives as bytes, and its answer is returned in the format of the store, without the scene.
+Before a worker reads the call, it checks that its code equals that of the sender: an answer is stored under the code
+that computed it.
 """
 
 import hashlib

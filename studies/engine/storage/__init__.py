@@ -1,1 +1,1 @@
-"""Finished work on disk, and where a number comes from: files, store, sources, machine and versions."""
+"""Finished work on disk, and the origin of numbers: files, store, sources, machine and versions."""

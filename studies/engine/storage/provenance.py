@@ -1,4 +1,4 @@
-"""Where a number comes from: the machine and the versions that made it."""
+"""Origin of a number: the machine and the versions that computed it."""
 
 import os
 import platform

@@ -1,8 +1,8 @@
-"""Which source a computation is made of: its module and all that this imports, as a hash.
+"""The source code that a computation depends on: its module and all that this imports, as a hash.
 
-A kept result is that of the code that made it. What a module imports is read from its text, without importing it, and
-followed through our own packages, the package of the module, and whatever else lies outside the directories of
-installed packages; of installed packages the version stands for the source.
+A stored result belongs to the code that computed it. The imports of a module are read from its text, without importing
+it, and followed through our own packages, the package of the module, and everything outside the directories of
+installed packages; for installed packages the version represents the source.
 """
 
 import ast

@@ -1,4 +1,4 @@
-"""Finished runs on disk: a file each, whole or not there, written by one process at a time."""
+"""Finished runs on disk: one file each, written atomically by one process at a time."""
 
 import hashlib
 from collections.abc import Callable, Iterator, Sequence

@@ -1,4 +1,4 @@
-"""What all extremes of a case start from: a run that is accurate enough, and others like it."""
+"""Common start of all extremes of a case: a run that is accurate enough, and variants of it."""
 
 from dataclasses import dataclass, replace
 from typing import Any

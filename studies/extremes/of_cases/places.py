@@ -1,4 +1,4 @@
-"""A case far from the origin and in other units: what only the numbers' own digits may change."""
+"""A case far from the origin and in other units: only rounding may change the answer."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""A case whose beams are made stiffer and stiffer: it must tend to rigid bars."""
+"""A case whose beams become stiffer and stiffer: it must converge to rigid bars."""
 
 from dataclasses import replace
 from math import nan

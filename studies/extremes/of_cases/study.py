@@ -1,4 +1,4 @@
-"""What a case stands: explicit steps, disturbances, many elements, other units and places, stiffness."""
+"""Limits of a case: explicit steps, disturbances, many elements, other units and places, stiffness."""
 
 from collections.abc import Iterator, Sequence
 
