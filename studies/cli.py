@@ -1,7 +1,7 @@
 """The command line. Modules that are slow to import are imported by the command that needs them."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from functools import partial
@@ -400,25 +400,32 @@ def check(
     own = scenes or (Path(file) if file else None)
     stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
     check_writable(out / "check")
-    findings: list[checking.Finding] = []
     work = (
         checking.update(tasks, stored)
         if update
         else checking.check(tasks, stored, whole=not asked and not solvers and not case, workers=processors())
     )
-    console = Console(stderr=True)
-    log = Log.on(console)
-    with bar(console) as progress:
-        task = progress.add_task("running", total=len(tasks))
-        for done, found in enumerate(work, 1):
-            findings += found
-            progress.update(task, description=shortened(found[-1].name, console.width), advance=1)
-            log.done(found[-1].name, done, len(tasks))
-        findings = checking.in_order(findings, tasks)
-        write_check(findings, out / "check")
+    findings = checking.in_order(_shown_in_turn(work, len(tasks)), tasks)
+    write_check(findings, out / "check")
     show(findings, Console())
     print(f"\nWritten to {out / 'check'}/; stored histories are in {stored}/")
     raise typer.Exit(_verdict(findings))
+
+
+def _shown_in_turn(work: "Iterable[tuple[Finding, ...]]", total: int) -> "list[Finding]":
+    """All findings of a check, whose progress is shown as they come."""
+    from rich.console import Console
+
+    findings: list[Finding] = []
+    console = Console(stderr=True)
+    log = Log.on(console)
+    with bar(console) as progress:
+        task = progress.add_task("running", total=total)
+        for done, found in enumerate(work, 1):
+            findings += found
+            progress.update(task, description=shortened(found[-1].name, console.width), advance=1)
+            log.done(found[-1].name, done, total)
+    return findings
 
 
 def _watches(

@@ -71,45 +71,68 @@ def highest_frequency(
         0 where nothing can move.
     """
     bodies = bodies or chain.bodies
-    q = bodies.reference() if q is None else q
-    inverse = mass_factors(chain, q)
-    constrained = chain.plan.kept and chain.kept.constraints.names
-    join = Joined(chain)
-    buffer, up, down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
-    connected = Connected(chain)
-
-    def force(at: Array, out: Array) -> None:
-        elastic_forces(bodies.formulations, at, bodies.first, bodies.kinds, bodies.constants, buffer, out)
-        connected.subtract(q, at, damping, out)
-
-    def stiffness(x: Array) -> Array:
-        p = join.spread(x)
-        h = DIFFERENCE / max(float(np.abs(p[2:]).max()), float(np.abs(p[:2]).max()) / chain.length, 1e-300)
-        force(q + h * p, up)
-        force(q - h * p, down)
-        return join.gather((up - down) / (2.0 * h))
-
-    def mass(x: Array) -> Array:
-        out = np.empty_like(q)
-        mass_product(join.spread(x), bodies.first, bodies.masses, buffer, out)
-        return join.gather(out)
-
-    def divided(f: Array) -> Array:
-        return join.unknowns(solve(inverse, join.load(f)))
-
-    n = join.size
+    small = _Linearised(chain, bodies.reference() if q is None else q, bodies, damping)
+    n = small.join.size
     if n == 0 or not (chain.scene.connectors or any(mesh.elements for mesh in bodies.meshes)):
         return 0.0
+    constrained = chain.plan.kept and chain.kept.constraints.names
     if n < 3 or (constrained and n <= DENSE):  # few freedoms beside the coordinates may stop Lanczos early
-        K = np.stack([stiffness(e) for e in np.eye(n)])
-        A = np.stack([divided(row) for row in K])
-        free = np.linalg.pinv(np.stack([mass(e) for e in np.eye(n)]), hermitian=True) @ K
-        springs_are_held = np.abs(A).max() <= HELD * np.abs(free).max()  # by joints: the rest is rounding
-        if springs_are_held:
-            return 0.0
-        return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
+        return _by_dense_matrices(small)
+    return _by_lanczos(small)
+
+
+class _Linearised:
+    """Products with stiffness, mass and inverse mass of a scene linearised about a configuration."""
+
+    def __init__(self, chain: Chain, q: Array, bodies: Bodies, damping: bool) -> None:
+        self.q, self.bodies, self.damping, self.length = q, bodies, damping, chain.length
+        self.inverse, self.join, self.connected = mass_factors(chain, q), Joined(chain), Connected(chain)
+        self.buffer, self.up, self.down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
+
+    def _force(self, at: Array, out: Array) -> None:
+        bodies = self.bodies
+        elastic_forces(
+            bodies.formulations, at, bodies.first, bodies.kinds, bodies.constants, self.buffer, out
+        )
+        self.connected.subtract(self.q, at, self.damping, out)
+
+    def stiffness(self, x: Array) -> Array:
+        """K_T x, by a central difference of the forces."""
+        p = self.join.spread(x)
+        h = DIFFERENCE / max(float(np.abs(p[2:]).max()), float(np.abs(p[:2]).max()) / self.length, 1e-300)
+        self._force(self.q + h * p, self.up)
+        self._force(self.q - h * p, self.down)
+        return self.join.gather((self.up - self.down) / (2.0 * h))
+
+    def mass(self, x: Array) -> Array:
+        """M x."""
+        out = np.empty_like(self.q)
+        mass_product(self.join.spread(x), self.bodies.first, self.bodies.masses, self.buffer, out)
+        return self.join.gather(out)
+
+    def divided(self, f: Array) -> Array:
+        """M⁻¹ f, by a sweep of the recursion."""
+        return self.join.unknowns(solve(self.inverse, self.join.load(f)))
+
+
+def _by_dense_matrices(small: _Linearised) -> float:
+    """The highest frequency by all eigenvalues of M⁻¹K, rad/s."""
+    units = np.eye(small.join.size)
+    K = np.stack([small.stiffness(e) for e in units])
+    A = np.stack([small.divided(row) for row in K])
+    free = np.linalg.pinv(np.stack([small.mass(e) for e in units]), hermitian=True) @ K
+    springs_are_held = np.abs(A).max() <= HELD * np.abs(free).max()  # by joints: the rest is rounding
+    if springs_are_held:
+        return 0.0
+    return sqrt(max(0.0, float(np.max(np.real(np.linalg.eigvals(A))))))
+
+
+def _by_lanczos(small: _Linearised) -> float:
+    """The highest frequency by Lanczos iteration, rad/s."""
+    n = small.join.size
     operators = [
-        scipy.sparse.linalg.LinearOperator((n, n), matvec=g, dtype=float) for g in (stiffness, mass, divided)
+        scipy.sparse.linalg.LinearOperator((n, n), matvec=g, dtype=float)
+        for g in (small.stiffness, small.mass, small.divided)
     ]
     start = np.random.default_rng(0).standard_normal(n)
     try:

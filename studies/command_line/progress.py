@@ -5,6 +5,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING
 
@@ -151,16 +152,21 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
             yield runner
         except KeyboardInterrupt:
             progress.stop()
-            again = shlex.join(["anctmm", *sys.argv[1:]])
-            kept = f"Finished runs ({runner.computed} of this session) are stored in {cache}; continue with: {again}"
-            if runner.forgotten:
-                kept += (
-                    f". {runner.forgotten} runs of scenes with your own functions or classes are not stored"
-                )
-            if cache is None:
-                kept = "Nothing is stored, because no directory can be written to."
-            say(console, f"Interrupted. {kept}")
+            say(console, f"Interrupted. {_stored(runner, cache)}")
             raise typer.Exit(Code.INTERRUPTED) from None
+
+
+def _stored(runner: "Runner", cache: Path | None) -> str:
+    """What an interrupted sweep has stored, and the command that continues it."""
+    if cache is None:
+        return "Nothing is stored, because no directory can be written to."
+    again = shlex.join(["anctmm", *sys.argv[1:]])
+    stored = (
+        f"Finished runs ({runner.computed} of this session) are stored in {cache}; continue with: {again}"
+    )
+    if runner.forgotten:
+        stored += f". {runner.forgotten} runs of scenes with your own functions or classes are not stored"
+    return stored
 
 
 def shortened(text: str, width: int) -> str:
