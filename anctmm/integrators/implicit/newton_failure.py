@@ -10,10 +10,8 @@ from anctmm.discretise.assembly import (
 )
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
-from anctmm.forces.actuation import (
-    Actuation,
-    turn_clamps,
-)
+from anctmm.discretise.methods import Coefficients
+from anctmm.forces.actuation import Actuation, DrivenClamps, turn_clamps
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.system import ITERATIONS, Newton, State, new_damping
@@ -84,13 +82,8 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     factors, damping = block_factors(chain), new_damping(chain)
     matrix = tables if damping is None else damping.stiff
     turn_clamps(clamps, actuation.clamp_table(now)[0])
-    a, w = state.a, state.w_before.copy()
-    new = (w - c.alpha_m * a) / (1.0 - c.alpha_m)
-    q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * a + c.beta * new)
-    for h, i in enumerate(clamps.nodes):
-        held = clamps.held[h]
-        w[:held, i] += c.to_w * (clamps.motion[0, h, :held] - q[:held, i])
-        q[:held, i] = clamps.motion[0, h, :held]
+    a = state.a
+    q, w = _predicted(state, clamps, c)
     found: list[float] = []
     with np.errstate(all="ignore"):
         while len(found) < ITERATIONS and np.isfinite(found[-1:]).all() and np.isfinite(q).all():
@@ -125,3 +118,15 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
             q += x
             w += c.to_w * x
     return tuple(found)
+
+
+def _predicted(state: State, clamps: DrivenClamps, c: Coefficients) -> tuple[Array, Array]:
+    """Positions and accelerations at the end of the step before Newton's iteration, each (rows, nodes)."""
+    w = state.w_before.copy()
+    new = (w - c.alpha_m * state.a) / (1.0 - c.alpha_m)
+    q = state.q_before + c.h * state.v + c.h**2 * ((0.5 - c.beta) * state.a + c.beta * new)
+    for h, i in enumerate(clamps.nodes):
+        held = clamps.held[h]
+        w[:held, i] += c.to_w * (clamps.motion[0, h, :held] - q[:held, i])
+        q[:held, i] = clamps.motion[0, h, :held]
+    return q, w
