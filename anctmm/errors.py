@@ -11,7 +11,7 @@ from anctmm.raised import line_of
 
 
 class AnctmmError(Exception):
-    """Base of everything this package raises on purpose."""
+    """Base class of the exceptions of this package."""
 
 
 class SceneError(AnctmmError, ValueError):
@@ -23,7 +23,7 @@ class PropertyError(SceneError):
 
 
 class UnknownKindError(SceneError, TypeError):
-    """A body, joint, load or other part of a scene is of a kind that is not known (there)."""
+    """A body, joint, load or other part of a scene is of an unknown kind, or of one that is not allowed there."""
 
 
 class DegenerateBodyError(SceneError):
@@ -31,7 +31,7 @@ class DegenerateBodyError(SceneError):
 
 
 class DuplicateNameError(SceneError):
-    """Two bodies carry one name."""
+    """Two bodies have the same name."""
 
 
 class UnknownNameError(SceneError, KeyError):
@@ -50,15 +50,15 @@ class EndJoinedTwiceError(TopologyError):
 
 
 class RepeatedJointError(TopologyError):
-    """A joint holds what other joints hold already."""
+    """A joint repeats a constraint of other joints."""
 
 
 class ContradictingJointsError(TopologyError):
-    """Joints hold a thing in different ways."""
+    """Joints contradict each other."""
 
 
 class JointGapError(TopologyError):
-    """The ends a joint connects are not at one place, or do not move as one."""
+    """The ends of a joint are not at one place, or their velocities differ."""
 
 
 class CaseError(AnctmmError, ValueError):
@@ -86,11 +86,11 @@ class StabilityError(StepError):
 
 
 class MemoryLimitError(DiscretisationError, MemoryError):
-    """A run takes more memory than is free."""
+    """A run needs more memory than is free."""
 
 
 class SolverError(AnctmmError, RuntimeError):
-    """A solver could not start, for a reason that lies in the scene as discretised."""
+    """A solver cannot start, because of the scene as discretised."""
 
 
 class UnknownSolverError(AnctmmError, KeyError):
@@ -101,15 +101,15 @@ class UnknownSolverError(AnctmmError, KeyError):
 
 
 class PluginError(SolverError):
-    """A registered solver cannot be loaded, lacks what is asked of it, or answers with nonsense."""
+    """A registered solver cannot be loaded, lacks a required function, or returns an invalid solution."""
 
 
 class UnsupportedError(SolverError):
-    """A solver cannot do a scene or discretisation, which others can; it answers with the status "unsupported"."""
+    """A solver lacks a feature that a scene or discretisation needs; its status is then "unsupported"."""
 
 
 class ResultError(AnctmmError, ValueError):
-    """A solution does not have what is asked of it."""
+    """A solution does not contain the requested result."""
 
 
 class StartWarning(UserWarning):
@@ -117,7 +117,7 @@ class StartWarning(UserWarning):
 
 
 class EquilibriumWarning(UserWarning):
-    """Modes are asked for about a state in which forces are not balanced."""
+    """Modes about a state that is no equilibrium."""
 
 
 class OutputError(AnctmmError, OSError):

@@ -11,7 +11,7 @@ from traceback import walk_tb
 
 #: Characters of a line in a message.
 LONGEST_LINE = 80
-#: Folders of this program: what is raised there is told by the line of the user that called it.
+#: Folders of this program: for an error raised there, the calling line of the user is reported.
 OURS = tuple(Path(__file__).resolve().parents[1] / name for name in ("anctmm", "reference", "studies"))
 
 
@@ -81,7 +81,7 @@ def _innermost_first(error: BaseException) -> Iterator[tuple[str, int]]:
 
 
 def _line(file: str, number: int) -> Line:
-    linecache.checkcache(file)  # it may have been written anew
+    linecache.checkcache(file)  # it may have been changed
     text = linecache.getline(file, number).strip()
     return Line(file, number, text if len(text) <= LONGEST_LINE else f"{text[: LONGEST_LINE - 1]}…")
 

@@ -26,7 +26,7 @@ NAME = 100
 
 
 class FrozenMapping(dict[str, Any]):
-    """A mapping that can be hashed; nobody changes it."""
+    """A mapping that can be hashed; read-only."""
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(tuple(sorted(self.items())))
@@ -151,7 +151,7 @@ def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
 def answer_of(
     name: str, function: Callable[[Any], Any], argument: float, error: type[AnctmmError] = PropertyError
 ) -> Any:
-    """What a user's function answers to one argument; whatever it raises becomes `error`, which tells it."""
+    """The value of a user's function for one argument; whatever it raises becomes `error`, with its message."""
     try:
         return function(argument)
     except (Exception, SystemExit) as raised:  # a user's function may do anything

@@ -505,7 +505,7 @@ def block_tangents(
     constants : ndarray
         The body's row of `Bodies.constants`.
     buffer : ndarray, shape (TANGENT_BUFFER,)
-        Written, as `tangent_blocks` tells.
+        Output, in the layout of `tangent_blocks`.
     """
     element_tangents(formulations, kind, q, node, count, constants, buffer)
 

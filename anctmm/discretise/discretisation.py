@@ -40,7 +40,7 @@ PLAIN = frozenset({bool, int, float, str, type(None), *METHODS.values()})
 
 
 class _NotGiven(float):
-    """A default that can be told from the same number given by the user."""
+    """A default that can be distinguished from the same number given by the user."""
 
 
 NOT_GIVEN = _NotGiven(1e-3)
@@ -264,7 +264,7 @@ def discretise(
     run : Discretisation or None
     options : dict
     fixed_step : bool
-        Whether the solver that asks can only take a fixed step.
+        Whether the calling solver has fixed steps only.
 
     Raises
     ------

@@ -28,7 +28,7 @@ FEW, NODES = 8, 20_000
 
 
 class Passed(Situated, Protocol):
-    """What is asked of a scene in the order of elimination; `anctmm.discretise.chain.Chain` has it."""
+    """The part of `anctmm.discretise.chain.Chain` that this module needs."""
 
     @property
     def plan(self) -> Plan:

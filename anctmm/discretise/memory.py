@@ -80,7 +80,7 @@ def coordinates_of_node(run: Discretisation, scene: Scene) -> int:
 
 
 def free_memory() -> float | None:
-    """Bytes that this process may still take; None where the system does not tell."""
+    """Bytes that this process may still allocate; None if the system does not report it."""
     known = []
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text().splitlines()

@@ -161,7 +161,7 @@ _STAGES = (
 
 @cache
 def stages() -> Stages:
-    """Coefficients of `Esdirk`, found once: nobody writes into them."""
+    """Coefficients of `Esdirk`, computed once: read-only."""
     A = np.zeros((len(_STAGES), len(_STAGES)))
     for i, row in enumerate(_STAGES):
         A[i, :i] = [float(Fraction(x)) for x in row]

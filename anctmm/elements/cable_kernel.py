@@ -83,7 +83,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     constants : ndarray
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
-        Written, components k < 4, as `force_blocks` tells.
+        Output, components k < 4, in the layout of `force_blocks`.
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
@@ -220,7 +220,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     constants : ndarray
         See `constants`.
     out : ndarray, shape (TANGENT_BUFFER,)
-        Written, as `tangent_blocks` tells; nodal vectors r_I, r'_I, r_O, r'_O.
+        Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, r_O, r'_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
     axial, bending = int(constants[3]), int(constants[4])

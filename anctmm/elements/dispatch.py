@@ -11,7 +11,7 @@ from typing import Any
 from anctmm.elements.kinds import KINDS, ElementKind
 from anctmm.jit.compiling import chosen_by_types, inlined
 
-#: Modules of kernels, by the numbers that kernels tell them apart by.
+#: Modules of kernels, by the numbers by which kernels distinguish them.
 KERNELS: Mapping[int, ModuleType] = dict(enumerate(dict.fromkeys(kind.kernels for kind in KINDS.values())))
 
 
@@ -25,7 +25,7 @@ COMPONENTS = {number_of(kind): 2 * len(kind.vectors) for kind in KINDS.values()}
 
 
 def formulations_of(numbers: Iterable[int]) -> tuple[int, ...]:
-    """What tells the compiler which kernels are needed: a tuple whose length is the sum of 2 ** number."""
+    """Tells the compiler which kernels are needed: a tuple whose length is the sum of 2 ** number."""
     return (0,) * sum(2**number for number in set(numbers))
 
 

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class InvariantShearElement:
-    """Force of a `ShearElement` by constant matrices, the second road to the same number.
+    """Force of a `ShearElement` by constant matrices, an independent way to compute it.
 
     Parameters
     ----------

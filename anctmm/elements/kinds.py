@@ -1,6 +1,6 @@
-"""The kinds of element that a body may be cut into: what each is, and what may be asked of it.
+"""The kinds of element of a body, and the properties of each.
 
-Everything that must tell one kind from another reads it here: discretisation, mesh, assembly, welds, checks of results,
+All code that depends on the kind reads it here: discretisation, mesh, assembly, welds, checks of results,
 what solvers offer, studies and their tables.
 
 A new kind needs an entry in `KINDS`, and of what it does not share with another kind:
@@ -139,7 +139,7 @@ class ElementKind:
         Raises
         ------
         UnknownOptionError
-            If the quadrature is none that the element knows; where it has no choice, none is asked for.
+            If the element does not know the quadrature; elements without a choice ignore it.
         """
         if not self.quadratures:
             return self.element.of(body, elements)

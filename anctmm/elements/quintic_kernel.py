@@ -76,7 +76,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     constants : ndarray, shape (≥ 3,)
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
-        Written, as `force_blocks` tells.
+        Output, in the layout of `force_blocks`.
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     r = 1.0 / l
@@ -198,7 +198,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         First node of the block, number of its elements, at most TANGENT_BLOCK.
     constants : ndarray, shape (≥ 3,)
     out : ndarray, shape (TANGENT_BUFFER,)
-        Written, as `tangent_blocks` tells; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
+        Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
     clear_sums(out, POINT)

@@ -103,7 +103,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         First node of the block, number of its elements, at most BLOCK.
     constants : ndarray, shape (8,)
     out : ndarray, shape (12 * BLOCK,)
-        Written, as `force_blocks` tells.
+        Output, in the layout of `force_blocks`.
     """
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
@@ -227,7 +227,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         First node of the block, number of its elements, at most TANGENT_BLOCK.
     constants : ndarray, shape (8,)
     out : ndarray, shape (TANGENT_BUFFER,)
-        Written, as `tangent_blocks` tells; nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O.
+        Output, in the layout of `tangent_blocks`; nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O.
     """
     l = constants[0]  # noqa: E741
     v = 1.0 / l

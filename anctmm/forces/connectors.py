@@ -88,7 +88,7 @@ def driven_connectors(scene: Scene) -> list[Connector]:
 
 
 def has_clock(scene: Scene) -> bool:
-    """Whether the time is asked for: by laws alone."""
+    """Whether the time is needed: only by laws."""
     return any(connector.law is not None for connector in scene.connectors)
 
 
@@ -227,7 +227,7 @@ def free_measure(c, n, values):  # type: ignore[no-untyped-def]
 
 @embedded
 def time_of(values):  # type: ignore[no-untyped-def]
-    """The time, which laws alone ask for: it stands in the last row of the values."""
+    """The time, which only laws need: the last row of the values."""
     return values[len(values) - 1, 0] if len(values) > 0 else 0.0
 
 

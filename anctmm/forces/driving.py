@@ -50,7 +50,7 @@ def tables_of(
     actuation : Actuation
         Its own.
     t : callable
-        Gives the times: not asked for where nothing acts.
+        Gives the times; not called if nothing is driven.
     count : int
     find : callable
         As of `drive_table`.

@@ -32,7 +32,7 @@ Ints = NDArray[np.int64]
 TERMS, MOST, AT_ONCE = 9, 2**17, 2**16
 #: Samples over the run, of histories without and with stated breaks, and the pieces that the search starts from.
 SAMPLES, SAMPLES_BESIDE_BREAKS, PIECES = 2**15, 2**12, 64
-#: Samples asked twice: a history that is noise gives others.
+#: Samples evaluated twice: a random history gives other values.
 AGAIN = 8
 #: Part of the run within which two breaks, or a break and an output, are one, and below which no step can go.
 SHORTEST = 1e-9
@@ -44,7 +44,7 @@ SUP, MEAN = 1e-9, 1e-10
 SUP_ANGLE = 1e-12
 #: A kink's error falls to this part or less at each halving, on the average of some; a jump's does not.
 FALLS, SOME = 0.75, 8
-#: Parts of the largest value by which a history jumps if the motion is to start anew, and a drive may not jump at all.
+#: Parts of the largest value by which a history jumps if the motion is to restart, and by which a drive must not jump.
 JUMP, TORN = 1e-6, 1e-6
 #: Part of the largest rate up to which the rates of a drive may differ from the derivatives of its angle.
 CONSISTENT = 1e-3

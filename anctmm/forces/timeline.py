@@ -44,7 +44,7 @@ class Timeline(NamedTuple):
     stops : ndarray, shape (k,)
         Times at which steps must end beside the outputs, ascending, and one after the run, s.
     anew : ndarray of bool, shape (k,)
-        Whether the motion starts anew there, since a load or the acceleration of a drive jumps.
+        Whether the motion restarts there, because a load or the acceleration of a drive jumps.
     """
 
     pieces: Pieces

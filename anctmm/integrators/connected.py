@@ -71,7 +71,7 @@ class Connected:
 
     def _slopes(self, n: int) -> tuple[float, float]:
         c = self.connectors
-        assert c is not None  # asked for one of them
+        assert c is not None  # called for one of them
         free = self.values[c.driven[n]] if c.driven[n] >= 0 else (c.numbers[n, 3], 0.0)
         m = uncompiled(measure)(c, n, self.chain.bodies.reference())[0]
         k, d = uncompiled(slopes)(c, n, m - free[0], -free[1], 0.0)

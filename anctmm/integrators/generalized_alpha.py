@@ -72,7 +72,7 @@ def integrate(chain: Chain) -> Solution:
 
     def arguments(begin: int, end: int, c: Coefficients, system: System, out: Output) -> tuple[Any, ...]:
         first, last = max(begin, 0), min(end, run.steps)
-        count = last + 1 - first if end > begin else 0  # for no step no history is asked
+        count = last + 1 - first if end > begin else 0  # without steps no history is evaluated
         find = table_of if begin < 0 else tabulate
         tables = tables_of(chain, actuation, lambda: run.times(np.arange(first, first + count)), count, find)
         return begin, end, Numbers(run.steps, run.stride, c), system, out, *tables

@@ -152,7 +152,7 @@ def _by_lanczos(small: _Linearised) -> float:
 
 
 def largest_step(chain: Chain, q: Array) -> float:
-    """Largest stable Zhai step of a scene linearised about a configuration, s; infinite if that cannot be told."""
+    """Largest stable Zhai step of a scene linearised about a configuration, s; infinite if it is unknown."""
     if zhai_limit(chain.run.psi, chain.run.phi) == 0.0:
         return inf
     try:

@@ -50,7 +50,7 @@ def started(chain: Chain, rest: object) -> Chain:
 
 
 def _check_cut(name: str, chain: Chain, rest: Solution) -> None:
-    assert rest.run is not None  # solve_static tells it
+    assert rest.run is not None  # solve_static sets it
     here, there = chain.run.of(chain.scene), rest.run.of(rest.scene)
     for beam, (elements, kind) in here.items():
         if there[beam] != (elements, kind):

@@ -143,7 +143,7 @@ def integrate(chain: Chain) -> Solution:
     Raises
     ------
     StabilityError
-        If the step lies above the stability limit and the discretisation asks for the check.
+        If the step is above the stability limit, unless the discretisation disables the check.
     """
     record = Record(chain)
     out = record.arrays()

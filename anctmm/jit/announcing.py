@@ -40,7 +40,7 @@ class Compiling:
     kernels : int
         Compiled for somebody who called them; those that they call are not counted.
     place : Path, optional
-        Directory where processes that tell as one leave word.
+        Directory that processes use to report together.
     """
 
     seconds: float = 0.0
@@ -92,7 +92,7 @@ class Compiling:
     def together(self) -> None:
         """Tell as one with copies of this process, and with those that are given `place`, made from now on."""
         if self.place is None:
-            with suppress(OSError):  # then each tells for itself
+            with suppress(OSError):  # then each process reports separately
                 self.place, self._owner = Path(tempfile.mkdtemp(prefix="anctmm-compiling-")), os.getpid()
                 if self._said.is_set():
                     (self.place / SAID).touch()
@@ -116,7 +116,7 @@ class Compiling:
         kernels = self.kernels
         if self.place is not None:
             if self._owner != os.getpid():
-                return  # the process that began this one tells
+                return  # the process that began this one reports
             said |= (self.place / SAID).exists()
             with suppress(OSError):
                 lines = [line.split() for line in (self.place / TOOK).read_text().splitlines()]

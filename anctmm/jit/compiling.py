@@ -49,8 +49,8 @@ def shared(function: Callable[..., Any]) -> Any:
 def separate(function: Callable[..., Any]) -> Any:
     """Compile a function by itself, kept on disk, for Python and for kernels that find it by its address.
 
-    For large parts of several kernels, with annotations that tell what is returned: they are compiled beside those that
-    call them.
+    For large parts of several kernels, whose annotations give the types of their results: they are compiled at the
+    same time as their callers.
     """
     return _deferred(function, _separate_kernel, {})
 

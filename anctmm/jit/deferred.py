@@ -16,7 +16,7 @@ Function = Callable[..., Any]
 #: What the compiler puts in the place of a function: the implementations of each, which are functions themselves.
 implementations: dict[Function, list[Function]] = {}
 
-#: What numba is to be told when it is loaded; None once it is.
+#: Registrations to make when numba is loaded; None afterwards.
 _waiting: list[Callable[[], object]] | None = []
 #: Of that list, never held while a module is loaded; and held by the thread that makes a kernel.
 _listing, _making = Lock(), RLock()

@@ -19,7 +19,7 @@ class BodyKind:
 
 
 class JointKind:
-    """Base of all joints. What a kind does is told by its class, for whoever asks no more than that."""
+    """Base of all joints. Its class says what a joint does."""
 
     #: Whether it holds the direction of its places.
     holds_direction: ClassVar[bool]

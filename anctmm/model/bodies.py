@@ -231,7 +231,7 @@ class Beam(BodyKind):
 
 
 Body = Beam | RigidBody | PointMass
-#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+#: All kinds. None may be a subclass of another: solvers distinguish them by class.
 BODIES = (Beam, RigidBody, PointMass)
 
 

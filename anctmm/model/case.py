@@ -12,7 +12,7 @@ from anctmm.validation import positive
 
 #: Parts of a motion after which histories are compared, where the case does not say.
 OUTPUTS = 100
-#: Probes at most: an iterable without an end is told.
+#: Largest number of probes: an infinite iterable is refused.
 MOST_PROBES = 1000
 #: Characters of a note.
 LONGEST_NOTE = 10_000
@@ -99,7 +99,7 @@ class Case:
 
     @property
     def static(self) -> bool:
-        """Whether it asks for a static equilibrium."""
+        """Whether it is a static case."""
         return self.t_end is None
 
     @property

@@ -146,12 +146,12 @@ class RotationalSpring(ConnectorKind):
 
 
 Connector = Spring | RotationalSpring
-#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+#: All kinds. None may be a subclass of another: solvers distinguish them by class.
 CONNECTORS = (Spring, RotationalSpring)
 
 
 class Placing(Protocol):
-    """What is asked of a scene here."""
+    """The part of a scene that this module needs."""
 
     def place(self, place: Written) -> Place:
         """A place of a body."""

@@ -212,7 +212,7 @@ class Prismatic(_LineGuide):
 
 Guide = Slider | Prismatic
 Joint = Pin | Weld | Clamp | Slider | Prismatic
-#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+#: All kinds. None may be a subclass of another: solvers distinguish them by class.
 JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
 
 #: Angle (rad) or position (m) of a drive at t = 0 that counts as none.

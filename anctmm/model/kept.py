@@ -74,7 +74,7 @@ def alike(find: Callable[[Any], T]) -> Callable[[Any], T]:
     Parameters
     ----------
     find : callable
-        scene → fact. It asks for bodies' kinds and names, and for joints: for no number of a body, load or connector.
+        scene → fact. It reads the kinds and names of bodies, and joints, but no number of a body, load or connector.
         Nobody writes into what it finds.
     """
 
@@ -113,7 +113,7 @@ def _facts(scene: Any) -> Facts:
 
 
 def of_arrays(find: Callable[..., T]) -> Callable[..., T]:
-    """Make a function of arrays look only once at equal small ones; nobody writes into what it finds."""
+    """Make a function of arrays evaluate equal small ones only once; its results are read-only."""
     known: dict[Any, T] = {}
     _tables.append(known)
 

@@ -99,12 +99,12 @@ class LineLoad(LoadKind):
 
 
 Load = Force | Torque | LineLoad
-#: All kinds. None may be a subclass of another: solvers tell them apart by their class.
+#: All kinds. None may be a subclass of another: solvers distinguish them by class.
 LOADS = (Force, Torque, LineLoad)
 
 
 class Placing(Protocol):
-    """What is asked of a scene here."""
+    """The part of a scene that this module needs."""
 
     def place(self, place: Written) -> Place:
         """A place of a body."""

@@ -73,7 +73,7 @@ def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None
     who : str
         The solver, for the message.
     *features : str
-        What else is asked for, such as "statics".
+        Other features needed, such as "statics".
 
     Raises
     ------

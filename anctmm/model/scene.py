@@ -56,7 +56,7 @@ __all__ = [
 ]
 
 Probe = Written
-#: Bodies, joints, connectors and loads, each, at most: an iterable without an end is told.
+#: Largest number of bodies, joints, connectors and loads, each: an infinite iterable is refused.
 MOST = 1_000_000
 
 

@@ -17,7 +17,7 @@ GROUND = None
 
 
 class Graph(Protocol):
-    """What a scene tells of its topology; `anctmm.model.scene.Scene` does."""
+    """The part of a scene that describes its topology, such as `anctmm.model.scene.Scene`."""
 
     @property
     def bodies(self) -> Sequence[Body]:

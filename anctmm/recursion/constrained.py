@@ -141,7 +141,7 @@ def take_accelerations(loops):  # type: ignore[no-untyped-def]
 
 @embedded
 def ask_anew(factors, loops, first, drives, q, v, a):  # type: ignore[no-untyped-def]
-    """Ask the next solution for accelerations where the motion starts anew, and make positions and velocities fit."""
+    """Prepare the next solution for accelerations at a restart, and project positions and velocities."""
     if loops is not None:
         constrain_motion(factors, loops, first, drives, q, v, a)
         ask_accelerations(loops)
@@ -149,7 +149,7 @@ def ask_anew(factors, loops, first, drives, q, v, a):  # type: ignore[no-untyped
 
 @embedded
 def take_anew(loops):  # type: ignore[no-untyped-def]
-    """Take the multipliers that the solution asked for has found."""
+    """Store the multipliers of the prepared solution."""
     if loops is not None:
         take_accelerations(loops)
         end_newton(loops)
@@ -164,7 +164,7 @@ def set_drives(loops, drives, first):  # type: ignore[no-untyped-def]
 
 @kernel
 def ask_equilibrium(loops: Loops, q: Array) -> float:
-    """Ask the next static solution for what takes away the constraints' values, and tell the largest of these."""
+    """Prepare the next static solution to remove the values of the constraints, and return the largest of these."""
     rows = loops.rows
     gather(rows, 0, q)
     largest = evaluate(rows, 0)

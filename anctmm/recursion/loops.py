@@ -62,7 +62,7 @@ class Loops(NamedTuple):
     rows : Rows
         Constraints between kept unknowns.
     load : ndarray, shape (n,)
-        What constraints put on the kept unknowns, and their right sides: 0 but where somebody asks for them.
+        Loads of the constraints on the kept unknowns, and their right sides: 0 unless a solution needs them.
     x : ndarray, shape (n,)
         Loads on the kept unknowns, then these.
     moved : ndarray, shape (n,)

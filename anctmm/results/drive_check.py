@@ -59,7 +59,7 @@ def with_drives(solution: Solution) -> Solution:
 
 
 def _faults(scene: Scene, end: float) -> Iterator[tuple[float, str]]:
-    """Drives that are wrong until a time, s: when, and what is told of it."""
+    """Drives that are wrong until a time, s: when, and the message."""
     for drive in drives_of(scene):
         if type(drive[1]) in (Quintic, Pulse):
             continue
@@ -74,7 +74,7 @@ def _faults(scene: Scene, end: float) -> Iterator[tuple[float, str]]:
 
 
 def _wrong(drive: Drive, end: float) -> tuple[float, str] | None:
-    """A time at which a drive's rate or acceleration is no derivative, and what is told of it."""
+    """A time at which a drive's rate or acceleration is no derivative, and the message."""
     name, history, width, unit = drive
     times = end * (np.arange(TIMES) + 0.618) / (TIMES + 0.236)
     apart = end * DIFFERENCES[:, None, None] * np.array([[-1.0], [1.0]])
@@ -92,7 +92,7 @@ def _wrong(drive: Drive, end: float) -> tuple[float, str] | None:
 
 
 def _jumps(drive: Drive, end: float) -> tuple[float, str] | None:
-    """A time at which a drive of a joint jumps, and what is told of it; a free length may jump, which is a force.
+    """A time at which a drive of a joint jumps, and the message; a free length may jump, as it only changes a force.
 
     In the interval in which the value changes most beside its rate, halved again and again, a jump stays what it is.
     """

@@ -21,7 +21,7 @@ class Ends(NamedTuple):
     place : ndarray of complex, shape (ends, n)
         x + iy, m.
     gradient : ndarray of complex, shape (ends, n)
-        r_x there; not a number where a field does not tell.
+        r_x there; NaN where a field does not have it.
     """
 
     place: Complex

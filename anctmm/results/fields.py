@@ -408,8 +408,8 @@ def nearest(angle: Array, about: Array) -> Array:
 def continuous(vectors: Complex, rates: Complex | None, t: Array) -> Array:
     """Angle that a vector has turned by since the first time, (n,), rad.
 
-    From one time to the next a direction tells the turn but for whole turns. These follow from the rates, and without
-    them the turn is less than half a one.
+    From one time to the next a direction determines the rotation up to whole turns. These follow from the rates;
+    without rates the rotation is less than half a turn.
 
     Parameters
     ----------

@@ -129,7 +129,7 @@ class _Look:
         return np.asarray(found.view(np.complex128)[:, 0])
 
     def turn(self, place: Place) -> Complex:
-        """Turn since the reference, of size 1, (n,); not a number where a field does not tell."""
+        """Turn since the reference, of size 1, (n,); NaN where a field does not have it."""
         match self.solution.fields[place.body.name]:
             case RigidField(coordinates=q):
                 return np.asarray(q[:, 1] @ np.array([1.0, 1.0j]))

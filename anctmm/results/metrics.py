@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 EPS = float(np.finfo(float).eps)
 #: Roundings of positions, m, below which a probe rests: a support moves by a few of them, a free body by more.
 ROUNDINGS = 1e3
-#: Probes of a comparison at most: an iterable without an end is told.
+#: Largest number of probes of a comparison: an infinite iterable is refused.
 MOST_PROBES = 100_000
 
 

@@ -399,7 +399,7 @@ class Solution:
         return place, fraction  # type: ignore[return-value]
 
     def _turning(self, place: Probe, fraction: Fractions | None) -> Probe:
-        """A place whose turn is asked for: a rigid body turns as one, and is meant by its name alone."""
+        """A place for `angle`: a rigid body may be given by its name alone."""
         if fraction is not None or not any(
             isinstance(body, RigidBody) and body.name == place for body in self.scene.bodies
         ):

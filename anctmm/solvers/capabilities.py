@@ -53,10 +53,10 @@ class Offer:
         Features of scenes, of `FEATURES`, that it has to check answers, in a way that is not made to be fast: studies
         of cost then compare its times only where it is asked for by name.
     element : str
-        The one element it uses whatever a discretisation asks for; empty where it uses what is asked.
+        The one element it uses whatever the discretisation says; empty if it uses the requested one.
     limits : mapping of str to str
-        By the element asked for, the continuum its equilibria tend to: "elastica", "reissner" or "director" (see
-        `reference.exact`). Elements that are not in it are not asked for in statics.
+        By the requested element, the continuum to which its equilibria converge: "elastica", "reissner" or "director"
+        (see `reference.exact`). Other elements are not used in statics.
     choices : tuple of mapping of str to value
         What an implicit run of the same mesh and step may choose: keyword arguments of `solve`, one set a choice,
         the one with the tightest bounds of the iteration first. Studies of cost try them all, so that every solver is
@@ -105,7 +105,7 @@ class Offer:
         return sorted(lack for lack in lacks if needed.issuperset(features_of(lack)))
 
     def element_of(self, asked: str) -> str:
-        """Name of the element it uses for one asked for."""
+        """Name of the element that it uses for a requested one."""
         return self.element or asked
 
 

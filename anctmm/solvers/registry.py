@@ -35,7 +35,7 @@ def _registered() -> Sequence[EntryPoint]:
 
 @lru_cache(maxsize=4)
 def _read(read: Callable[..., Iterable[EntryPoint]], path: tuple[str, ...]) -> Sequence[EntryPoint]:
-    """The same; a study asks for them at each run, and to read them takes some 10 ms."""
+    """The same, stored: a study needs them at each run, and reading them takes about 10 ms."""
     return tuple(read(group=GROUP))
 
 

@@ -57,7 +57,7 @@ class Drive(NamedTuple):
 
 @dataclass(frozen=True)
 class Together:
-    """The sum of two histories, and their breaks if both tell theirs."""
+    """The sum of two histories, and their breaks if both state theirs."""
 
     one: Motion
     two: Motion
@@ -156,7 +156,7 @@ class Constraints:
 
 
 class Situated(Protocol):
-    """What is asked of a chain here."""
+    """The part of a chain that this module needs."""
 
     @property
     def parts(self) -> Scene:
@@ -224,7 +224,7 @@ class _Writer:
         self.found.add(shape_of(name), name, rows)
 
     def junction(self, junction: Junction) -> None:
-        """All that a junction asks for."""
+        """All constraints of a junction."""
         bodies = [end for end in junction.ends if end[0] in self.rigid]
         if bodies and junction.grounded:
             for end in bodies:
@@ -423,7 +423,7 @@ def _passed(end: End) -> End:
 
 def _drive(joint: Clamp | Weld | Slider | Prismatic) -> Drive:
     found = drive_of(joint)
-    assert found is not None  # who asks has seen that it is driven
+    assert found is not None  # the caller has checked that it is driven
     return Drive(found[0], found[1], not joint.on_line)
 
 

@@ -36,13 +36,13 @@ def facts_of(scene: Scene, run: Discretisation) -> Facts:
 
 
 def common(chain: Structured, find: Callable[[Any], T]) -> T:
-    """What a function finds of a chain, found once for all chains alike: nobody writes into it.
+    """The result of a function of a chain, computed once for all chains with the same structure: read-only.
 
     Parameters
     ----------
     chain : Chain
     find : callable
-        It asks for names, joints and elements alone, for no numbers.
+        It reads names, joints and elements only, no numbers.
     """
     facts = chain.facts
     if find not in facts:

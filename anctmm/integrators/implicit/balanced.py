@@ -31,7 +31,7 @@ Again = Callable[[Ints, System, Output], Callable[[int, Newton], int]]
 
 #: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
 REFINED = 4
-#: Error of accelerations along a constraint, of the largest of its terms in the run, above which they are found anew.
+#: Error of accelerations along a constraint, of the largest of its terms, above which they are computed again.
 OFF = 1e-3
 
 
@@ -58,7 +58,7 @@ def balanced(system: System, drives: Array, solve: Callable[[Newton], int]) -> N
 
 
 def settle(chain: Chain, system: System, record: Record, kept: int, again: Again) -> None:
-    """Find accelerations of outputs anew where they break constraints or drives.
+    """Compute accelerations at outputs again where they violate constraints or drives.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:
-    """Angles of nodes at outputs, (kept, nodes), where connectors ask for whole turns."""
+    """Angles of nodes at outputs, (kept, nodes), where connectors need whole turns."""
     connectors = system.loads.connectors
     if connectors is None or not (connectors.kinds == TURN).any():
         return None

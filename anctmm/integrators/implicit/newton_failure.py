@@ -69,8 +69,8 @@ def correction_size(chain: Chain, state: State) -> Array:
 def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     """Norms of the residual, N, of Newton's iteration in the step to t that failed, gone through once more.
 
-    The kernel does not form them: a step that succeeds has no use for them. None are told where there are constraints,
-    whose multipliers of the step that failed are not kept.
+    The kernel does not form them: a step that succeeds has no use for them. Empty if there are constraints,
+    whose multipliers in the failed step are not stored.
     """
     if chain.plan.kept and chain.kept.constraints.names:
         return ()

@@ -56,7 +56,7 @@ class Steps:
     parts : sequence of Task
         What `advance` calls beside Newton's iteration and the output, for compilation in a second process.
     again : callable, optional
-        Finds accelerations of outputs anew, where the method lets those along constraints drift.
+        Computes accelerations at outputs again, for methods whose accelerations along constraints drift.
     look : callable, optional
         Sees whether constraints can be kept after a time of failure, s, where the method does not keep positions.
     """
@@ -159,7 +159,7 @@ def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
 
 @kernel
 def balance(system: System, drives: Array, values: Array) -> None:
-    """True accelerations of the present state, w and a, by other kernels: where a run starts anew between two steps."""
+    """True accelerations of the present state, w and a, by other kernels: where a run restarts between two steps."""
     state, tables, links, factors, clamps, loads, _, damping = system
     turn_clamps(clamps, drives)
     place_clamps(state.q, state.v, clamps)

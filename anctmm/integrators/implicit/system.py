@@ -74,7 +74,7 @@ class Newton(NamedTuple):
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
     of the last step, (ITERATIONS,). expected: contraction to expect of a first correction, (1,), so that one may do;
-    None where nobody says.
+    None by default.
     """
 
     scale: float

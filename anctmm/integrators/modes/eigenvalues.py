@@ -38,7 +38,7 @@ REAL, SPARE = 1e-9, 2
 FINE, COARSE, PART, MOVING = 400, 4, 0.1, 1e4
 #: Square of the lowest frequency, in parts of that of the coarse mesh, above which rounding has spoilt it.
 SPOILT = 4.0 / PART
-#: Modes where their number is not asked for.
+#: Default number of modes.
 USUAL = 10
 
 
@@ -51,7 +51,7 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     ----------
     problem : SmallMotions
     count : int or None
-        How many; None asks for ten, or as many as there are.
+        Number of modes; None: ten, or all if there are fewer.
 
     Raises
     ------

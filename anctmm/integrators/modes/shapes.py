@@ -44,7 +44,7 @@ class Modes:
     run : Discretisation
     frequencies : ndarray, shape (count,)
         Im λ/2π, of the damped motion, Hz. Motions that need no force, as of a free body, have about 0; so have those
-        that grow or decay without oscillation: `growth_rates` tells how fast.
+        that grow or decay without oscillation: `growth_rates` has their rates.
     damping : ndarray, shape (count,)
         −Re λ/|λ|, where a motion oscillates the ratio to the critical damping: 1 of motions that decay without
         oscillation, −1 of those that grow without, 0 where λ is 0.

@@ -116,7 +116,7 @@ class ShiftedStiffness:
     def _lost_digits(self, shift: float) -> float:
         """How far the inverse S of the matrix factored last is from S' + (σ' − σ) S M S' of another shift σ'.
 
-        The matrix is factored anew.
+        The matrix is factored again.
         """
         problem, other = self.problem, shift + self.problem.first_shift
         one = problem.mass(np.random.default_rng(1).standard_normal(problem.size))

@@ -62,7 +62,7 @@ def dampers_of(
 ) -> "tuple[Array, scipy.sparse.csr_matrix] | None":
     """Dampers at coordinates q, (rows, nodes), under a part of the loads: N by the rate of each, and its force.
 
-    They are those of the configuration: laws are asked at the elongation, the turns and the time that they have there.
+    They are those of the configuration: laws are evaluated at its elongation, turns and time.
 
     Returns
     -------

@@ -36,7 +36,7 @@ BRANCHES = ("path", "stable")
 PATHS = ("load", "arclength")
 #: First load factor of a path by its arc length, and points of it at most.
 FIRST, POINTS = 1.0 / 32.0, 20_000
-#: Elements of a body with which a mesh of MANY nodes is asked whether the scene is a mechanism.
+#: Elements of a body in the coarse mesh that tests, instead of one of MANY nodes, whether the scene is a mechanism.
 COARSE = 8
 #: Advice where forces have no potential, and so no branch is one of least energy.
 LESS = "smaller loads, or a stiffer scene, may help"
@@ -163,7 +163,7 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
 
 
 def _whole(found: Solution) -> Solution:
-    """A solution that nobody stopped.
+    """A solution whose search was not interrupted.
 
     Raises
     ------
@@ -284,7 +284,7 @@ def _lost(search: LoadPath, points: int) -> Status:
 
 
 def _relaxation(search: LoadPath) -> Advance:
-    """Along the stable branch; its own steps do not depend on the load factors asked for."""
+    """Along the stable branch; its own steps do not depend on the requested load factors."""
     path = stable_path(search.system)
     here, ahead = next(path), next(path, None)
 

@@ -24,7 +24,7 @@ Complex = NDArray[np.complex128]
 EPS = float(np.finfo(np.float64).eps)
 #: Relative change of coordinates, a few roundings, with which a solve is repeated, and how often.
 ROUNDING, TRIALS = 4.0 * EPS, 4
-#: Relative change of its answer from which on the tangent is singular as far as double precision can tell.
+#: Relative change of its answer above which the tangent is singular within double precision.
 SINGULAR = 0.5
 #: Unknowns up to which all motions are looked at, and the lowest of more; real or imaginary part that is no rounding.
 DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
@@ -107,7 +107,7 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array) -> Stabil
     So where forces have no potential, or feed motions. Without damping motions do not grow where the eigenvalues λ = ω²
     of K x = λ M x are positive: a negative one is a motion that leaves without swinging; a complex pair is two
     frequencies that have become one (flutter). With damping, which may make a scene flutter far earlier (Ziegler),
-    the rates λ of the quadratic problem tell it. Both begin at low frequencies: the lowest few are found.
+    the rates λ of the quadratic problem decide. Both begin at low frequencies: the lowest few are found.
     """
     rates, shapes = _lowest_damped(system, damping) if damping.there else _lowest_undamped(system)
     grows = rates.real > COMPLEX * np.abs(rates)

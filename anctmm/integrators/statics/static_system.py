@@ -157,7 +157,7 @@ class StaticSystem:
         return found
 
     def projected(self, q: Array, factor: float, shift: float) -> Array:
-        """Coordinates near q that keep the constraints; the matrix is factored anew as they change."""
+        """Coordinates near q that keep the constraints; the matrix is factored again as they change."""
         if self.loops is None:
             return q
         nothing = np.zeros_like(q)

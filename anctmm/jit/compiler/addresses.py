@@ -32,7 +32,7 @@ class Needed(NamedTuple):
     types: tuple[Any, ...]
 
 
-#: What callers were told of, by name.
+#: Kernels that callers know, by name.
 _declared: dict[str, Declared] = {}
 
 
@@ -79,7 +79,7 @@ def names_of(needed: Iterable[Needed]) -> list[str]:
 
 
 def find(names: Iterable[str]) -> None:
-    """Compile or load separate kernels, and tell LLVM where they are: before it loads machine code that calls them.
+    """Compile or load separate kernels, and give LLVM their addresses before it loads machine code that calls them.
 
     Those that another process compiles now come last.
     """

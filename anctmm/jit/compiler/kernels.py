@@ -180,7 +180,7 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
             return entry
 
     def add_overload(self, cres: Any) -> None:
-        """Know a compiled signature; Python is told only of those with an entry."""
+        """Register a compiled signature; in Python only those with an entry."""
         if is_callee(cres):
             self.overloads[tuple(cres.signature.args)] = cres
         else:

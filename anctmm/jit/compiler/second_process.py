@@ -147,7 +147,7 @@ def waited(seconds: float) -> None:
 
 
 def _start() -> "subprocess.Popen[bytes] | None":
-    """A second process, which waits to be told what to do; None where it would not help, or cannot be had."""
+    """A second process, which waits for work; None if it would not help or cannot be started."""
     from numba.core import config
 
     settings: Any = config
@@ -191,7 +191,7 @@ def _write(second: "subprocess.Popen[bytes]", told: bytes) -> None:
 
 
 def serve() -> None:
-    """In the second process: compile what the first one asks for, but for what it is at itself."""
+    """In the second process: compile what the first one requests, except what that one is compiling."""
     import_module("anctmm.jit.compiler.kernels")  # the compiler, while the first one finds what to ask for
     for module, name, types, by_python in reversed(pickle.load(sys.stdin.buffer)):
         kernel: Any = import_module(module)

@@ -57,7 +57,7 @@ def code_digest(function: Function) -> str:
 
 
 def signature_text(arguments: tuple[Any, ...]) -> str:
-    """The types of a kernel's arguments, told apart as the compiler tells them apart.
+    """The types of a kernel's arguments, distinguished as the compiler does.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def _type(kind: Any) -> str:
 
 @cache
 def _own(function: Function) -> tuple[str, tuple[Function, ...]]:
-    """Text that tells a function from every other, without the functions it calls; and these."""
+    """A text that identifies a function, without the functions it calls; and these."""
     calls: list[Function] = []
     code = function.__code__
     names = {name for part in _codes(code) for name in part.co_names}
@@ -138,7 +138,7 @@ def _has_docstring(code: CodeType) -> bool:
 
 
 def _value(value: Any, names: set[str], calls: list[Function]) -> str:
-    """What tells a value that code uses from every other; functions are put among the calls.
+    """A text that identifies a value that code uses; functions are added to the calls.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ EPS = float(np.finfo(float).eps)
 
 
 class Starting(Graph, Protocol):
-    """What is asked of a scene here; `anctmm.model.scene.Scene` has it."""
+    """The part of a scene that this module needs; `anctmm.model.scene.Scene` has it."""
 
     @property
     def beams(self) -> Sequence[Beam]:

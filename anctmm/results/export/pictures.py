@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 #: Configurations in a picture, and frames of an animation at most.
 SHOWN, FRAMES = 7, 400
-#: Line styles tell energies apart without colour, too.
+#: Line styles distinguish energies without colour, too.
 STYLES = {"kinetic": "-", "strain": "--", "potential": "-.", "work": ":"}
 #: Line width, dashes and filling of what is drawn, by kind.
 LOOKS: dict[str, dict[str, Any]] = {

@@ -30,7 +30,7 @@ def needed(package: str, what: str) -> ModuleType:
     Raises
     ------
     ResultError
-        If it is not installed; it tells how to install it.
+        If it is not installed, with the command that installs it.
     """
     try:
         return import_module(package)
@@ -80,7 +80,7 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
 
 
 def _labels(probes: list[Any]) -> list[str]:
-    """Places as the beginnings of columns' names: with six digits, or all where these do not tell two apart."""
+    """Places as the beginnings of columns' names: with six digits, or all if two would be equal."""
     short = [probe if isinstance(probe, str) else "{} {:g}".format(*probe) for probe in probes]
     return [
         label if short.count(label) == 1 or isinstance(probe, str) else f"{probe[0]} {float(probe[1])!r}"

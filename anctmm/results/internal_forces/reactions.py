@@ -48,7 +48,7 @@ def reaction(solution: Any, joint: Joint) -> Array:
         If the joint is not of the scene.
     ResultError
         If the solution does not have what reactions are found from, or the joints repeat each other among rigid
-        bodies, so that equilibrium alone does not tell their forces.
+        bodies, so that equilibrium alone does not determine their forces.
     """
     scene = solution.scene
     if joint not in scene.joints:
