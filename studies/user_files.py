@@ -58,6 +58,6 @@ def _where(raised: Exception, path: Path) -> str:
 
 
 def _what(raised: Exception) -> str:
-    """What was raised; of a text that is no Python without the line, which is told already."""
+    """What was raised; of a syntax error without the line, which is reported already."""
     text = raised.msg if isinstance(raised, SyntaxError) and raised.msg else raised
     return f"{type(raised).__name__}: {text}"

@@ -16,7 +16,7 @@ AT_NODE = 1e-9
 
 
 class Model(Protocol):
-    """What is asked of a model here; `reference.exudyn.model.Model` has it."""
+    """The part of `reference.exudyn.model.Model` that this module needs."""
 
     exu: Any
     mbs: Any

@@ -124,7 +124,7 @@ class ReissnerBeams:
     kind = "turning"
     constant_torques = True
     lacks = LACKS | {"interior-loads"}
-    """Of mechanisms: Exudyn's beams do not tell their turning between nodes."""
+    """Features of mechanisms: Exudyn's beams do not give rotations between nodes."""
     meshes: dict[str, BodyMesh] = field(init=False)
 
     def __post_init__(self) -> None:

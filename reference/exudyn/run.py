@@ -56,7 +56,7 @@ STATIC_TOLERANCES = ((1e-10, 1e-10), (1e-9, 1e-10), (1e-8, 1e-10), (1e-8, None))
 LEAST_LOAD_STEP = 1e-4
 #: Bytes that a model takes for each coordinate, and its sensors and their history for each at an output, as measured.
 MEMORY, KEPT = 4_700.0, 90.0
-#: Kinds of element that may be asked for; the models have one of their own instead.
+#: Kinds of element that a discretisation may name; the models use their own instead.
 ELEMENTS = ("cable", "shear")
 #: Coordinates from which on the sparse solver is the faster one, as measured.
 SPARSE_FROM = {"generalized-alpha": 45, "static": 20, "zhai": 65}

@@ -32,7 +32,7 @@ class Scheme(NamedTuple):
 
 
 class Constant(NamedTuple):
-    """[M, sΦᵀ; sΦ, 0] by columns, from which the dense solve assembles its matrix anew each step."""
+    """[M, sΦᵀ; sΦ, 0] by columns, from which the dense solve assembles its matrix in each step."""
 
     column: Index
     row: Index

@@ -28,7 +28,7 @@ Ints = NDArray[np.int64]
 
 #: Newton iterations a step may take; ratio of successive corrections above which the tangent is renewed.
 ITERATIONS, SLOW = 30, 0.15
-#: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
+#: Residuals below this many roundings of their largest terms are zero within double precision.
 ROUNDINGS, EPSILON = 8.0, float(np.finfo(np.float64).eps)
 #: How a Newton iteration ended.
 CONVERGED, FAILED, SINGULAR = 0, 1, 2

@@ -46,7 +46,7 @@ def rest(scene: Scene, run: Discretisation, load_steps: int, solver: str) -> Sol
 
 
 def _marcher(model: Model, dense: bool, projected: bool) -> Marcher:
-    """The integrator that a discretisation asks for."""
+    """The integrator of a discretisation."""
     run = model.run
     match run.integrator:
         case "zhai":

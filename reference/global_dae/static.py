@@ -28,7 +28,7 @@ ITERATIONS, REACH, SMALLEST = 25, 1.0, 1e-6
 DIGITS = 4.0
 #: Corrections of this size are the rounding of coordinates.
 COORDINATES = 1e-13
-#: Residuals below this many roundings of their largest terms are zero as far as arithmetic can tell.
+#: Residuals below this many roundings of their largest terms are zero within double precision.
 ROUNDINGS = 8.0
 
 

@@ -44,7 +44,7 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
     {"newton_tolerance": 1e-5, "algorithm": "ModifiedNewton"},
     {"newton_tolerance": 1e-3, "beam": "elastic-lumped"},
 )
-#: Kinds of element that may be asked for; frames have one of their own instead.
+#: Kinds of element that a discretisation may name; frames use their own instead.
 ELEMENTS = ("cable", "shear")
 OFFER = Offer(
     lacks=optional_beside(ELEMENTS) | {"zhai", "esdirk", "damping", "stability", *MECHANISMS},

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 #: Gauss points of the nonlinear beam on [0, 1]; each has half of the weight.
 GAUSS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-#: Part of half a turn from which on a chord is told as the reason of a failure.
+#: Part of half a turn above which a chord is reported as the reason of a failure.
 NEAR = 0.85
 
 

@@ -46,7 +46,7 @@ from anctmm.validation import one_of, positive
 Array = NDArray[np.float64]
 
 NAME = "pyelastica"
-#: Kinds of element that may be asked for; rods have one of their own instead.
+#: Kinds of element that a discretisation may name; rods use their own instead.
 ELEMENTS = ("cable", "shear")
 OFFER = Offer(
     lacks=optional_beside(ELEMENTS)

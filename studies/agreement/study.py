@@ -31,7 +31,7 @@ ELEMENTS = flexible()
 QUICK_ELEMENTS = ("cable",)
 LEFT_OUT = "quintic and shear elements of the solvers that have cables."
 #: Mesh by the element and the number of bodies, by whether the run is quick: shear elements converge slowly, and models
-#: are told apart only where meshes do not matter.
+#: can be distinguished only if meshes do not matter.
 MESHES: dict[bool, dict[str, dict[int, Mesh]]] = {
     False: {
         "cable": {1: (16,), 3: (4, 16, 4)},
@@ -124,7 +124,7 @@ def _cases(base: BaseScene, solvers: Iterable[str], options: Options) -> list[Tr
     for element, solver in product([options.element] if options.element else ELEMENTS, solvers):
         used = element_of(solver, element)
         if used != element and (used in ELEMENTS or element != "shear"):
-            continue  # asked for its own element once is enough
+            continue  # one run with its own element is enough
         if _lacks(solver, element) or (used in ELEMENTS and used not in _compared(options)):
             continue
         mesh = fitting[0] if fitting else MESHES[options.quick][element][len(base.scene.beams)]

@@ -34,7 +34,7 @@ from studies.engine.tables import Table
 
 #: Elements of the beam, its length (m), steps of both integrators (s).
 ELEMENTS, LENGTH, EXPLICIT_DT, IMPLICIT_DT = 100, 1.0, 1e-6, 1e-3
-#: Of the beam's mass and its stiffness: what does not change a motion that rounding can be told from.
+#: Part of the beam's mass and stiffness that changes its motion by no more than rounding.
 FAINT = 1e-12
 PLAIN = "nothing"
 #: Part of a step that each may add.

@@ -116,7 +116,7 @@ def length_costs(effort: Effort, samples: Samples) -> Table:
         "ns_iteration: of an element and Newton iteration, factorizations included; ratio_iteration: to that of "
         f"{BASE} elements. Newton's iterations are not the same at all lengths, as its tolerance is relative to them.",
         "bytes: peak of all arrays alive during a run, set-up included, less the stored output, of an element "
-        "(counted by tracemalloc); rss: growth of the process at its peak, of an element, where the system tells.",
+        "(counted by tracemalloc); rss: growth of the process at its peak, of an element, if the system reports it.",
         "build_s: scene, chain, arrays and the solution's fields: a run's CPU time outside its steps.",
     )
     return Table("length", "Cost against length", pd.DataFrame(rows), notes)
@@ -187,7 +187,7 @@ def _give_back() -> None:
 
 
 def _peak_resident(reset: bool = False) -> float:
-    """Largest resident memory so far, bytes, since the last reset; NaN where the system does not tell."""
+    """Largest resident memory so far, bytes, since the last reset; NaN if the system does not report it."""
     try:
         if reset:
             Path("/proc/self/clear_refs").write_text("5")

@@ -98,7 +98,7 @@ def requirements(frames: Mapping[str, pd.DataFrame], quick: bool) -> Table:
     frame["met"] = met.where(frame["sense"] == "at least", frame["found"] <= frame["required"])
     frame = frame[["what", "found", "sense", "required", "goal", "met", "status"]]
     notes: tuple[str, ...] = (
-        "Ratios and bounds asked of this solver; `goal` is what is aimed at. Figures are of this run alone.",
+        "Ratios with their required bounds; `goal` is the target. All values are from this run.",
     )
     if quick:
         notes += ("A quick run: lengths and repeats are smaller than those the requirements speak of.",)

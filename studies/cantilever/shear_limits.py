@@ -1,4 +1,4 @@
-"""What the paper's shear-deformable element tends to, and what no mesh cures."""
+"""The limit of the paper's shear-deformable element, and its error that no mesh refinement removes."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ from studies.scenes import LENGTH, BaseScene, cantilever_tip_force
 SMALL_LOAD = 1e-4
 WARNING = (
     "Warning: with ν > 0 the shear element is too stiff in bending by (1 − ν)/((1 + ν)(1 − 2ν)), 1.346 for "
-    "ν = 0.3 (Poisson locking): no mesh cures it. Take ν = 0 or the cable."
+    "ν = 0.3 (Poisson locking): no mesh refinement removes it. Take ν = 0 or the cable."
 )
 
 

@@ -74,7 +74,7 @@ def exact_reference(base: BaseScene, model: str) -> Reference:
 def static_sweep(
     bases: Sequence[BaseScene], schemes: Sequence[StaticScheme], options: Options, runner: Runner
 ) -> StaticSweep:
-    """Run scenes × schemes of the element asked for, each solver measured against the continuum it says it tends to."""
+    """Run scenes × schemes of the requested element, each solver measured against its own continuum."""
     cases: list[Trial] = []
     references: list[Reference] = []
     for base in bases:
@@ -86,7 +86,7 @@ def static_sweep(
 
 
 def static_cases(base: BaseScene, schemes: Sequence[StaticScheme], options: Options) -> list[Trial]:
-    """Equilibria of a scene by schemes of the element asked for.
+    """Equilibria of a scene by schemes of the requested element.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's) runs those
     whose element it offers in statics, on the full quadrature.

@@ -87,7 +87,7 @@ QUICK_STATIC_SCHEMES = (
     StaticScheme("shear", "full", OURS, SHEAR_REST[:4]),
     StaticScheme("shear", "full", PEERS[:1], REISSNER_REST[:2]),
 )
-#: In a quick run that asks for its solver: each equilibrium is relaxed for seconds, and compiling PyElastica takes
+#: In a quick run that names its solver: each equilibrium is relaxed for seconds, and compiling PyElastica takes
 #: longer than compiling all others of the study.
 QUICK_RELAXED = StaticScheme("shear", "full", PEERS[1:], REISSNER_REST[:2])
 LEFT_OUT = (

@@ -154,6 +154,6 @@ def _flush(code: Any) -> None:
             if stream is not None and not stream.closed:
                 stream.flush()
     except OSError as error:
-        if code and not closed(error):  # it was told already
+        if code and not closed(error):  # it was reported already
             _end(code)
         end_with(error, done=True)

@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
     from studies.engine.runner import Runner
 
-#: Parts that take less are not told in a log, s; longest time between two lines of it, s.
+#: Parts that take less are not logged, s; longest time between two lines of it, s.
 BRIEF, SILENT = 2.0, 15.0
-#: Part that is done before it is told what is left: the first ones compile kernels, which takes longer than they do.
+#: Part that must be done before the remaining time is shown: the first ones compile kernels, which takes longer.
 FIRST = 0.1
 
 
 @dataclass
 class Log:
-    """Lines for where nobody looks, such as a file: one for each part that is finished, and some on the way.
+    """Lines for output that is no terminal, such as a file: one for each finished part, and some in between.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def shortened(text: str, width: int) -> str:
 
 
 def bar(console: "Console") -> "Progress":
-    """A bar that goes away when it is done; none where nobody looks."""
+    """A bar that disappears when it is done; none if the output is no terminal."""
     from rich.progress import (
         BarColumn,
         MofNCompleteColumn,

@@ -41,7 +41,7 @@ def prepare() -> None:
 
 
 def discard() -> None:
-    """Let what is still to be written go nowhere: nobody reads it."""
+    """Discard the remaining output: its reader has closed it."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(AttributeError, OSError, ValueError):  # closed, or no file
             nowhere = os.open(os.devnull, os.O_WRONLY)

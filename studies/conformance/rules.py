@@ -119,7 +119,7 @@ def as_it_is(scene: Scene) -> Scene:
     return scene
 
 
-#: How the cantilever, and what is asked of its run, come to need a feature. The order matters: clamps first.
+#: Changes of the cantilever and its run that make it need a feature. The order matters: clamps first.
 DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
     "drives": (turning, {}),
     "joints": (lengthened, {}),
@@ -141,7 +141,7 @@ DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
 
 
 def demanding(features: Collection[str]) -> tuple[Scene, dict[str, Any]]:
-    """A scene that needs features, and what is asked of its run."""
+    """A scene that needs features, and the options of its run."""
     scene, options = cantilever(), dict[str, Any]()
     for feature, (change, asked) in DEMANDS.items():
         if feature in features:
@@ -164,7 +164,7 @@ def called_as_asked(s: Subject) -> str:
 
 
 def answers(s: Subject) -> str:
-    """A whole Solution of the scene asked, with its cost."""
+    """A complete Solution of the given scene, with its cost."""
     scene = cantilever()
     found = s.motion(scene)
     n = len(found.t)
@@ -185,7 +185,7 @@ def answers(s: Subject) -> str:
 
 
 def samples(s: Subject) -> Measure:
-    """Outputs at the times asked for, although the last interval is shorter."""
+    """Outputs at the requested times, although the last interval is shorter."""
     asked = {"t_end": 0.05, "output_dt": 0.02}
     wanted = np.array([0.0, 0.02, 0.04, 0.05])
     found = s.motion(cantilever(), **asked)

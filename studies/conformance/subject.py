@@ -14,7 +14,7 @@ from anctmm.solvers.registry import Solver
 
 
 class BrokenRule(Exception):
-    """A rule is broken in a way that no number tells."""
+    """A rule is violated in a way that no number describes."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Rule:
-    """One thing asked of every solver.
+    """One requirement on every solver.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ class Subject:
 
     @property
     def element(self) -> str:
-        """The one the rules of motion ask for."""
+        """The integrator that the rules of motion use."""
         return next(iter(self.offer.limits), "cable")
 
     def run(self, **changes: Any) -> Discretisation:
@@ -104,14 +104,14 @@ class Subject:
         return Discretisation(**(usual | changes))
 
     def motion(self, scene: Scene, **changes: Any) -> Solution:
-        """Answer to a scene, which must be a whole run; the same question is asked but once."""
+        """Solution of a scene, which must be a complete run; equal runs are computed once."""
         run = self.run(**changes)
         if (scene, run) not in self._kept:
             self._kept[scene, run] = whole(self.solve(scene, run))
         return self._kept[scene, run]
 
     def rest(self, scene: Scene, mesh: int, element: str) -> Solution:
-        """Equilibrium, asked for as the studies do; it must be found."""
+        """Equilibrium, requested as in the studies; it must be found."""
         if (scene, mesh, element) not in self._kept:
             answer = self.static(scene, mesh=mesh, element=element, quadrature="full")
             self._kept[scene, mesh, element] = whole(answer)

@@ -41,7 +41,7 @@ VALUES = (
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study: cables, and of whole studies shear elements, too, if no element is asked for.
+    """Run the study: cables, and of whole studies shear elements, too, if no element is requested.
 
     Parameters
     ----------

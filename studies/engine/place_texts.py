@@ -7,7 +7,7 @@ from anctmm.model.places import Written
 
 
 def place_texts(places: Iterable[Written]) -> dict[Written, str]:
-    """Places in words, fractions with six digits, or with all where these do not tell two places apart."""
+    """Places in words, fractions with six digits, or with all if two places would have the same text."""
     short = {place: _text(place, "{:g}".format) for place in places}
     shared = Counter(short.values())
     return {place: text if shared[text] == 1 else _text(place, repr) for place, text in short.items()}

@@ -150,7 +150,7 @@ class Runner:
         return self.sweep([case], timed=False)[0]
 
     def compute(self, cases: Iterable[Trial]) -> None:
-        """Have the workers compute solutions that are not known yet, for a sweep that will ask for them.
+        """Have the workers compute solutions that are not stored yet and that a sweep will need.
 
         Without workers nothing is done. The longest are sent first.
 
@@ -345,9 +345,9 @@ class Runner:
         return guarded(case.solver, case.scene, lambda: case.solve(self.resolve(case.solver)))
 
     def key(self, *cases: Trial) -> str:
-        """Text that tells cases, and the source of their solvers and of all that they are made of, from every other.
+        """A text that identifies cases, and the source of their solvers and of all that they depend on.
 
-        It is empty where a case cannot be told by its text, as with a function or a class of the user's, or a source
+        It is empty if no text identifies a case, as with a function or a class of the user's, or a source
         cannot be found: nothing is then kept.
         """
         parts = []
@@ -359,7 +359,7 @@ class Runner:
         return "|".join(parts)
 
     def source(self, solver: str, *modules: str) -> str:
-        """Text that tells the source of a solver, and of further modules, from every other; empty if none is found."""
+        """A text that identifies the source of a solver, and of further modules; empty if none is found."""
         try:
             plain = inspect.unwrap(self._solver(solver))
         except Exception as error:  # a solver that cannot be loaded now may be repaired later
@@ -439,7 +439,7 @@ class Runner:
         return solution, [Sample(solution.cost, interval) for interval in intervals]
 
     def _count(self, case: Trial) -> None:
-        """Count a run that was done; what cannot be kept by itself, as that is told when a session is interrupted."""
+        """Count a finished run; separately one that cannot be stored, which an interrupted session reports."""
         if self._answer_key(case):
             self.computed += 1
         else:
@@ -481,7 +481,7 @@ class Runner:
                 status = Status("failed", str(came))
                 self._unkept[case_key(case)] = case, nothing(case.solver, case.scene, None, status)
             case _:
-                pass  # the store has it, or it is done here when it is asked for
+                pass  # the store has it, or it is computed here when needed
 
 
 def _identity(case: Trial) -> Trial | int:

@@ -64,7 +64,7 @@ TAKEN = {
     "extremes": ("cases",),
     "published": (),
 }
-#: Why a study takes none of some options, and what to ask instead.
+#: Why a study has no use for some options, and the command to use instead.
 REASONS = {
     "fidelity": "it compares kinds of elements, each on the mesh and by the step that its error needs; `anctmm study "
     "trade` takes solvers, elements, meshes and steps",
@@ -210,7 +210,7 @@ def _takers(name: str) -> str:
 
 
 def trials(every: Iterable[tuple[str, Options]]) -> list["Trial"]:
-    """Runs of all kinds that studies need, of those that tell them before they run."""
+    """Runs of all kinds that studies need, of those that know them in advance."""
     tell = [(getattr(import_module(STUDIES[name][0]), "trials", None), options) for name, options in every]
     return [trial for one, options in tell if one is not None for trial in one(options)]
 

@@ -77,7 +77,7 @@ class Problem:
 
     @cached_property
     def load(self) -> Array:
-        """Gravity less elastic forces, (rows, nodes): what every road is given."""
+        """Gravity less elastic forces, (rows, nodes): the loads for every method."""
         b, f = self.chain.bodies, np.empty_like(self.q)
         elastic_forces(b.formulations, self.q, b.first, b.kinds, b.constants, b.buffer(), f)
         return self.chain.dead_load - f
@@ -87,10 +87,10 @@ class Problem:
         """Scalar mass of an element, (2k, 2k)."""
         return self.chain.bodies.meshes[0].element.mass
 
-    # --- roads ---
+    # --- methods ---
 
     def by(self, road: str) -> Array:
-        """Accelerations, (rows, nodes), by a road."""
+        """Accelerations, (rows, nodes), by one method."""
         roads: dict[str, Callable[[], Array]] = {
             PLAIN: lambda: _real(accelerations_plain(self.readable)),
             PAPER: lambda: _real(accelerations_riccati(self.readable)),
@@ -222,7 +222,7 @@ def coupling(variant: Variant) -> float:
 
 
 def length(quick: bool, runner: Runner) -> Part:
-    """Errors of every road at every length."""
+    """Errors of every method at every length."""
     variants = (SHEAR, CABLES[0])
     jobs = [
         Job(f"{n} elements, {v.element}", {"element": v.element, "elements": n}, partial(_rows, v, n))
@@ -233,7 +233,7 @@ def length(quick: bool, runner: Runner) -> Part:
     frame = pd.DataFrame(rows_of(jobs, runner))
     rates = [_rate(frame, v) for v in variants]
     notes = (
-        "A beam of elements of 20 mm, rolled into a circle of 1 m, pinned at its start; every road is given the same "
+        "A beam of elements of 20 mm, rolled into a circle of 1 m, pinned at its start; every method has the same "
         "matrix and the same loads. measured: largest |a − a_ref| over the largest |a_ref|, the worst of positions and "
         "gradients.",
         "predicted: of the plain product the rounding of a number times the n-th power of the largest eigenvalue of an "

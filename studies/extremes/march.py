@@ -115,5 +115,5 @@ def largest_stable(grown: Callable[[float], bool], guess: float, width: float) -
 
 
 def options_of(run: Discretisation) -> dict[str, Any]:
-    """What tells a scheme from another, for a row."""
+    """The settings that identify a scheme, for a row."""
     return {"element": run.element, "quadrature": kind_of(run.element).quadrature_shown(run.quadrature)}

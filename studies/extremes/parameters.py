@@ -43,7 +43,7 @@ NEWTON, RECURSION, INVERTED, CHOLESKY, GLOBAL = ROADS = (
     "global statics, sparse LU",
 )
 RATIO, SLENDER, NU = "stiffness ratio", "slenderness l/h", "Poisson's ratio"
-#: A road that keeps fewer digits than these is said to have lost them.
+#: A method with fewer correct digits than these has lost them.
 KEPT = 1e-2
 
 
@@ -77,7 +77,7 @@ class Bar:
     rounding: float
 
     def rows(self) -> list[Row]:
-        """A row a road."""
+        """One row for each method."""
         options: dict[str, Any] = {"mesh": ELEMENTS, "element": self.element}
         chain = Chain(self.scene, Discretisation(**options))
         q, load = chain.bodies.reference(), chain.dead_load

@@ -97,7 +97,7 @@ def compared(what: str, value: str, measure: Measure, element: str, integrator: 
 
 
 def places(quick: bool, runner: Runner) -> Part:
-    """Motions that only place and units tell apart."""
+    """Motions that differ only by place and units."""
     measures: list[tuple[str, str, Measure]] = [
         (FAR, f"{x:g} m", Measure(place=x)) for x in (PLACES[-1:] if quick else PLACES)
     ]

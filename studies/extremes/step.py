@@ -220,7 +220,7 @@ FAR = 100.0
 
 
 def solver_row(name: str, element: str, elements: int, runner: Runner) -> list[Row]:
-    """The measured limit of a solver that is only asked for runs, from the straight beam on."""
+    """The measured limit of a solver used through its runs only, starting from the straight beam."""
     setting = Setting("solver", element, elements=elements, state="pulled askew")
     scene, run = setting.scene, setting.run
     fastest = float(frequencies(scene, run, Chain(scene, run).bodies.reference())[-1])

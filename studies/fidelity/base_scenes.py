@@ -43,7 +43,7 @@ FEATURES = (
 #: What the types of an explicit kernel say of features: damping, constraints, shear elements alone or with cables.
 TYPES_OF_FEATURES = ("Damping", "Rows", "UniTuple(int64 x 2)", "UniTuple(int64 x 3)")
 LEFT_OUT = "shear elements, and takes short motions on coarse meshes."
-#: Verdict of a rule where the measured distance is not told from 0.
+#: Verdict of a rule if the measured distance cannot be distinguished from 0.
 UNKNOWN = "below the reference's uncertainty"
 PHYSICS = (
     "All runs are explicit (Zhai), each at 0.9 of its own stability limit, at most a thousandth of the run: its model "

@@ -25,7 +25,7 @@ from studies.fidelity.case_pictures import cost_picture
 from studies.fidelity.choices import Choices, Kinds, said
 from studies.fidelity.steps import MARGIN, stable_step, step_under
 
-#: Target errors of a model, from large to small; the smallest one where none is asked for, by whether the run is quick.
+#: Target errors of a model, from large to small; the smallest by default, by whether the run is quick.
 TARGETS = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3)
 SMALLEST = {False: 1e-3, True: 1e-2}
 #: Part of the smallest target error that mesh and step of each kind may add.

@@ -30,13 +30,13 @@ NOTES = (
     f"The same scene until t = {T_END:g} s. opensees has frames that follow their chords; where a chord has turned by "
     "half a turn its angle jumps and Newton's iteration fails on every mesh: it refuses the whole turn of the other "
     "tables.",
-    "Newton tolerances: those that solvers have without being asked.",
+    "Newton tolerances: the defaults of the solvers.",
     BUILD,
 )
 
 
 def half_turn(base: BaseScene, options: Options, runner: Runner) -> Table | None:
-    """Errors and times of `SOLVERS`, or of those asked for; None if another element or integrator is asked for."""
+    """Errors and times of `SOLVERS`, or of the requested ones; None if another element or integrator is requested."""
     quick = options.quick
     scheme = Scheme("cable", "full", "generalized-alpha", SOLVERS, MESHES[quick], lambda mesh: STEPS[quick])
     if not of_kinds([scheme], options):

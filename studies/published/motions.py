@@ -12,7 +12,7 @@ from studies.published.problem import Published, converged, last_digit
 WRIGHT = "Wright et al. 1982, J. Appl. Mech. 49, 197–202"
 SIMO = "Simo & Vu-Quoc 1986, J. Appl. Mech. 53, 855–863"
 IVP = "Test Set for Initial Value Problem Solvers, tolerance 1e-14"
-#: End of the published run of Andrews' squeezer, s, and its outputs: they must tell its turns.
+#: End of the published run of Andrews' squeezer, s, and its outputs: dense enough to follow whole turns.
 SQUEEZED, OUTPUTS = 0.03, 75
 #: Flap frequencies of a uniform blade on a hub without radius, by the dimensionless speed.
 FLAP = {0: "3.5160", 1: "3.6817", 2: "4.1373", 5: "6.4495", 10: "11.2023"}

@@ -43,10 +43,10 @@ OURS = "anctmm"
 #: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable, stepped implicitly or at rest (its
 #: explicit clamps are large inertias).
 SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
-#: Growth of the number of Newton corrections that is told. Turning a scene changes it by up to a third (statics) or a
-#: fiftieth (dynamics), a wrong tangent doubles it.
+#: Growth of the number of Newton corrections that is reported. Rotating a scene changes it by up to a third (statics) or
+#: a fiftieth (dynamics), a wrong tangent doubles it.
 MORE_WORK = 0.5
-#: Tolerance of displacements over the largest of them above which it is told, and a tighter iteration advised.
+#: Tolerance of displacements over the largest of them above which a tighter Newton tolerance is recommended.
 BLIND = 1e-6
 
 SAME, DIFFERS, SETTINGS, MISSING, UNREADABLE, FAILED, NOT_RUN, UNASKED = (
@@ -223,7 +223,7 @@ def _groups(tasks: Sequence[Task]) -> list[tuple[Task, ...]]:
 
 
 def _kernels(task: Task) -> tuple[Any, ...]:
-    """What tells the kernels of a task, about: whether it is static, solver, integrator, damping, elements."""
+    """What roughly determines the kernels of a task: whether it is static, solver, integrator, damping, elements."""
     run, static = task.run, isinstance(task.run, Static)
     elements = run.element.values() if isinstance(run.element, Mapping) else [run.element]
     method = "" if isinstance(run, Static) else f"{run.integrator} {run.tolerance is not None}"
@@ -251,7 +251,7 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
 
 
 def in_order(findings: Sequence[Finding], tasks: Sequence[Task]) -> list[Finding]:
-    """Findings in the order of their tasks; what no task asks for comes last."""
+    """Findings in the order of their tasks; those of no task come last."""
     places = {task.name: k for k, task in enumerate(tasks)}
     return sorted(findings, key=lambda f: places.get(f.name, len(places)))
 
@@ -301,7 +301,7 @@ def _like(done: Done, baselines: Path) -> Iterator[Finding]:
         own = read_baseline(task.path(baselines))
         ours = read_baseline(replace(task, solver=OURS).path(baselines))
     except (FileNotFoundError, CheckError):
-        return  # told by the row of that history
+        return  # reported in the row of that history
     if not task.settings == own.settings == ours.settings:
         return
     both = {
@@ -450,7 +450,7 @@ def _absent(solver: str) -> str | None:
 
 
 def _unasked(tasks: Sequence[Task], baselines: Path) -> tuple[Finding, ...]:
-    """Stored histories that no task asks for: a net with a hole in it."""
+    """Stored histories without a task: something is no longer checked."""
     asked = {task.path(baselines) for task in tasks}
     found = []
     for path in sorted(baselines.glob("*/*/*.csv")):

@@ -1,4 +1,4 @@
-"""Stored histories: small CSV files with a head that tells what they are, readable in a diff."""
+"""Stored histories: small CSV files with a header that describes them, readable in a diff."""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -93,7 +93,7 @@ class History:
         """
         axis = LOAD_FACTOR if isinstance(task.run, Static) else "t (s)"
         ending, cost = _ending(solution.status), solution.cost
-        if len(solution.t) < 2:  # of a run that never came to its first output, only the ending tells
+        if len(solution.t) < 2:  # a run that ended before its first output has only a status
             return cls(np.empty(0), axis, (), np.empty((0, 0)), ending=ending)
         columns: list[Column] = []
         values: list[Array] = []

@@ -16,7 +16,7 @@ from studies.regression.scenes import TIGHT, CheckError, Run, Static, Watch
 FINER, SHORTER = 2, 4
 #: Samples of a stored history at most.
 SAMPLES = 20
-#: Who is compared: what one of them cannot do is told, and is no failure.
+#: The solvers compared: a feature that one of them lacks is reported, and is no failure.
 SOLVERS = ("anctmm", "global-dae")
 
 

@@ -23,17 +23,17 @@ from studies.user_files import defined_in
 DECLARED = "WATCHED"
 #: Names of scenes, runs and solvers become names of directories and files.
 PLAIN = re.compile(r"\w[\w.+-]{0,99}")
-#: Probes or solvers of a watch, at most: an iterable without an end is told.
+#: Largest number of probes or solvers of a watch: an infinite iterable is refused.
 MOST = 10_000
 #: How equilibria are followed.
 ARC_LENGTH = "arclength"
 PATHS = ("load", ARC_LENGTH)
-#: Always told of a run; of what else it sets, only what is not a default.
+#: Settings of a run that are always listed; others only if they differ from the default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
 
 
 class CheckError(AnctmmError, ValueError):
-    """What is to be checked, or against what, cannot be told."""
+    """The runs to check, or their stored histories, cannot be determined."""
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,7 @@ def _mechanism(base: BaseScene) -> tuple[Watch, ...]:
 
 
 def _fall(base: BaseScene) -> tuple[Watch, ...]:
-    """The thin section's thickness mode asks for small steps of explicit shear elements: a shorter run."""
+    """The thickness mode of the thin section needs small explicit steps with shear elements: a shorter run."""
 
     def explicit(element: str, dt: float, t_end: float) -> Run:
         return Discretisation(8, element, integrator="zhai", dt=dt, t_end=t_end, output_dt=t_end / 10)

@@ -164,7 +164,7 @@ def _turned_back(history: History, angle: float) -> History:
 
 
 def _least(task: Task) -> tuple[str, float]:
-    """What a history can never be asked to keep, relative: one rounding, or one Newton iteration's bound."""
+    """The smallest possible tolerance of a history, relative: one rounding, or the bound of one Newton iteration."""
     if not _iterates(task.run):
         return "one rounding", EPSILON
     bound = EXUDYN_STATIC if task.solver in OPTIONS else task.run.newton_tolerance

@@ -32,7 +32,7 @@ RULE_COLOURS = {"reduced": PALETTE[4], "lobatto": PALETTE[6]}
 
 
 def styled(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with a label and a look: colour and marker tell the solver, hollow and dotted the explicit runs."""
+    """Rows with a label and a look: colour and marker show the solver, hollow and dotted the explicit runs."""
     rule = rows["quadrature"].where(rows["quadrature"].isin(list(RULE_COLOURS)), "")
     parts = pd.DataFrame(
         {"a": rows["solver"], "b": rows["integrator"].map(lambda i: SHORT.get(i, i)), "c": rule}

@@ -18,11 +18,11 @@ from studies.engine.tables import MOST_ROWS
 from studies.report.plots import GRID, INK, PAPER, Picture
 from studies.report.table_view import by_subject, is_short, view
 
-#: What a reader asks first stands first; the other studies follow in their order.
+#: The first question of a reader comes first; the other studies follow in their order.
 FIRST = ("trade", "agreement")
 #: What `anctmm bench` may have left beside the page.
 BENCH = "bench/requirements.md"
-#: Colours that tell bodies apart in an animation.
+#: Colours of bodies in an animation.
 BODY_COLOURS = 7
 
 

@@ -34,7 +34,7 @@ NOTHING_CUT: Mapping[str, str] = MappingProxyType({})
 INK, GRID, PAPER = "#1b1b1d", "#d5d5da", "#fffffe"
 #: Ink on dark and on pale cells: the same in both themes of the page, as the cells are.
 ON_DARK, ON_PALE = "#fffffd", "#101012"
-#: Okabe & Ito's palette, told apart by colour-blind readers; without the yellow, too pale on paper.
+#: Okabe & Ito's palette, distinguishable for colour-blind readers; without the yellow, too pale on paper.
 PALETTE = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#8c6d5a", "#7f7f87")
 #: One colour a solver in every picture; others take what is left.
 SOLVER_COLOURS = {

@@ -86,7 +86,7 @@ def view(table: Table) -> View:
 
 
 def told_by_digits(frame: pd.DataFrame) -> list[str]:
-    """Columns of numbers that the column `digits` tells as one text, a value with its uncertainty and unit."""
+    """Columns of numbers that the column `digits` shows as one text, a value with its uncertainty and unit."""
     numbers = ["value", "uncertainty", "unit"]
     return numbers if {"digits", *numbers} <= set(frame.columns) else []
 

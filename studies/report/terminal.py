@@ -22,7 +22,7 @@ HEADS = (
     ("solver", False), ("element", False), ("integrator", False), ("elements", False), ("dt", True),
     ("error", True), ("cpu (s)", True),
 )  # fmt: skip
-#: Columns that tell a run from others of its table.
+#: Columns that identify a run in its table.
 TELLING = ("elements", "dt")
 
 
@@ -66,7 +66,7 @@ def _shown(table: Table, console: Console) -> None:
 
 
 def _where(rows: pd.DataFrame, columns: Sequence[str]) -> str:
-    """By which meshes and steps rows were run, as far as that tells them from others of their table."""
+    """Meshes and steps of rows, as far as they differ from others of their table."""
     told = [
         f"{label(name)} {', '.join(dict.fromkeys(map(_cell, rows[name])))}"
         for name in TELLING
@@ -83,7 +83,7 @@ def _cell(value: object) -> str:
 
 
 def _is_one_text(cells: pd.Series) -> bool:
-    """Whether a column holds one text alone, that is told once."""
+    """Whether a column has the same text in all rows, which is shown once."""
     return not is_numeric_dtype(cells) and cells.nunique(dropna=False) == 1 and isinstance(cells.iloc[0], str)
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from anctmm.model.case import Case
 
-#: Equal parts of the run at whose ends a function of the time is asked; of a length, one of the fraction.
+#: Equal parts of the run, or of a length, at whose ends a function is evaluated.
 PARTS = 256
-#: What a law is asked with: lengths or angles of any size, and rates.
+#: Arguments for laws: lengths or angles of any size, and rates.
 SIZES, RATES = [s * 10.0**k for k in range(-3, 3) for s in (-1.0, 1.0)], (-1.0, 0.0, 1.0)
 #: Fields of a case that do not change what is measured.
 TOLD_ONLY = ("note",)
@@ -21,8 +21,8 @@ TOLD_ONLY = ("note",)
 def digest_of(case: Case) -> str:
     """A text that two cases share if their scenes, probes and times are the same to twelve digits.
 
-    Functions, such as drives and laws, are told by what they answer. A field that has its default is left out, so that
-    one that a class gets later changes no digest.
+    Functions, such as drives and laws, are identified by their values. A field with its default value is left out, so
+    that a field added later changes no digest.
     """
     return f"sha256:{sha256(_text(case, case.duration or 1.0).encode()).hexdigest()[:16]}"
 
@@ -62,6 +62,6 @@ def _answer(function: Callable[..., Any], arguments: tuple[float, ...]) -> str:
     try:
         with np.errstate(all="ignore"):
             found = np.asarray(function(*arguments), float).ravel()
-    except (Exception, SystemExit) as error:  # a user's function, which knows one of the ways to be asked
+    except (Exception, SystemExit) as error:  # a user's function, which accepts one form of its arguments
         return type(error).__name__
     return ", ".join(f"{x:.12g}" for x in found.tolist())

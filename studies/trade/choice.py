@@ -36,7 +36,7 @@ def reaching(points: pd.DataFrame, target: float) -> pd.DataFrame:
 
 
 def nearest(points: pd.DataFrame) -> pd.DataFrame:
-    """Rows whose error is the smallest, as far as that can be told; cheapest first."""
+    """Rows whose error is the smallest within its uncertainty; cheapest first."""
     errors = sure_errors(points)
     return points[errors <= SAME * errors.min()].sort_values("cpu_s", kind="stable")
 

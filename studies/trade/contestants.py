@@ -10,7 +10,7 @@ from studies.engine.accuracy.dynamics import Plan
 
 
 def left_out(plan: Plan, case: Case, asked: Iterable[str] | None) -> dict[str, list[str]]:
-    """Solvers of a plan that are not made to be fast on a case, with what of it; none that are asked for."""
+    """Solvers of a plan that are slow with features of a case, with these features; without the requested solvers."""
     listed = dict.fromkeys(solver for scheme in plan.schemes for solver in scheme.solvers)
     slow = {solver: _slow_with(solver, case) for solver in listed if solver not in (asked or ())}
     return {solver: things for solver, things in slow.items() if things}

@@ -18,7 +18,7 @@ from studies.engine.running.trial import Mesh
 from studies.engine.study import Options, StudyError
 from studies.trade.plan import HIGH, NEWTON, TARGETS, Ladder
 
-#: Smallest target error where none is asked for; by whether the run is quick.
+#: Smallest target error by default; by whether the run is quick.
 SMALLEST = {False: 1e-5, True: 1e-3}
 #: Part of the smallest target error that a reference may be uncertain by.
 SHARE = 0.3
@@ -27,7 +27,7 @@ COARSE, FINE, FEWEST = 4.0, 0.2, 3
 #: Target error below which a reference of cables is one by high order in space and time, where the scene allows it:
 #: meshes and steps of lower order would need more and more elements and steps.
 HIGH_BELOW = 1e-5
-#: What may be asked for, and each model's element whose refined run is the reference without asking.
+#: Elements that may be requested, and the element of each model whose refined run is the reference by default.
 ELEMENTS, REFERENCES = ("cable", "quintic", "shear"), ("cable", "shear")
 #: Who finds such a reference.
 FINEST = Setup(element="quintic", integrator=HIGH, stretch="free", options=(("newton_tolerance", NEWTON),))
@@ -42,7 +42,7 @@ class NothingMovesError(StudyError):
 
 
 def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
-    """Refine a case with each element that is asked for, and take the levels on the way as what is tried.
+    """Refine a case with each requested element, and use the levels of the refinement as the settings to try.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
 
 
 def check_first(case: Case, options: Options, runner: Runner) -> None:
-    """Refuse what `own_ladder` refuses, as far as one coarse run tells it; parameters and errors are the same."""
+    """Refuse what `own_ladder` refuses, as far as one coarse run shows it; parameters and errors are the same."""
     _check_asked(case, options)
     levels = Refinement(case, Setup(element=options.element or "cable"), runner)
     with _headed(runner, f"{case.name}, first: "):
@@ -126,12 +126,12 @@ def _check_asked(case: Case, options: Options) -> None:
     if options.element not in (None, *ELEMENTS):
         raise StudyError(
             f"--element is {options.element!r}; a trade is measured with {' or '.join(ELEMENTS)}, each against a "
-            f"refined run of its own: `anctmm study fidelity` tells what rigid beams cost and save"
+            f"refined run of its own: `anctmm study fidelity` shows what rigid beams cost and save"
         )
     if case.static:
         raise StudyError(
             f"case {case.name!r} is a static equilibrium; a motion (t_end) is needed to trade error for time: "
-            f"study convergence tells its errors over the mesh"
+            f"`anctmm study convergence` shows its errors over the mesh"
         )
     _check_kinds(case, options)
 

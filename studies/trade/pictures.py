@@ -89,7 +89,7 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
 
 
 def _styled(sound: pd.DataFrame) -> pd.DataFrame:
-    """Points with a look and a text: colour and marker tell solver and kind of steps, hollow the explicit runs."""
+    """Points with a look and a text: colour and marker show solver and kind of steps, hollow the explicit runs."""
     controlled = sound["tolerance"] > 0
     rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_COLOURS)), "")
     short = sound["integrator"].map(lambda i: SHORT.get(i, i))

@@ -21,7 +21,7 @@ TARGETS, QUICK_TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), (1e-2, 1e-3, 1e-4
 STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
 LOOSE, TIGHT = NEWTON_TOLERANCES[-1], NEWTON_TOLERANCES[0]
-#: Errors in time asked of the error-controlled steps; of a quick run.
+#: Tolerances of the error-controlled steps; of a quick run.
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5)
 QUICK_TOLERANCES = (1e-2, 3e-3, 1e-3, 1e-4)
 #: An explicit run is tried where elements times steps do not exceed this: some 0.15 s of ANC-TMM, 2 s of a peer.
@@ -42,8 +42,8 @@ FRAME_SOLVERS = ("opensees",)
 #: No further sample of a run is taken in the sweep after that long, s: one tells what is near the front, and that runs
 #: again.
 SAMPLED = 0.0
-#: Step of the run of fourth order on the same mesh that tells the step's error from the mesh's, s; by whether the run
-#: is quick.
+#: Step of the run of fourth order on the same mesh that separates the errors of step and mesh, s; by whether the
+#: run is quick.
 FINE_STEP = {False: 1.25e-4, True: 1e-3}
 #: Newton's tolerance of references: what it leaves is far below their error.
 NEWTON = 1e-12
@@ -177,7 +177,7 @@ class Ladder:
                 limit = stable_step(base.scene, by_body, options)
             except AnctmmError:  # the solver itself says what it cannot do
                 return (base.interval,)
-            if isinf(limit):  # nothing vibrates: the error alone tells how long steps may be
+            if isinf(limit):  # nothing vibrates: only the error limits the steps
                 return tuple(step for step in self.steps if base.duration / step <= most)
             largest = base.interval / ceil(base.interval / limit)
             work = sum(mesh) * base.duration / largest

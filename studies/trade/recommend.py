@@ -297,7 +297,7 @@ def _why_not(mine: pd.DataFrame, error: float, budget_s: float | None) -> tuple[
 
 
 def _others(rows: pd.DataFrame, chosen: pd.Series) -> pd.DataFrame:
-    """The first row of each other kind, and the next of the same kind that is told in other words."""
+    """The first row of each other kind, and the next of the same kind with another text."""
     told = setting_of(chosen.to_dict())
     rows = rows[np.array([setting_of(line) != told for line in rows.to_dict("records")], dtype=bool)]
     kind = kinds_of(rows)

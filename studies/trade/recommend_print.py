@@ -42,7 +42,7 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
 
 
 def show_script(script: str, console: Console) -> None:
-    """Print the script; where nobody looks, as it can be run: nothing folded, nothing coloured."""
+    """Print the script; if the output is no terminal, exactly as it can be run, without line breaks and colours."""
     if console.file.isatty():
         console.print(Syntax(script, "python", background_color="default"))
     else:

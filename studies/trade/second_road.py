@@ -14,7 +14,7 @@ from studies.engine.running.trial import mesh_label
 
 @dataclass(frozen=True)
 class Second:
-    """What the second road of a reference gave.
+    """The result of the independent method for a reference.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class Second:
 def second_roads(
     base: Case, roads: Mapping[str, Fine], references: Mapping[str, Reference], runner: Runner
 ) -> Mapping[str, Second]:
-    """The references of a scene by another road, each by the first solver of its settings, at their finest.
+    """The references of a scene by an independent method, each by the first solver of its finest settings.
 
     Parameters
     ----------

@@ -133,7 +133,7 @@ def _left_out(case: Case) -> str:
 
 
 def _not_tried(every: Sequence[Ladder], options: Options) -> str:
-    """What a quick run leaves out, unless it is asked for single kinds."""
+    """What a quick run omits, unless single kinds are requested."""
     if not options.quick or options.element or options.integrator:
         return ""
     elements = sorted({"quintic", "shear"} - {element for ladder in every for element in ladder.beside})
@@ -169,7 +169,7 @@ def _ladders(options: Options, runner: Runner) -> tuple[list[Ladder], list[str]]
             runner.note(unmoved[case.name])
             return None
 
-    # one coarse run of each tells what is wrong before any is refined, which takes minutes
+    # one coarse run of each shows what is wrong before any is refined, which takes minutes
     for case in cases:
         if case not in by_hand:
             tried(check_first, case)
@@ -234,7 +234,7 @@ def _tried(ladder: Ladder, settings: Planned, budget_s: float | None, runner: Ru
 
 
 def _orders(ladder: Ladder, references: Mapping[str, Reference], runner: Runner) -> Iterator[dict[str, Any]]:
-    """The order of steps of references that are found by second roads, too: on the coarsest mesh and on their own."""
+    """Observed orders of the steps of references with a second method: on the coarsest mesh and on their own."""
     for element in ladder.second:
         fine = ladder.references[element]
         if element in references and isinstance(fine, Fine):

@@ -33,7 +33,7 @@ FOUND = (
     "error", "robust_error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s",
     "repeats",
 )  # fmt: skip
-#: What tells a setting from another.
+#: Columns that identify a setting.
 SETTING = (
     "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own",
     "stretch",
@@ -321,7 +321,7 @@ def where_high_order_pays(rivals: pd.DataFrame) -> list[str]:
         pays = (
             f"pays from a target error of {max(paying):g} on"
             if paying
-            else "does not pay at the errors asked for"
+            else "does not pay at the target errors"
         )
         if parts or alone:
             said.append(

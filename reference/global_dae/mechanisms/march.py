@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 class Failure(Exception):
-    """A step that cannot be taken: why, the correction or acceleration that tells where, and residuals (N)."""
+    """A step that failed: the reason, the correction or acceleration that shows where, and residuals (N)."""
 
     def __init__(self, why: str, change: Array | None, residuals: tuple[float, ...] = ()) -> None:
         super().__init__(why)

@@ -73,7 +73,7 @@ def rounded(value: float, uncertainty: float) -> str:
     """A value down to the first digit of its uncertainty; no more than twelve digits."""
     if not uncertainty > 0.0:
         return f"{value:.12g}"
-    place = -floor(log10(float(f"{uncertainty:.1g}")))  # 0.00096 is told as 0.001
+    place = -floor(log10(float(f"{uncertainty:.1g}")))  # 0.00096 is shown as 0.001
     if abs(value) < 0.5 * uncertainty:  # no digit holds
         return f"{0.0:.{min(place, 11)}f}" if 0 <= place <= 6 else "0"
     first = floor(log10(abs(value))) if value else -place
@@ -83,7 +83,7 @@ def rounded(value: float, uncertainty: float) -> str:
 
 
 def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
-    """For each probe its place and its angle at the end, and its largest displacement, as `Reading` asks for."""
+    """For each probe its place and its angle at the end, and its largest displacement, as a `Reading`."""
     if not len(solution.t):
         return
     when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"

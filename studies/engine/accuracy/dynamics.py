@@ -83,7 +83,7 @@ class Scheme:
 
 @dataclass(frozen=True)
 class Fine:
-    """Settings of a reference: the finest run, the next coarser mesh and step, and who is asked, in order.
+    """Settings of a reference: the finest run, the next coarser mesh and step, and the solvers, in order.
 
     Without a coarser mesh the reference is one of the step alone. `element` takes the place of the one whose reference
     it is, of the same continuum; `stretch` is that of the scene's clamps, see `with_stretch`; `options` are further
@@ -170,7 +170,7 @@ class Sweep:
 
 
 def of_kinds(schemes: Iterable[Scheme], options: Options) -> tuple[Scheme, ...]:
-    """The schemes of the element and the integrator that are asked for."""
+    """The schemes of the requested element and integrator."""
     return tuple(
         scheme for scheme in schemes
         if options.element in (None, scheme.element) and options.integrator in (None, scheme.integrator)
@@ -178,7 +178,7 @@ def of_kinds(schemes: Iterable[Scheme], options: Options) -> tuple[Scheme, ...]:
 
 
 def quick_plan(quick: Plan, full: Plan, options: Options) -> Plan:
-    """A quick plan; if it has none of the kinds that are asked for, the beginning of the full plan's schemes of them.
+    """A quick plan; if it has none of the requested kinds, the beginning of the full plan's schemes of them.
 
     Their two coarsest meshes are run, by the longest of their steps.
     """
@@ -300,14 +300,14 @@ def reference_of(base: Case, element: str, fine: Fine | Reference, runner: Runne
 
 
 def _reference_runs(base: Case, element: str, fine: Fine | Reference) -> list[Trial]:
-    """Runs that a reference begins with: those of the first solver asked."""
+    """Runs that a reference begins with: those of the first solver."""
     if isinstance(fine, Reference):
         return []
     return [replace(case, solver=fine.solvers[0]) for case in _fine_and_coarser(base, element, fine)]
 
 
 def fine_run(base: Case, element: str, fine: Fine) -> Trial:
-    """The finest run of settings, by the first solver asked."""
+    """The finest run of settings, by the first solver that succeeds."""
     return replace(_fine_and_coarser(base, element, fine)[0], solver=fine.solvers[0])
 
 

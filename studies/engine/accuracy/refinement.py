@@ -247,7 +247,7 @@ class Refinement:
         return Refined(self, i, j, mesh, step, whole and mesh.error + step.error <= target, target)
 
     def _around(self, i: int, j: int) -> list[tuple[int, int]]:
-        """Levels whose runs tell the error of one."""
+        """Levels whose runs estimate the error of one."""
         coarser_meshes = [(k, j) for k in (i - 1, i - 2) if k >= 0 and self.refines_mesh]
         coarser_steps = [(i, k) for k in (j - 1, j - 2) if k >= 0 and self.refines_step]
         return [(i, j), *coarser_meshes, *coarser_steps]

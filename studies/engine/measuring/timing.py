@@ -65,7 +65,7 @@ def pinned() -> Iterator[None]:
 
 
 def summarise(costs: Sequence[Cost], statistic: Callable[[Any], Any] = np.median) -> Timing:
-    """A statistic, the median unless told, and the spread of the samples of one run."""
+    """A statistic, by default the median, and the spread of the samples of one run."""
     cpu = np.array([c.cpu_s for c in costs])
     if not cpu.size:
         return Timing(np.nan, np.nan, np.nan, 0)

@@ -11,7 +11,7 @@ from studies.engine.storage.sources import OURS
 
 
 def case_key(case: Any) -> str:
-    """Text that tells a case from every other, with every digit of every number."""
+    """A text that identifies a case, with every digit of every number."""
     return _text(case)
 
 
@@ -57,7 +57,7 @@ def classes(value: Any) -> set[str]:
 
 
 def reproducible(value: Any) -> bool:
-    """Whether a value is told by its text: data and classes of this suite only.
+    """Whether a text identifies a value: data and classes of this suite only.
 
     The text of a plain function is an address. What a class of the user's computes may depend on more than its fields
     and its source: on a file that it, or its module, has read.

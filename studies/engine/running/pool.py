@@ -62,7 +62,7 @@ class WorkerPool(Executor):
         return self._threads.submit(self._done_by_process, pickle.dumps((call, args, kwargs)))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes: at once with `cancel_futures`, or else when what was asked for is done."""
+        """End the processes: at once with `cancel_futures`, or else when the submitted calls are done."""
         if cancel_futures:
             self._closing.set()
             self._end()
@@ -113,15 +113,15 @@ class WorkerPool(Executor):
             self._of_thread.process = process
             self._processes.add(process)
             assert process.stdin is not None
-            with suppress(OSError):  # it may have ended at once, which is told to who calls it
+            with suppress(OSError):  # it may have ended at once, which the next call reports
                 process.stdin.write(pickle.dumps((sys.path, __name__)) + pickle.dumps(compiling.place))
         return process
 
 
 def serve(calls: IO[bytes]) -> None:
-    """In a worker process: answer calls until nobody is there to ask."""
+    """In a worker process: answer calls until the main process is gone."""
     answers = _private_stream()
-    compiling.place = pickle.load(calls)  # it tells as one with who asks
+    compiling.place = pickle.load(calls)  # it reports together with the main process
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with one_process(), suppress(EOFError, BrokenPipeError):  # the other processors have work of their own
@@ -144,7 +144,7 @@ def _answered(call: Callable[..., Any], args: Any, kwargs: Any) -> tuple[bool, A
 
 
 def _private_stream() -> IO[bytes]:
-    """The pipe to who asks; what solvers print goes to standard error, and they have nothing to read."""
+    """The pipe to the main process; prints of solvers go to standard error, and their standard input is empty."""
     answers = os.fdopen(os.dup(1), "wb")
     with open(os.devnull, "rb") as empty:
         os.dup2(empty.fileno(), 0)

@@ -140,7 +140,7 @@ class _Workers:
 
 
 def _serve(jobs: Sequence[Callable[[], Any]], pipe: Connection, other: Connection) -> None:
-    """Do jobs until nobody asks for more."""
+    """Do jobs until there are no more."""
     other.close()  # so that the end of the other process is the end of the pipe
     # Ctrl-C is for the process that began this one, which ends it
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -21,7 +21,7 @@ COLUMNS = (
 
 
 def element_of(solver: str, asked: str) -> str:
-    """Name of the element a solver uses for one asked for; that asked for, if the solver is not there."""
+    """Name of the element that a solver uses for a requested one; the requested one if the solver is not installed."""
     try:
         return registry.offer_of(registry.load(solver)).element_of(asked)
     except AnctmmError:
@@ -29,7 +29,7 @@ def element_of(solver: str, asked: str) -> str:
 
 
 def _quadrature_shown(case: Trial) -> str:
-    """The quadrature of a case as tables show it: of bodies of different kinds none is told."""
+    """The quadrature of a case as tables show it; none for bodies of different kinds."""
     return (
         "-" if isinstance(case.element, Mapping) else kind_of(case.element).quadrature_shown(case.quadrature)
     )

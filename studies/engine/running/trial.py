@@ -56,7 +56,7 @@ class Trial:
 
     @property
     def cut(self) -> str:
-        """Elements of each beam as tables tell them, 2/8/2; "-" without beams."""
+        """Elements of each beam as tables show them, 2/8/2; "-" without beams."""
         return mesh_label(self.mesh) if self.scene.beams else NO_BEAMS
 
     @property

@@ -34,11 +34,11 @@ Resolve = Callable[[str], Any] | None
 
 
 class OtherCode(Exception):
-    """A worker's code is not that of who asks."""
+    """A worker's code differs from that of the main process."""
 
 
 class NotSendable(Exception):
-    """A call cannot be made bytes, or its answer cannot: it is done where it is asked for."""
+    """A call, or its answer, cannot be converted to bytes: the main process computes it."""
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ def _result(compute: Callable[[], Any]) -> tuple[Any, bool]:
 
 
 def _error_bytes(error: Exception) -> bytes:
-    """An error as who asks shall raise it; one that cannot be sent by its message."""
+    """An error for the main process to raise; one that cannot be sent is represented by its message."""
     try:
         content = bytes(cloudpickle.dumps(error))
         cloudpickle.loads(content)

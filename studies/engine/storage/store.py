@@ -77,7 +77,7 @@ class Store:
         try:
             return self._read(path, given)
         except (OSError, Unreadable):
-            pass  # told below, under the lock: another process may be at it
+            pass  # reported below, under the lock: another process may be at it
         with self._locked(path):
             try:
                 return self._read(path, given)

@@ -16,7 +16,7 @@ from studies.extremes.parts import EPS
 Array = NDArray[np.float64]
 #: Error to which mesh and step are refined; by whether the run is quick.
 TARGETS = {False: 1e-3, True: 1e-2}
-#: Newton's tolerance of runs that only rounding, or a tiny disturbance, tells apart.
+#: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
 TIGHT = 1e-12
 
 
@@ -73,7 +73,7 @@ class Base:
         return {"scene": self.case.name, "what": what, **columns}
 
     def static(self) -> bool:
-        """Whether it asks for an equilibrium."""
+        """Whether it is a static case."""
         return self.found.trial.integrator == STATIC
 
 

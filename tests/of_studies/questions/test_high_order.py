@@ -212,7 +212,7 @@ def test_the_sentence_on_high_order_is_that_of_the_table():
     assert "it alone meets 1e-06" in said
     assert where_high_order_pays(pd.DataFrame(rows[:3])) == []
     (never,) = where_high_order_pays(pd.DataFrame([rows[0], rows[3]]))
-    assert "does not pay at the errors asked for" in never
+    assert "does not pay at the target errors" in never
 
 
 def test_advice_says_that_steps_are_of_fourth_order():
