@@ -86,7 +86,8 @@ class _Linearised:
 
     def __init__(self, chain: Chain, q: Array, bodies: Bodies, damping: bool) -> None:
         self.q, self.bodies, self.damping, self.length = q, bodies, damping, chain.length
-        self.inverse, self.join, self.connected = mass_factors(chain, q), Joined(chain), Connected(chain)
+        self.inverse = mass_factors(chain, q)
+        self.join, self.connected = Joined(chain), Connected(chain)
         self.buffer, self.up, self.down = bodies.buffer(), np.empty_like(q), np.empty_like(q)
 
     def _force(self, at: Array, out: Array) -> None:

@@ -14,7 +14,7 @@ from studies.engine.running.trial import Mesh
 
 #: Part of the stability limit that a run takes.
 MARGIN = 0.9
-#: Elements up to which Python runs the kernels of the limit: compiling them takes seconds, running them so milliseconds.
+#: Elements up to which Python runs the kernels of the limit: compiling takes seconds, running so milliseconds.
 FEW = 12
 
 

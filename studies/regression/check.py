@@ -43,7 +43,7 @@ OURS = "anctmm"
 #: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable, stepped implicitly or at rest (its
 #: explicit clamps are large inertias).
 SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
-#: Growth of the number of Newton corrections that is reported. Rotating a scene changes it by up to a third (statics) or
+#: Growth of the number of Newton corrections that is reported. Rotation of a scene changes it by a third (statics) or
 #: a fiftieth (dynamics), a wrong tangent doubles it.
 MORE_WORK = 0.5
 #: Tolerance of displacements over the largest of them above which a tighter Newton tolerance is recommended.
