@@ -197,14 +197,14 @@ def draw_bridge(figure: Figure, script: Script, found: Solution) -> None:
 EQUILIBRIA = (
     Entry(
         "catenary", "Catenary",
-        "Two straight halves of a rope, drawn as a V, have next to no stiffness against their weight. "
-        "The stabilised search lets them sag to the catenary.",
+        "Two straight halves of a rope, drawn as a V, have almost no stiffness against their weight. "
+        "The stabilised search finds the catenary.",
         lambda script: rest(script.case.scene, mesh=16), sag, draw_catenary,
     ),
     Entry(
         "column", "Column",
-        "A slender column bends little until Euler's force, and then far. "
-        "The smaller the push aside, the sharper the corner.",
+        "A slender column bends little below Euler's load, and strongly above it. "
+        "The smaller the lateral load, the sharper the transition.",
         buckle, bend, draw_column,
     ),
     Entry(

@@ -36,7 +36,7 @@ def run(script: Script, **options: Any) -> Solution:
 def energy(script: Script, found: Solution) -> Number:
     largest = float(np.abs(found.energy.balance).max() / np.abs(found.energy.potential).max())
     return Number(
-        "largest change of the sum, of the largest energy of the weight",
+        "largest change of the total energy, relative to the largest potential energy",
         "",
         largest,
         0.0,
@@ -299,13 +299,13 @@ def draw_blade(figure: Figure, script: Script, found: Any) -> None:
 MOTIONS = (
     Entry(
         "soft_pendulum", "Soft pendulum",
-        "A bar of soft rubber falls from the horizontal. It bends far, and the sum of its energies stays what it was.",
+        "A bar of soft rubber falls from the horizontal. It bends strongly, and its total energy is conserved.",
         lambda script: run(script, mesh=12, dt=2.5e-3), energy, draw_pendulum,
     ),
     Entry(
         "slider_crank", "Engine",
         "A crank, a connecting rod and a piston. The reaction of the piston's pin is, at constant speed, close to "
-        "that of rigid bars, which is known.",
+        "the known one of rigid bars.",
         lambda script: run(script, mesh={"crank": 2, "rod": 4}, dt=5e-5), pin_force, draw_engine, 4.2,
     ),
     Entry(
@@ -316,13 +316,13 @@ MOTIONS = (
     ),
     Entry(
         "thrown_triangle", "Thrown triangle",
-        "A closed frame of three soft bars flies and turns. However it deforms, its centre of mass takes the parabola.",
+        "A closed frame of three soft bars flies and turns. However it deforms, its centre of mass moves on a parabola.",
         lambda script: run(script, mesh=4, dt=2e-3), flight, draw_triangle,
     ),
     Entry(
         "motor_arm", "Arm with a motor",
-        "A law of one's own, three lines of Python, is a motor with feedback and a limited moment. "
-        "The arm stays below its target by what its weight takes.",
+        "A user-defined law, three lines of Python, is a motor with feedback and a limited moment. "
+        "The arm stays below its target because of its weight.",
         lambda script: run(script, mesh=4, dt=1e-3), holding, draw_arm,
     ),
     Entry(
@@ -339,7 +339,7 @@ MOTIONS = (
     ),
     Entry(
         "rotating_blade", "Rotating blade",
-        "A thin blade lags as it is brought to speed. Turning makes it stiffer: its frequencies rise with the speed, "
+        "A thin blade lags as it is brought to speed. Rotation makes it stiffer: its frequencies rise with the speed, "
         "and cross multiples of it (dots), where it resonates.",
         turn, flap, draw_blade,
     ),

@@ -15,12 +15,12 @@ WIDTH = 5.8
 PAGE = FOLDER / "README.md"
 HEAD = """# Gallery
 
-A dozen scenes, each a file of at most 25 lines, with what came out of it and a number that is known from elsewhere.
+A dozen scenes, each a file of at most 25 lines, with its result and a value that is known independently.
 The tests run them all (`tests/of_studies/questions/test_gallery.py`). Each file is a case:
-`anctmm run studies/gallery/scenes/bridge.py` runs it, and the [studies](../README.md#commands) take it in the same way.
+`anctmm run studies/gallery/scenes/bridge.py` runs it, and the [studies](../README.md#commands) accept it, too.
 
 `python -m studies.gallery` writes this page and its pictures, with the settings in `motions.py` and `equilibria.py`.
-A new scene goes into `scenes/`, and its entry there.
+A new scene needs a file in `scenes/` and an entry in one of these.
 """
 
 
