@@ -316,7 +316,8 @@ MOTIONS = (
     ),
     Entry(
         "thrown_triangle", "Thrown triangle",
-        "A closed frame of three soft bars flies and turns. However it deforms, its centre of mass moves on a parabola.",
+        "A closed frame of three soft bars flies and turns. "
+        "However it deforms, its centre of mass follows a parabola.",
         lambda script: run(script, mesh=4, dt=2e-3), flight, draw_triangle,
     ),
     Entry(
