@@ -170,14 +170,14 @@ class Solution:
     scene : Scene
     run : Discretisation or None
     t : ndarray, shape (n,)
-        0, output_dt, … t_end, s; cut short where the run did not end well. For statics the load factors.
+        0, output_dt, … t_end, s; shorter if the run ended early. Of statics the load factors.
     fields : mapping of body name to Field
         Motion of each body.
     energy : Energy
     cost : Cost
     status : Status
     dofs : int
-        Unknown coordinates of the discretised scene, as the solver counts them.
+        Number of unknown coordinates of the discretised scene, as the solver counts them.
     stable : ndarray of bool, shape (n,), optional
         Of statics: whether each equilibrium is stable. None where that is not known, and of motions.
     static : bool
@@ -237,7 +237,7 @@ class Solution:
         Raises
         ------
         ResultError
-            If the solver keeps no velocities, or the solution is a static one.
+            If the solver stores no velocities, or the solution is static.
         """
         return self._each(place, fraction, lambda name, at: self._moving(name).velocity(at), 2)
 
@@ -442,17 +442,18 @@ def load(path: str | PathLike[str], scene: Scene | None = None) -> Solution:
     ----------
     path : path
     scene : Scene, optional
-        The scene of the solution, where it holds functions of yours; without it these cannot be called.
+        The scene of the solution, if it has functions of yours; without it these cannot be called.
 
     Returns
     -------
     Solution
-        With every bit that was saved.
+        Bit for bit as saved.
 
     Raises
     ------
     ResultError
-        If the file is not there, no saved solution, damaged, of a version with other classes, or of another scene.
+        If the file does not exist, is no saved solution, is damaged, or belongs to a version with other classes or to
+        another scene.
     """
     found = saving.load(path, scene)
     if not isinstance(found, Solution):

@@ -40,27 +40,27 @@ LIMITS = {kind.name: kind.continuum for kind in KINDS.values() if kind.continuum
 
 @dataclass(frozen=True)
 class Offer:
-    """A solver's claims; stands as `OFFER` in the module of its `solve`, and is everything where there is none.
+    """Capabilities of a solver: `OFFER` in the module of its `solve`; without it the solver claims everything.
 
     Parameters
     ----------
     lacks : iterable of str
-        What is not offered: features, of `FEATURES`, and combinations of features that are offered one by one, such as
-        "rigid + generalized-alpha" of a solver that moves rigid bodies in explicit steps only.
+        Missing features, of `FEATURES`, and missing combinations of features, such as "rigid + generalized-alpha" of a
+        solver that has rigid bodies in explicit runs only.
     extras : iterable of str
-        What no solver is taken to have that does not say so: of `HIGH_ORDER`.
+        Optional features, of `HIGH_ORDER`: a solver has them only if they are named here.
     slow_with : iterable of str
-        Features of scenes, of `FEATURES`, that it has to check answers, in a way that is not made to be fast: studies
-        of cost then compare its times only where it is asked for by name.
+        Features of scenes, of `FEATURES`, that it implements for verification and not for speed: studies of cost then
+        compare its times only if the solver is requested by name.
     element : str
         The one element it uses whatever the discretisation says; empty if it uses the requested one.
     limits : mapping of str to str
         By the requested element, the continuum to which its equilibria converge: "elastica", "reissner" or "director"
         (see `reference.exact`). Other elements are not used in statics.
     choices : tuple of mapping of str to value
-        What an implicit run of the same mesh and step may choose: keyword arguments of `solve`, one set a choice,
-        the one with the tightest bounds of the iteration first. Studies of cost try them all, so that every solver is
-        seen at its best; no choice counts with a smaller error than the first. Without it `NEWTON_TOLERANCES`.
+        Settings of an implicit run with the same mesh and step: sets of keyword arguments of `solve`, the one with the
+        tightest bounds of the iteration first. Studies of cost try them all, so that every solver is used at its best;
+        the error of a choice never counts as smaller than that of the first. Default: `NEWTON_TOLERANCES`.
 
     Raises
     ------
@@ -92,13 +92,13 @@ class Offer:
 
     @property
     def integrators(self) -> tuple[str, ...]:
-        """Integrators it has, implicit steps of second order first, and those of higher order last."""
+        """Its integrators: implicit steps of second order first, those of higher order last."""
         return tuple(i for i in STEPPING if i not in self.lacks) + tuple(
             i for i in HIGH_ORDER if i in self.extras
         )
 
     def lacking(self, features: Iterable[str]) -> list[str]:
-        """What of `lacks` stands in the way of features that are needed together, sorted."""
+        """Entries of `lacks` that exclude features which are needed together, sorted."""
         needed = set(features)
         needed |= {NEEDED[feature] for feature in needed if feature in NEEDED}
         lacks = self.lacks | (frozenset(HIGH_ORDER) - self.extras)

@@ -57,13 +57,13 @@ def solver(name: str) -> Solver:
     UnknownSolverError
         If no package registers that name.
     PluginError
-        If it cannot be loaded, or two packages register that name; when called, if it answers with nonsense.
+        If it cannot be loaded, or two packages register that name; when called, if it returns an invalid solution.
     """
     return checked(name, load(name))
 
 
 def load(name: str) -> Solver:
-    """The solver of a name as its package made it, its answers unchecked; errors as for `solver`."""
+    """The solver of a name as registered, with unchecked answers; errors as for `solver`."""
     found = [e for e in _registered() if e.name == name]
     if not found:
         raise UnknownSolverError(f"solver {name!r} is not registered; known are {', '.join(names())}")
@@ -89,7 +89,7 @@ def load(name: str) -> Solver:
 
 
 def static_of(name: str, solver: Solver) -> Solver:
-    """The `solve_static` that stands in the module of a solver; its answers are checked, too.
+    """The `solve_static` in the module of a solver; its answers are checked, too.
 
     Raises
     ------
@@ -100,7 +100,7 @@ def static_of(name: str, solver: Solver) -> Solver:
 
 
 def load_static(name: str, solver: Solver) -> Solver:
-    """The same as `static_of`, as its package made it."""
+    """The same as `static_of`, with unchecked answers."""
     static = getattr(import_module(solver.__module__), "solve_static", None)
     if static is None:
         raise PluginError(f"solver {name!r} has no solve_static beside it; it runs dynamic scenes only")
@@ -108,7 +108,7 @@ def load_static(name: str, solver: Solver) -> Solver:
 
 
 def offer_of(solver: Solver) -> Offer:
-    """The `OFFER` that stands in the module of a solver; without one it is taken to offer everything.
+    """The `OFFER` in the module of a solver; without one the solver claims everything.
 
     Raises
     ------
@@ -140,7 +140,7 @@ def checked(name: str, solve: Solver) -> Solver:
 
 
 def flaw(scene: Scene, answer: object, *, growing: bool = True) -> str:
-    """What makes an answer no solution of a scene; nothing if it is one. Whether it is right is another matter.
+    """Why an answer is no valid solution of a scene; empty if it is valid. Its accuracy is not checked.
 
     `growing`: whether its times must grow.
     """

@@ -36,7 +36,7 @@ class Campbell:
     speeds : ndarray, shape (n,)
         rad/s, ascending.
     frequencies : ndarray, shape (n, count)
-        Hz, in the frame that turns; in the order of `Modes` at each speed.
+        Hz, in the rotating frame; in the order of `Modes` at each speed.
     damping : ndarray, shape (n, count)
         Ratios to the critical damping; negative where a motion grows.
     growth_rates : ndarray, shape (n, count)
@@ -82,7 +82,7 @@ class Campbell:
         return sorted(found)
 
     def plot(self, orders: Sequence[int] = ORDERS) -> "Figure":
-        """The diagram, with rays of multiples of the speed; motions that grow are crossed.
+        """The Campbell diagram, with lines of multiples of the speed; unstable motions are marked by crosses.
 
         Raises
         ------

@@ -97,12 +97,12 @@ class Modes:
         mode : int
             Number, from 1 on.
         amplitude : float, optional
-            Largest displacement, m; 15 % of the scene's extent without it.
+            Largest displacement, m; default 15 % of the scene's extent.
 
         Returns
         -------
         Solution
-            Its times are those of a period of the mode, or of 1 s where it does not swing; energies are unknown.
+            Its times are those of one period of the mode, or of 1 s if it does not oscillate; energies are unknown.
 
         Raises
         ------
@@ -130,12 +130,12 @@ class Modes:
         return Solution(f"mode {k + 1}", self.scene, self.run, t, fields, Energy.unknown(len(t)))
 
     def plot(self, modes: Sequence[int] | None = None) -> "Figure":
-        """Shapes of modes, each at both ends of its swing, with the equilibrium in grey.
+        """Shapes of modes, each at both extremes, with the equilibrium in grey.
 
         Parameters
         ----------
         modes : sequence of int, optional
-            Numbers, from 1 on; the first twelve without it.
+            Numbers, from 1 on; default the first twelve.
 
         Raises
         ------
@@ -152,7 +152,7 @@ class Modes:
         return plot_shapes([self.motion(k) for k in chosen], titles, self.scene.name)
 
     def animate(self, path: str | PathLike[str], mode: int = 1, fps: float = 25.0) -> Path:
-        """Write an animation of a mode: a page with a player (".html") or a picture that moves (".gif").
+        """Write an animation of a mode: a page with a player (".html") or an animated picture (".gif").
 
         Errors are those of `Solution.animate` and `motion`.
         """

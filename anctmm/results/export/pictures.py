@@ -70,7 +70,7 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     ----------
     solution : Solution
     times : sequence of float, optional
-        s, or load factors; the nearest outputs are drawn. Seven over the whole run without it.
+        s, or load factors; the nearest outputs are drawn. Default: seven over the whole run.
 
     Returns
     -------
@@ -96,12 +96,12 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
 
 
 def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path:
-    """Write an animation: a page with a player (".html") or a picture that moves (".gif").
+    """Write an animation: a page with a player (".html") or an animated picture (".gif").
 
     Parameters
     ----------
     solution : Solution
-        Its outputs become frames, in equal parts of time; of more than 400 some are left out.
+        Its outputs become frames, equally spaced in time; of more than 400 some are left out.
     path : path
     fps : float
         Frames per second, > 0.

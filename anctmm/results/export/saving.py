@@ -39,7 +39,7 @@ ABOUT, TREE = "about", "description"
 
 
 class NotSaved:
-    """Stands for a function that a file could not hold.
+    """Represents a function that a file cannot contain.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ class NotSaved:
 
 
 def save(solution: Any, path: str | PathLike[str]) -> Path:
-    """Write a solution to a file, whole or not at all.
+    """Write a solution to a file, atomically.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def save(solution: Any, path: str | PathLike[str]) -> Path:
     Raises
     ------
     ResultError
-        If the path has another suffix, or the scene holds what is no data.
+        If the path has another suffix, or the scene contains objects that are no data.
     OutputError
         If the file cannot be written.
     """
@@ -113,7 +113,7 @@ def load(path: str | PathLike[str], scene: Any = None) -> Any:
     ----------
     path : path
     scene : Scene, optional
-        The scene of the solution, where it holds functions; without it these cannot be called.
+        The scene of the solution, if it has functions; without it these cannot be called.
 
     Returns
     -------
@@ -122,7 +122,8 @@ def load(path: str | PathLike[str], scene: Any = None) -> Any:
     Raises
     ------
     ResultError
-        If the file is not there, none of these, damaged, of a version with other classes, or of another scene.
+        If the file does not exist, is no saved solution, is damaged, or belongs to a version with other classes or to
+        another scene.
     """
     target = _npz(path)
     try:

@@ -25,7 +25,7 @@ EXTRA = {"pandas": "files", "xarray": "files", "matplotlib": "plots"}
 
 
 def needed(package: str, what: str) -> ModuleType:
-    """A package that solving does not need.
+    """An optional package.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def needed(package: str, what: str) -> ModuleType:
 
 
 def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
-    """A table of what places do: a row an output, columns such as "arm.end x (m)".
+    """Motion of places as a table: one row for each output, columns such as "arm.end x (m)".
 
     Parameters
     ----------
@@ -50,8 +50,8 @@ def to_frame(solution: Any, probes: Iterable[Any]) -> "pd.DataFrame":
     Returns
     -------
     pandas.DataFrame
-        Index "t (s)", of a static solution "load factor". Velocities and angles are left out where the solver keeps
-        none, and angles of point masses, which have none; at the end stand the energies, J.
+        Index "t (s)", for a static solution "load factor". The last columns are the energies, J. Velocities and angles
+        are missing if the solver does not store them, and angles of point masses always.
 
     Raises
     ------
@@ -89,20 +89,20 @@ def _labels(probes: list[Any]) -> list[str]:
 
 
 def to_dataset(solution: Any, points: int = 21) -> "xr.Dataset":
-    """All bodies' motion as a data set, ready for NetCDF (`.to_netcdf(path)`).
+    """Motion of all bodies as a data set, ready for NetCDF (`.to_netcdf(path)`).
 
     Parameters
     ----------
     solution : Solution
     points : int
-        Places along each beam, equally spaced, its ends among them; 2 or more.
+        Number of equally spaced places along each beam, including its ends; 2 or more.
 
     Returns
     -------
     xarray.Dataset
-        Variables "position", "velocity", "angle" of (t, body, fraction[, axis]) of the beams, where there are any,
-        "position_plate" of (t, axis) and so on of a rigid body "plate", and the energies, each with its attribute
-        "units"; attributes of the set: scene, solver, status.
+        Variables "position", "velocity", "angle" (t, body, fraction[, axis]) of the beams; "position_plate" (t, axis)
+        and so on of a rigid body "plate"; the energies. Each has an attribute "units"; attributes of the data set are
+        scene, solver and status.
 
     Raises
     ------

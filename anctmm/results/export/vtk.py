@@ -1,7 +1,7 @@
 """Solutions as files of VTK's XML format: a time series that ParaView opens (vtk.org, "VTK File Formats").
 
 Each beam becomes a polyline of points along its axis, each rigid body one of its outline, each mass a vertex. Points
-have their displacement and, where the solver keeps them, velocity.
+have their displacement and, if the solver stores it, velocity.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,14 +32,14 @@ def to_vtk(solution: Any, folder: str | PathLike[str], points: int = 21) -> Path
     ----------
     solution : Solution
     folder : path
-        Made if it is not there.
+        Created if it does not exist.
     points : int
-        Along each beam, its ends among them; 2 or more.
+        Number of points along each beam, including its ends; 2 or more.
 
     Returns
     -------
     Path
-        The list, "<scene>.pvd": the file to open.
+        The list of files, "<scene>.pvd": the file to open.
 
     Raises
     ------
