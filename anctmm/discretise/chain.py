@@ -201,7 +201,7 @@ class Chain:
 
     @cached_property
     def split(self) -> bool:
-        """Whether x and y, and a third vector and the rest, do not mix in the mass, but for a few guides or a few kept
+        """Whether x and y, and a third vector and the rest, do not mix in the mass, except by a few guides or kept
         unknowns: no weld at an angle elsewhere, and no quintic cable.
         """
         if self.released or self.bodies.coupled:

@@ -226,7 +226,7 @@ class Scene:
 
 
 def scene_that_does_not_start(**parts: Any) -> Scene:
-    """A scene of what `Scene` takes, checked but for its initial velocities: they may not fit joints and drives.
+    """A scene of what `Scene` takes, checked except for its initial velocities: they may not fit joints and drives.
 
     Raises
     ------

@@ -292,7 +292,7 @@ def fill(rows, matrix, q, stiffness):  # type: ignore[no-untyped-def]
 def _add_penalty(rows, matrix):  # type: ignore[no-untyped-def]
     """Add Jᵀ γ J to the matrix, with γ of each row of the size that makes both alike, whatever the units.
 
-    K may be mere rounding there, as where a beam is free but for the constraint: γ is then that of all kept unknowns.
+    K may be mere rounding there, as for a beam held by the constraint only: γ is then that of all kept unknowns.
     """
     values, pairs, lengths = matrix.values, rows.pairs, rows.lengths
     whole = 0.0

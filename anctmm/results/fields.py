@@ -104,7 +104,7 @@ class HermiteField:
         return self.turned is not None and len(self.turned) == len(t)
 
     def direction_angle(self, place: float) -> Array:
-        """Angle of the section since the undeformed scene, (n,), rad, but for whole turns."""
+        """Angle of the section since the undeformed scene, (n,), rad, up to whole turns."""
         vectors = self._direction(self.coordinates, place)
         return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
 
@@ -353,7 +353,7 @@ class RigidField:
         return self.turned is not None and len(self.turned) == len(t)
 
     def direction_angle(self, place: str = "center") -> Array:
-        """Angle of the body since the undeformed scene, (n,), rad, but for whole turns."""
+        """Angle of the body since the undeformed scene, (n,), rad, up to whole turns."""
         vectors = _complex(self.coordinates[:, 1])
         return np.asarray(np.angle(vectors * np.conj(vectors[:1])) + self.turned_before(place))
 

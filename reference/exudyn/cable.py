@@ -1,6 +1,6 @@
 """Exudyn with cables: `NodePoint2DSlope1`, `ObjectANCFCable2D`, the same element as `anctmm.elements.cable`.
 
-Whatever element a discretisation asks for, this solver uses cables; their quadrature is the discretisation's.
+Whatever element a discretisation names, this solver uses cables; their quadrature is the discretisation's.
 The cost is that of Exudyn's `SolveDynamic` or `SolveStatic` alone: building and assembling the model and
 reading the history are outside.
 """

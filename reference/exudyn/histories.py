@@ -29,7 +29,7 @@ def remembered(history: Callable[[float], Any], run: Discretisation | None) -> C
 
 
 def undrifted(t: float, run: Discretisation) -> float:
-    """The time of the step that t is but for rounding, s; never after the end of the run."""
+    """The time of the step that t is up to rounding, s; never after the end of the run."""
     step = round(t / run.exact_dt)
     exact = run.t_end if step >= run.steps else step * run.t_end / run.steps
     return exact if abs(t - exact) <= DRIFT * run.exact_dt else min(t, run.t_end)

@@ -1,6 +1,6 @@
 """Exudyn with Reissner's shear-flexible beam: `NodeRigidBody2D` and `ObjectBeamGeometricallyExact2D`.
 
-Whatever element a discretisation asks for, this solver uses these. Poisson's ratio enters only by the shear
+Whatever element a discretisation names, this solver uses these. Poisson's ratio enters only by the shear
 stiffness kGA. The cost is that of Exudyn's `SolveDynamic` or `SolveStatic` alone.
 """
 

@@ -1,6 +1,6 @@
 """OpenSees: plane frames of beams that follow their chords (corotational), stepped implicitly.
 
-Whatever element a discretisation asks for, this solver uses OpenSees' own beams without shear, which tend to the
+Whatever element a discretisation names, this solver uses OpenSees' own beams without shear, which tend to the
 extensible elastica. A model runs in a process of its own: OpenSees keeps one model a process, prints, and may end the
 process that uses it. The cost is the processor time of its steps, measured inside that process; all else, the
 start of the process included, is `build_s`. OpenSees counts the Newton corrections of the last step only, so that

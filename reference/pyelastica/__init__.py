@@ -1,9 +1,9 @@
 """PyElastica: Cosserat rods with shear, stepped by the explicit Verlet scheme of positions.
 
-Whatever element a discretisation asks for, this solver uses its own: a staggered grid of second order, which tends to
-Reissner's rod but for its law of stretch (forces are Sσ/e, moments Bκ/e³ at the stretch e). It knows no implicit step
-and no statics: equilibria are found by relaxation, a damped motion with fictitious masses. Its cost is that of the
-steps alone, each of them called from Python, in three dimensions. PyElastica is optional, the extra `peers`.
+Whatever element a discretisation names, this solver uses its own: a staggered grid of second order, which converges to
+Reissner's rod except for the constitutive law under stretch (forces are Sσ/e, moments Bκ/e³ at the stretch e). It has
+no implicit steps and no statics: equilibria are found by dynamic relaxation with fictitious masses. Its cost is that
+of the steps alone, each of them called from Python, in three dimensions. PyElastica is optional, the extra `peers`.
 """
 
 from dataclasses import dataclass

@@ -117,7 +117,9 @@ QUICK = Plan(
     },
 )
 
-LEFT_OUT = "fine meshes and steps, explicit steps of cables, reduced quadrature, and dense matrices but for one line."
+LEFT_OUT = (
+    "fine meshes and steps, explicit steps of cables, reduced quadrature, and dense matrices except one line."
+)
 
 #: The step's error alone is shown on the paper's mesh; by whether the run is quick.
 STEP_MESH: Mesh = (2, 8, 2)

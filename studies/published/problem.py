@@ -8,7 +8,7 @@ import numpy as np
 
 #: Of the published number: what a digitised curve or a single run of another code may be off by.
 DIGITISED = 0.02
-#: Digits from which on two numbers are the same but for the last ones.
+#: Digits from which on two numbers are the same except for the last ones.
 FEW = 3
 
 

@@ -274,7 +274,7 @@ def _column(label: str) -> Column:
 
 
 def _ending(status: Status) -> str:
-    """What a status says of the end of a run that did not end well, but for its words, which may be bettered."""
+    """What a status says of the end of a run that did not end well, except for its words, which may be bettered."""
     if status.ok:
         return ""
     kind = [status.message.partition(":")[0]] if status.code == "refused" else []

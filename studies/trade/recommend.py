@@ -426,7 +426,7 @@ def error_against(solution: Any, histories: pd.DataFrame, scene: str, element: s
 
 
 def _check_times(scene: str, mine: NDArray[np.float64], known: NDArray[np.float64]) -> None:
-    """Refuse a history whose samples are not those of a run, but for the digits that tables keep."""
+    """Refuse a history whose samples are not those of a run, except for the digits that tables keep."""
     step = known[-1] / max(len(known) - 1, 1)
     if mine.shape != known.shape or not np.allclose(mine, known, rtol=0.0, atol=SAME_TIME * step):
         told = (f"{len(t) - 1} outputs up to {t[-1]:g} s" for t in (known, mine))

@@ -53,7 +53,7 @@ class Modes:
         with damping both are modes, without damping only the one that grows is.
     shapes : mapping of body name to ndarray, shape (count, nodes, vectors, 2)
         Complex: the motion is the real part of shape × exp(λt). The largest displacement is 1 m and real. A rigid body
-        has one node: its centre of mass and, but for a point mass, a unit vector that turns with it.
+        has one node: its centre of mass and, except for a point mass, a unit vector that turns with it.
     equilibrium : mapping of body name to ndarray, shape (nodes, vectors, 2)
         The configuration about which they move.
     """

@@ -103,7 +103,7 @@ class ShiftedStiffness:
         raise self._refused()
 
     def _singular(self) -> bool:
-        """Whether the matrix factored last is singular but for rounding, by inverse iteration."""
+        """Whether the matrix factored last is singular up to rounding, by inverse iteration."""
         problem = self.problem
         force = problem.mass(np.random.default_rng(2).standard_normal(problem.size))
         for _ in range(INVERSE):

@@ -19,7 +19,7 @@ from anctmm.recursion.rows import set_signals
 
 Array = NDArray[np.float64]
 
-#: Step of the load factor by which forces of connectors are differentiated: they are linear in it, but for laws.
+#: Step of the load factor by which forces of connectors are differentiated: they are linear in it, except for laws.
 RATE = 1e-3
 #: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies that spin, and the stiffness that
 #: the weight of one gives a joint below it.

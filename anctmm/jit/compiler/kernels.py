@@ -128,7 +128,7 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
 
 
 def _passes(state: Any) -> PassManager:
-    """numba's passes, but for that which rewrites expressions that take memory, where none may be taken."""
+    """numba's passes, except for that which rewrites expressions that take memory, where none may be taken."""
     passes = DefaultPassBuilder.define_nopython_pipeline(state)
     if not state.flags.nrt:
         passes.passes = [one for one in passes.passes if one[0] is not NopythonRewrites]

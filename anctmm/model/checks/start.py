@@ -171,7 +171,7 @@ def _check_velocities(ends: list[Moving], grounded: bool, allowed: float) -> Non
 
 
 def _check_gradients(one: Moving, two: Moving, driven: float, allowed: float, stretch: bool = True) -> None:
-    """Gradients that are welded are one, turned: so are their rates, but for what a drive adds."""
+    """Gradients that are welded are one, turned: so are their rates, except for what a drive adds."""
     rates = one.gradient_rate, two.gradient_rate
     extents = [m.place.body.extent for m in (one, two) if m.place.body.extent > 0.0]
     slack = EQUAL_SLOPES * max(map(abs, rates)) + max((allowed / extent for extent in extents), default=0.0)

@@ -85,7 +85,7 @@ def _at_reference(layout: Layout, vector: Vector) -> Array:
 def _hold(
     layout: Layout, vector: Vector, rows: Array = BOTH, drive: Drive | None = None, *, along: bool = False
 ) -> Fixed:
-    """A vector that keeps its value of the reference, but for what drives it."""
+    """A vector that keeps its value of the reference, except for what drives it."""
     beams = bool((vector.at < layout.bending).all())
     return Fixed(vector, rows, _at_reference(layout, vector), drive, along, held=beams)
 

@@ -219,7 +219,7 @@ def cases_of(base: Case, plan: Plan, options: Options) -> list[Trial]:
     """All cases of a plan as the user narrowed it.
 
     A solver asked for by name runs the schemes that list it; one that no scheme lists (another package's)
-    runs them all, but for those with keyword arguments that only another solver has.
+    runs them all, except for those with keyword arguments that only another solver has.
 
     Raises
     ------
