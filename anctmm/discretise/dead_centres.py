@@ -8,7 +8,7 @@ beams act are left out, because beams deform. Drives have their values at t = 0.
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-import scipy.sparse
+import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term

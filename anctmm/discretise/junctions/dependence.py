@@ -4,8 +4,7 @@ How they depend on each other takes a singular value decomposition, whose work g
 row of 1,000 four-bars has 4,002 equations. Most scenes have none that do, which a sparse factorization tells.
 """
 
-import scipy.sparse
-from scipy.sparse.linalg import LinearOperator, onenormest, splu
+import scipy
 
 #: Smallest eigenvalue of J Jᵀ, of the largest, above which no equation depends on others. Rounding makes 1e-16 of none.
 CLEAR = 1e-12
@@ -29,9 +28,13 @@ def independent(J: "scipy.sparse.csr_array") -> bool:
         return False
     S = (J @ J.T).tocsc()
     try:
-        factors = splu(S, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = scipy.sparse.linalg.splu(
+            S, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
     except RuntimeError:  # a pivot of zero
         return False
-    inverse = LinearOperator(S.shape, matvec=factors.solve, rmatvec=factors.solve, dtype=float)
-    least = 1.0 / float(onenormest(inverse)) if count > 1 else float(abs(S[0, 0]))
+    inverse = scipy.sparse.linalg.LinearOperator(
+        S.shape, matvec=factors.solve, rmatvec=factors.solve, dtype=float
+    )
+    least = 1.0 / float(scipy.sparse.linalg.onenormest(inverse)) if count > 1 else float(abs(S[0, 0]))
     return least > CLEAR * float(scipy.sparse.linalg.norm(S, 1))
