@@ -237,3 +237,14 @@ def test_reactions_at_rigid_beams_are_those_of_rigid_bodies(integrator):
         found, wanted = (s.reaction(joint) for s, joint in zip(pair, joints, strict=True))
         assert np.abs(wanted[-1]).max() > 0.1
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("integrator", ["esdirk", "generalized-alpha"])
+def test_what_a_light_body_bears_is_not_lost_beside_a_heavy_one(integrator):
+    """An error of a heavy body's acceleration is a force of its mass: it was one on what it carries, too."""
+    hub = at.RigidBody("hub", 1e6, 1e6, (0, 0), {"rim": (1.0, 0.0)}, spin=3.0)
+    tool = at.RigidBody("tool", 1.0, 0.1, (1.3, 0), {"rim": (1.0, 0.0)}, velocity=(0, 3.9), spin=3.0)
+    scene = at.Scene("falling wheel", [hub, tool], [at.Weld("tool.rim", "hub.rim")], gravity=G)
+    found = at.solve(scene, t_end=1.0, output_dt=0.1, tolerance=1e-3, integrator=integrator)
+    pull = -(3.0**2) * (found.position("tool.center") - found.position("hub.center"))
+    np.testing.assert_allclose(found.reaction(scene.joints[0])[:, :2], pull, atol=0.02 * 9.0 * 1.3)

@@ -5,6 +5,11 @@ The total force on an end of a flexible beam is known (`section_forces`); that o
 together. The unknowns are the force and moment of each joint on each of its places. The equations: at each place or
 body they sum up to the known total; over the places of a joint that is not fixed to the ground they sum up to zero; in
 directions that a joint leaves free they vanish.
+
+These are more equations than unknowns, and what a solution has of a body's accelerations is not exact: an error δ of
+them is a force m δ in its equation, as large as all that a body of a millionth of its mass bears. So the equations of a
+body count by what they say of its accelerations: the sum of |m r̈ − F − R|² / m is the least. That is Gauss' principle of
+least constraint (J. reine angew. Math. 4, 1829, 232-235), by which errors along what joints leave free are no forces.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,19 +18,22 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr, solve_triangular
 
 from anctmm.errors import ResultError, UnknownNameError, shown, unknown_kind
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Place
 from anctmm.model.topology import Sets
 from anctmm.results.internal_forces.actions import turn_since_placed
-from anctmm.results.internal_forces.rigid import holding, is_rigid
+from anctmm.results.internal_forces.rigid import holding, inertia_of, is_rigid
 from anctmm.results.internal_forces.section_forces import HeldElement, element_count
 
 Array = NDArray[np.float64]
 
 #: Of the largest singular value: what counts as none; of a unit of a reaction: the part that cannot be known.
 NONE, UNKNOWN = 1e-10, 1e-6
+#: Weight of an equation without error, such as that of a joint, over the largest of others.
+EXACT = 1e8
 
 
 def reaction(solution: Any, joint: Joint) -> Array:
@@ -90,7 +98,7 @@ class _System:
     solution: Any
     joints: Sequence[int]
     columns: dict[tuple[int, int], int] = field(init=False)
-    rows: list[tuple[list[tuple[int, Array]], Array]] = field(init=False, default_factory=list)
+    rows: list[tuple[list[tuple[int, Array]], Array, float | None]] = field(init=False, default_factory=list)
 
     def __post_init__(self) -> None:
         scene = self.solution.scene
@@ -118,29 +126,40 @@ class _System:
         size = 3 * len(self.columns)
         matrix = np.zeros((self.outputs, len(self.rows), size))
         right = np.zeros((self.outputs, len(self.rows)))
-        for r, (terms, value) in enumerate(self.rows):
+        for r, (terms, value, _) in enumerate(self.rows):
             for c, factor in terms:
                 matrix[:, r, c] += factor
             right[:, r] = value
-        out = np.empty((self.outputs, 3))
+        weights, out = self._weights(), np.empty((self.outputs, 3))
         for n in range(self.outputs):
             _, sizes, V = np.linalg.svd(matrix[n])
-            free = V[int((sizes > NONE * sizes[0]).sum()) :]
-            if np.abs(free[:, column : column + 3]).max(initial=0.0) > UNKNOWN:
+            rank = int((sizes > NONE * sizes[0]).sum())
+            if np.abs(V[rank:, column : column + 3]).max(initial=0.0) > UNKNOWN:
                 raise ResultError(
                     "joints of rigid bodies are redundant here: equilibrium does not determine how they share their "
                     "forces; a flexible body is needed among them"
                 )
-            out[n] = np.linalg.lstsq(matrix[n], right[n], rcond=NONE)[0][column : column + 3]
+            out[n] = _solved(weights[:, None] * matrix[n], weights * right[n], rank)[column : column + 3]
         return out * [1.0, 1.0, self.length]
 
-    def _add(self, terms: list[tuple[int, Any]], value: Any = 0.0) -> None:
-        self.rows.append(
-            ([(c, np.asarray(f, dtype=float)) for c, f in terms], np.asarray(value, dtype=float))
-        )
+    def _weights(self) -> Array:
+        """Of the equations, (rows,)."""
+        exact = EXACT * max((weight for *_, weight in self.rows if weight is not None), default=1.0)
+        return np.array([exact if weight is None else weight for *_, weight in self.rows])
 
-    def _sum(self, pairs: Sequence[tuple[int, int]], component: int, value: Any = 0.0) -> None:
-        self._add([(self.columns[pair] + component, 1.0) for pair in pairs], value)
+    def _add(self, terms: list[tuple[int, Any]], value: Any = 0.0, weight: float | None = None) -> None:
+        """An equation, with its weight; without it, it has no error."""
+        factors = [(c, np.asarray(f, dtype=float)) for c, f in terms]
+        self.rows.append((factors, np.asarray(value, dtype=float), weight))
+
+    def _sum(
+        self,
+        pairs: Sequence[tuple[int, int]],
+        component: int,
+        value: Any = 0.0,
+        weight: float | None = None,
+    ) -> None:
+        self._add([(self.columns[pair] + component, 1.0) for pair in pairs], value, weight)
 
     def _joint(self, k: int, joint: Joint) -> None:
         """What a joint leaves free, and that it keeps nothing for itself."""
@@ -186,9 +205,11 @@ class _System:
             if 0 <= node - 1 + s < count
         ]
         force, moment = (sum(part[k] for part in parts) for k in (0, 1))
+        beam = self.solution.scene.beam(name)
+        mass, length = len(parts) * beam.mass / count, beam.length / count
         for c in (0, 1):
-            self._sum(held, c, force[:, c])  # type: ignore[index]
-        self._sum(held, 2, moment / self.length)
+            self._sum(held, c, force[:, c], mass**-0.5)  # type: ignore[index]
+        self._sum(held, 2, moment / self.length, self.length / length * (mass / 12.0) ** -0.5)
 
     def _body(self, name: str, held: Sequence[tuple[int, int]]) -> None:
         """Of a rigid body, a beam without strain or a point mass: what holds it is known."""
@@ -207,10 +228,24 @@ class _System:
                 (column + 1, sign * arm[:, 0] / self.length),
                 (column + 2, sign),
             ]
+        body = solution.scene.body(name)
         for c in (0, 1):
-            self._add(terms[c], force[:, c])
+            self._add(terms[c], force[:, c], body.mass**-0.5)
         if moment is not None:
-            self._add(terms[2], moment / self.length)
+            self._add(terms[2], moment / self.length, self.length * inertia_of(body) ** -0.5)
         else:
             for k, p in held:
                 self._sum([(k, p)], 2)
+
+
+def _solved(matrix: Array, right: Array, rank: int) -> Array:
+    """Least squares by rows that may differ by many powers of ten, and that tell a part of the unknowns only.
+
+    The largest rows come first, and columns are chosen: so no small row loses its digits beside large ones (Cox and
+    Higham, Numer. Math. 78, 1998, 537-555). Unknowns that nothing tells are 0.
+    """
+    order = np.argsort(-np.abs(matrix).max(axis=1), kind="stable")
+    Q, R, chosen = qr(matrix[order], mode="economic", pivoting=True)
+    found = np.zeros(matrix.shape[1])
+    found[chosen[:rank]] = solve_triangular(R[:rank, :rank], (Q.T @ right[order])[:rank])
+    return found

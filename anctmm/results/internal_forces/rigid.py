@@ -22,6 +22,11 @@ def is_rigid(solution: Any, body: Body) -> bool:
     return solution.run is not None and kind_of(solution.run.of(solution.scene)[body.name][1]).rigid
 
 
+def inertia_of(body: Body) -> float:
+    """Moment of inertia about the centre of mass of a body that does not bend, kg m²; 0 of a point mass."""
+    return body.mass * body.length**2 / 12.0 if isinstance(body, Beam) else getattr(body, "inertia", 0.0)
+
+
 def holding(solution: Any, name: str) -> tuple[Array, Array, Array | None]:
     """Centre of mass of a body, and the force and moment about it of all that is no load, weight or connector.
 
@@ -56,16 +61,16 @@ def holding(solution: Any, name: str) -> tuple[Array, Array, Array | None]:
     q, a = field.coordinates, field.accelerations
     a = np.zeros_like(q) if a is None else a
     if isinstance(body, Beam):  # both of its nodes have r, and r_x, a unit vector that turns with it
-        inertia = body.mass * body.length**2 / 12.0
         center, weight = field.position(0.5), body.length * along(solution, name)
         force, turning = body.mass * a[:, :, 0].mean(axis=1) - weight, cross(q[:, 0, 1], a[:, 0, 1])
     else:
         factor = solution.t if solution.static else np.ones(len(q))
-        center, inertia = q[:, 0], getattr(body, "inertia", 0.0)
+        center = q[:, 0]
         force, turning = (
             body.mass * (a[:, 0] - np.outer(factor, solution.scene.gravity)),
             cross(q[:, -1], a[:, -1]),
         )
+    inertia = inertia_of(body)
     moment = inertia * turning
     for action in actions_on(solution, name):
         force = force - action.force
