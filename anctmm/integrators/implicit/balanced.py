@@ -140,15 +140,16 @@ def _of_rows(
     known = np.zeros((3, rows.x.shape[1], n))
     known[0, -1] = 1.0  # the last place stands for the number 1
     known[:, rows.used] = series[:, :, *rows.homes[:, rows.used]].swapaxes(1, 2)
-    signals = np.zeros((*rows.signals.shape, n))
-    signals[0, 0] = 1.0
-    uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), len(clamps.nodes))
-    w, rate, second = signals[:, rows.signal] * rows.factor[:, None]
     (xi, vi, ai), (xj, vj, aj) = known[:, rows.one], known[:, rows.two]
-    terms = [w * ai * xj, w * xi * aj, 2.0 * w * vi * vj]
-    if len(rows.turns):  # else nothing is driven
-        terms += [2.0 * rate * (vi * xj + xi * vj), second * xi * xj]
+    terms = np.array([ai * xj, xi * aj, 2.0 * vi * vj])
+    if len(rows.turns):
+        signals = np.zeros((*rows.signals.shape, n))
+        signals[0, 0] = 1.0
+        uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), len(clamps.nodes))
+        w, rate, second = signals[:, rows.signal]
+        terms = np.array([*(w * terms), 2.0 * rate * (vi * xj + xi * vj), second * xi * xj])
+    terms *= rows.factor[:, None]
     errors, sizes = np.zeros((2, len(rows.value), n))
-    np.add.at(errors, rows.row, sum(terms))
-    np.add.at(sizes, rows.row, sum(map(np.abs, terms)))
+    np.add.at(errors, rows.row, terms.sum(axis=0))
+    np.add.at(sizes, rows.row, np.abs(terms).sum(axis=0))
     yield np.abs(errors), sizes
