@@ -8,8 +8,9 @@ directions that a joint leaves free they vanish.
 
 These are more equations than unknowns, and what a solution has of a body's accelerations is not exact: an error δ of
 them is a force m δ in its equation, as large as all that a body of a millionth of its mass bears. So the equations of a
-body count by what they say of its accelerations: the sum of |m r̈ − F − R|² / m is the least. That is Gauss' principle of
-least constraint (J. reine angew. Math. 4, 1829, 232-235), by which errors along what joints leave free are no forces.
+body count by what they say of its accelerations: the sum of |m r̈ − F − R|² / m is the least. That is
+Gauss' principle of least constraint (J. reine angew. Math. 4, 1829, 232-235), by which errors along what joints leave
+free are no forces.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,8 +18,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import qr, solve_triangular
 
 from anctmm.errors import ResultError, UnknownNameError, shown, unknown_kind
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld
@@ -245,7 +246,7 @@ def _solved(matrix: Array, right: Array, rank: int) -> Array:
     Higham, Numer. Math. 78, 1998, 537-555). Unknowns that nothing tells are 0.
     """
     order = np.argsort(-np.abs(matrix).max(axis=1), kind="stable")
-    Q, R, chosen = qr(matrix[order], mode="economic", pivoting=True)
+    Q, R, chosen = scipy.linalg.qr(matrix[order], mode="economic", pivoting=True)
     found = np.zeros(matrix.shape[1])
-    found[chosen[:rank]] = solve_triangular(R[:rank, :rank], (Q.T @ right[order])[:rank])
+    found[chosen[:rank]] = scipy.linalg.solve_triangular(R[:rank, :rank], (Q.T @ right[order])[:rank])
     return found
