@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.integrators.statics.static_system import StaticSystem, Turns
 
 Array = NDArray[np.float64]
 
@@ -49,6 +49,8 @@ class Point(NamedTuple):
         The path's tangent: of q and of λ.
     limit : bool
         Whether the load factor is a maximum or a minimum of the path here.
+    turns : Turns, optional
+        Those of a point that the path goes through.
     """
 
     q: Array
@@ -56,6 +58,7 @@ class Point(NamedTuple):
     along: Array
     rise: float
     limit: bool = False
+    turns: Turns | None = None
 
 
 class ArcPath:
@@ -85,7 +88,7 @@ class ArcPath:
         start = self._tangent(self.system.reference.copy(), 0.0, None)
         if start is None:
             return
-        yield start
+        yield start._replace(turns=self.system.turns())
         here, step = start, self.first / start.rise
         while True:
             step = min(step, LONGEST)
@@ -101,11 +104,15 @@ class ArcPath:
             for length, end in ends:
                 if here.factor < 1.0 <= end.factor:
                     whole = self._where(lambda p: p.factor - 1.0, EXACT, here, end, length)
-                    yield (whole[0][1] if whole else end)._replace(factor=1.0, limit=False)
+                    yield self._reached((whole[0][1] if whole else end)._replace(factor=1.0))
                     return
-                yield end._replace(limit=end is not new)
-            self.system.accept(new.q, new.factor)
+                yield self._reached(end._replace(limit=end is not new))
             here, step = new, step * float(np.clip(np.sqrt(AIM / corrections), 0.5, 1.5))
+
+    def _reached(self, point: Point) -> Point:
+        """A point that the path goes through, whose turns are counted."""
+        self.system.accept(point.q, point.factor)
+        return point._replace(turns=self.system.turns())
 
     def _step(self, here: Point, length: float) -> tuple[Point | None, int]:
         """The equilibrium a step away, if it is found and the path bends little; Newton corrections."""

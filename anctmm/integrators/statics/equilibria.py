@@ -189,6 +189,7 @@ def _stabilised(search: LoadPath) -> Advance:
             return status
         begin, q = search.factor, _led(search, target)
         if q is None or not _possible(search.chain, q) or search.adopt(target, q) is not None:
+            search.system.accept_again(search.turns)
             return status
         search.notes.append(
             f"Newton's iteration finds no equilibrium beyond {begin:.6g} of the load: a stabilised path leads from "
@@ -203,10 +204,10 @@ def _led(search: LoadPath, target: float) -> Array | None:
     """Coordinates to which a stabilised path leads from the equilibrium reached last, None if it does not."""
     if not search.system.conservative:
         return settled(search.system, search.q, target)
-    factor, q = search.factor, search.q
-    for factor, q in stable_path(search.system, search.q, factor, target):  # noqa: B007, B020
+    last = None
+    for last in stable_path(search.system, search.q, search.factor, target):  # noqa: B007
         pass
-    return None if factor < target else q
+    return None if last is None or last.factor < target else last.q
 
 
 def _possible(chain: Chain, q: Array) -> bool:
@@ -230,10 +231,10 @@ def _along_path(search: LoadPath, first: float) -> Solution:
     stable = np.zeros(max(len(points), 1), dtype=bool)
     doubt: Status | None = None
     if not points:
-        points = [Point(search.q, 0.0, search.q, 1.0)]
+        points = [Point(search.q, 0.0, search.q, 1.0, turns=search.turns)]
     for k, point in enumerate(points):
-        search.q, search.factor = point.q, point.factor
-        search.turning.follow(point.q)
+        assert point.turns is not None  # the path goes through it
+        search.q, search.factor, search.turns = point.q, point.factor, point.turns
         _store(search, record, k)
         doubt = _doubt(search, 0.0)
         stable[k] = doubt is None
@@ -290,11 +291,11 @@ def _relaxation(search: LoadPath) -> Advance:
 
     def advance(target: float) -> Status | None:
         nonlocal here, ahead
-        while ahead is not None and ahead[0] <= target:
+        while ahead is not None and ahead.factor <= target:
             here, ahead = ahead, next(path, None)
-            search.turning.follow(here[1])
-        q = here[1] if here[0] == target else downhill(search.system, here[1], target)
-        return search.stuck(here[0]) if q is None else search.adopt(target, q)
+        search.system.accept_again(here.turns)
+        q = here.q if here.factor == target else downhill(search.system, here.q, target)
+        return search.stuck(here.factor) if q is None else search.adopt(target, q)
 
     return advance
 
@@ -335,9 +336,10 @@ def _is_singular_on_any_mesh(search: LoadPath, factor: float) -> bool:
 
 
 def _store(search: LoadPath, record: Record, place: int) -> None:
-    """Keep the equilibrium reached."""
+    """Keep the equilibrium reached; its turns are those counted, too, where a path has gone on."""
+    search.system.accept_again(search.turns)
     record.q[place] = search.q
     if record.turned is None:
-        record.turned = np.zeros((len(record.q), len(search.turning.angles)))
-    record.turned[place] = search.turning.angles
-    record.energy[place, 1] = search.system.strain_energy(search.q)
+        record.turned = np.zeros((len(record.q), len(search.system.turning.angles)))
+    record.turned[place] = search.system.turning.angles
+    record.energy[place, 1] = search.system.strain_energy(search.q, search.factor)

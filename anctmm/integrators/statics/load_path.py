@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.turning import Turning
 from anctmm.integrators.output import worst_element
 from anctmm.integrators.stability import DIFFERENCE
 from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
@@ -53,7 +52,8 @@ class LoadPath:
         """Back to the undeformed scene."""
         self.q = self.system.reference.copy()
         self.system.restart()
-        self.turning = Turning(self.chain.bodies)
+        #: Those at the equilibrium reached.
+        self.turns = self.system.turns()
         self.before: tuple[float, Array] | None = None
         self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
@@ -67,17 +67,17 @@ class LoadPath:
             return self._blurred(self.factor)
         while target - self.factor > 1e-12:
             step = min(step, target - self.factor)
-            kept, turned = self.q.copy(), self.turning.angles
+            kept = self.q.copy()
             if self.before is not None:
                 self.q += (self.q - self.before[1]) * (step / (self.factor - self.before[0]))
-                self.turning.follow(self.q)
+                self.system.turning.follow(self.q)
             if self.newton(self.factor + step) and self.system.turned(self.q, self.factor + step) < HALF:
                 self.before = (self.factor, kept)
-                self.factor += step
-                self.system.accept(self.q, self.factor)
+                self._reached(self.factor + step)
                 step *= 2.0
                 continue
-            self.q, self.before, self.turning.angles = kept, None, turned
+            self.q, self.before = kept, None
+            self.system.accept_again(self.turns)
             if self.blur >= DOUBTFUL:
                 return self._blurred(self.factor)
             step *= 0.5
@@ -99,7 +99,7 @@ class LoadPath:
             if not size < REACH:
                 return False
             self.q += x
-            self.turning.follow(self.q)
+            self.system.turning.follow(self.q)
             if size <= self.chain.run.newton_tolerance:
                 self._trust(size * min(self.blur / (1.0 - self.blur), 1.0) if self.blur < 1.0 else size)
                 return True
@@ -171,22 +171,30 @@ class LoadPath:
         )
 
     def adopt(self, target: float, q: Array) -> Status | None:
-        """Take over an equilibrium found otherwise, as exact as Newton's iteration makes it; a status if it is none."""
-        kept, turned = self.q, self.turning.angles
-        self.q = q.copy()
-        self.turning.follow(self.q)
+        """Take over an equilibrium found otherwise, as exact as Newton's iteration makes it; a status if it is none.
+
+        The turns there are those that `system` has counted.
+        """
+        kept, turns, self.q = self.q, self.system.turns(), q.copy()
         if not self.newton(target):
             if stability_of(self.system, q, target).kind != "singular":
-                self.q, self.turning.angles = kept, turned
+                self.q = kept
                 return self.stuck(self.factor)
             self.q = q.copy()
-        self.before, self.factor = None, target
-        self.turning.follow(self.q)
-        self.system.accept(self.q, target)
+            self.system.accept_again(turns)
+        self.before = None
+        self._reached(target)
         return None
+
+    def _reached(self, factor: float) -> None:
+        """Take q for the equilibrium at a load factor."""
+        self.factor = factor
+        self.system.accept(self.q, factor)
+        self.turns = self.system.turns()
 
     def stuck(self, factor: float) -> Status:
         """Status of a search that finds no equilibrium beyond a load factor."""
+        self.system.accept_again(self.turns)
         found = stability_of(self.system, self.q, self.factor)
         if found.kind == "singular":
             body, element = worst_element(self.chain, self.system.sizes(found.motion))

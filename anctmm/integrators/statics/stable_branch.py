@@ -8,12 +8,19 @@ with strong damping, jumps included.
 """
 
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.integrators.statics.equilibrium_stability import least_shift, lowest_mode, stability_of
-from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.integrators.statics.equilibrium_stability import (
+    HEAVY,
+    largest_square,
+    least_shift,
+    lowest_mode,
+    stability_of,
+)
+from anctmm.integrators.statics.static_system import StaticSystem, Turns
 
 Array = NDArray[np.float64]
 
@@ -37,10 +44,18 @@ TIE = 1e-3
 ROUNDING = 1e-13
 
 
+class Stable(NamedTuple):
+    """A stable equilibrium: its load factor, coordinates, (rows, nodes), and turns."""
+
+    factor: float
+    q: Array
+    turns: Turns
+
+
 def stable_path(
     system: StaticSystem, start: Array | None = None, factor: float = 0.0, target: float = 1.0
-) -> Iterator[tuple[float, Array]]:
-    """Load factors and the stable equilibria there, up to a target or as far as found.
+) -> Iterator[Stable]:
+    """Stable equilibria under growing loads, up to a target or as far as found; the system is left with their turns.
 
     Parameters
     ----------
@@ -50,14 +65,15 @@ def stable_path(
     factor, target : float
         Load factors at the start and at the end.
     """
-    q, step = (system.reference if start is None else start).copy(), STEP
-    yield factor, q
-    while factor < target:
-        ahead = target if step > 0.999 * (target - factor) else factor + step
-        new = downhill(system, q, ahead, MOTION if step > SMALLEST else FAR)
+    here, step = Stable(factor, (system.reference if start is None else start).copy(), system.turns()), STEP
+    yield here
+    while here.factor < target:
+        ahead = target if step > 0.999 * (target - here.factor) else here.factor + step
+        system.accept_again(here.turns)
+        new = downhill(system, here.q, ahead, MOTION if step > SMALLEST else FAR)
         if new is not None:
-            factor, q = ahead, new
-            yield factor, q
+            here = Stable(ahead, new, system.turns())
+            yield here
             step = min(2.0 * step, STEP)
         elif step > SMALLEST:
             step *= 0.5
@@ -66,7 +82,7 @@ def stable_path(
 
 
 def downhill(system: StaticSystem, start: Array, factor: float, motion: float = np.inf) -> Array | None:
-    """The minimum of the potential energy that lies downhill of a start.
+    """The minimum of the potential energy that lies downhill of a start; turns are counted on the way if it is found.
 
     Parameters
     ----------
@@ -83,10 +99,13 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
         None where none is found. Where a motion needs no force the minimum is not strict: any of its places will do.
     """
     q, shift, least, turns = start.copy(), 0.0, least_shift(system), system.turns()
+    most = HEAVY * largest_square(system)
     for _ in range(TRIED):
         force = system.residual(q, factor)
-        while system.factorize(q, factor, shift) > 0:
+        while system.factorize(q, factor, shift) > 0 and shift <= most:
             shift = max(4.0 * shift, least)
+        if shift > most:
+            break
         x = system.correction(q, factor)
         size = system.size(x)
         if size <= BALANCED:
@@ -96,9 +115,10 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
                 return q
             q, shift = _left(system, q, factor), 0.0
             continue
-        new = system.projected(q + x, factor, shift) if size <= REACH else q
-        gain = 1.0 if shift == 0.0 and size <= NEAR else _gain(system, q, new, x, force, factor, shift)
-        if not (size <= REACH and gain >= ENOUGH):
+        new = system.projected(q + x, factor, shift) if size <= REACH else None
+        sure = shift == 0.0 and size <= NEAR
+        gain = 1.0 if new is None or sure else _gain(system, q, new, x, force, factor, shift)
+        if new is None or not gain >= ENOUGH:
             shift = max(4.0 * shift, least)
             continue
         q = new
@@ -114,6 +134,8 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
 
 def settled(system: StaticSystem, start: Array, factor: float) -> Array | None:
     """The equilibrium in which an overdamped motion from a start ends: for forces without a potential.
+
+    Turns are counted on the way if it is found.
 
     Implicit Euler steps of M q' = residual, 1/shift long, which grow where the motion is slow (pseudo-transient
     continuation, Kelley & Keyes 1998, DOI 10.1137/S0036142996304796).
@@ -131,28 +153,30 @@ def settled(system: StaticSystem, start: Array, factor: float) -> Array | None:
         None where the motion does not end.
     """
     q, least, turns, pushes = start.copy(), least_shift(system), system.turns(), iter(PUSHES)
-    shift = least
+    shift, most = least, HEAVY * largest_square(system)
     for _ in range(SETTLING):
-        while system.factorize(q, factor, shift) > 0:
+        while system.factorize(q, factor, shift) > 0 and shift <= most:
             shift = max(2.0 * shift, least)
+        if shift > most:
+            break
         x = system.correction(q, factor)
         size = system.size(x)
-        if not size <= SLOW:
+        if size <= BALANCED and shift == 0.0:
+            return q + x
+        new = system.projected(q + x, factor, shift) if size <= SLOW else None
+        if new is None:
             shift = max(4.0 * shift, least)
             continue
-        if size <= BALANCED and shift == 0.0:
-            system.accept_again(turns)
-            return q + x
-        q = system.projected(q + x, factor, shift)
+        q = new
         system.accept(q, factor)
         if not system.size(q - start) <= FAR:
             break
         if size <= BALANCED and (found := stability_of(system, q, factor)).kind != "stable":
             push = next(pushes, None) if found.kind == "unstable" else None
             if push is None:
-                system.accept_again(turns)
                 return q
-            q = system.projected(q + push / system.size(found.motion) * found.motion, factor, shift)
+            left = system.projected(q + push / system.size(found.motion) * found.motion, factor, shift)
+            q = q if left is None else left
         if size <= 0.5 * SLOW:
             shift = 0.25 * shift if shift > 4.0 * least else 0.0
     system.accept_again(turns)
@@ -167,7 +191,7 @@ def _gain(
     Roundings of the energy are no fall.
     """
     predicted = 0.5 * (float((force * x).sum()) + shift * float((x * system.inertia(x)).sum()))
-    noise = ROUNDING * system.strain_energy(q) + float(np.finfo(float).tiny)
+    noise = ROUNDING * system.strain_energy(q, factor) + float(np.finfo(float).tiny)
     return (noise - system.potential_change(q, new, factor)) / (predicted + noise)
 
 
@@ -176,7 +200,11 @@ def _left(system: StaticSystem, q: Array, factor: float) -> Array:
     _, mode = lowest_mode(system, q, factor)
     for push in PUSHES:
         one, other = (system.projected(q + side * mode, factor, 0.0) for side in (push, -push))
+        if one is None or other is None:
+            continue
         falls = [-system.potential_change(q, side, factor) for side in (one, other)]
         if max(falls) > 0.0:
             return other if falls[1] > falls[0] * (1.0 + TIE) else one
-    return system.projected(q + PUSHES[-1] * mode, factor, 0.0)
+    last = q + PUSHES[-1] * mode
+    kept = system.projected(last, factor, 0.0)
+    return last if kept is None else kept

@@ -1,11 +1,14 @@
 """Forces, tangent and potential energy of a chain under a part of its load, for every search for equilibria."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, elastic_forces, mass_product, strain_energy
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.maps import vector_at
+from anctmm.discretise.turning import Turning
 from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import TURN, add_connectors_at_end, connectors_energy, connectors_work
 from anctmm.forces.driving import drive_table
@@ -24,8 +27,23 @@ RATE = 1e-3
 #: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies that spin, and the stiffness that
 #: the weight of one gives a joint below it.
 PENALTY = 7.3
-#: Corrections that bring coordinates onto the constraints, at most, and the error that counts as none.
-PROJECTIONS, ROUNDED = 10, 1e-13
+#: Corrections that bring coordinates onto the constraints, at most, the error that counts as none, and the longest way.
+PROJECTIONS, ROUNDED, NEAREST = 10, 1e-13, 0.3
+
+
+class Turns(NamedTuple):
+    """Turns at an equilibrium, which coordinates tell but for whole ones.
+
+    Parameters
+    ----------
+    angles : ndarray, shape (nodes,)
+        By which sections have turned since the undeformed scene, rad.
+    connectors : ndarray or None
+        What rotational springs count.
+    """
+
+    angles: Array
+    connectors: Array | None
 
 
 class StaticSystem:
@@ -44,6 +62,8 @@ class StaticSystem:
         bodies, actuation = chain.bodies, Actuation(chain.parts, chain.bodies)
         self.chain = chain
         self.reference = bodies.reference()
+        #: Turns of sections until the configuration followed last.
+        self.turning = Turning(bodies)
         self.values = actuation.load_table(np.full(1, time))[0]
         self.loads = actuation.loads()
         #: Rows of the values that are loads: the others stay as they are.
@@ -94,24 +114,28 @@ class StaticSystem:
         return (self._acting(q, factor + RATE) - self._acting(q, factor - RATE)) / (2.0 * RATE)
 
     def restart(self) -> None:
-        """Forget the turns of rotational springs: back to the undeformed scene."""
+        """Forget all turns: back to the undeformed scene."""
+        self.turning.angles = np.zeros_like(self.turning.angles)
         c = self.loads.connectors
         if c is not None:
             c.memory[:, 1] = np.where(c.kinds == TURN, 0.0, c.placed)
 
     def accept(self, q: Array, factor: float) -> None:
-        """Count the turns of rotational springs from here on."""
+        """Count the turns of sections and of rotational springs from here on."""
+        self.turning.follow(q)
         self._acting(q, factor)
         connectors_work(self.loads.connectors, False)
 
-    def turns(self) -> Array | None:
+    def turns(self) -> Turns:
         """What is counted until now, for `accept_again`."""
-        return None if self.loads.connectors is None else self.loads.connectors.memory.copy()
+        c = self.loads.connectors
+        return Turns(self.turning.angles, None if c is None else c.memory.copy())
 
-    def accept_again(self, turns: Array | None) -> None:
+    def accept_again(self, turns: Turns) -> None:
         """Back to turns counted before."""
-        if self.loads.connectors is not None and turns is not None:
-            self.loads.connectors.memory[:] = turns
+        self.turning.angles = turns.angles
+        if self.loads.connectors is not None and turns.connectors is not None:
+            self.loads.connectors.memory[:] = turns.connectors
 
     def turned(self, q: Array, factor: float) -> float:
         """Largest turn of a rotational spring since the equilibrium accepted last, rad."""
@@ -156,11 +180,14 @@ class StaticSystem:
         take_equilibrium(self.loops, bool(not np.isfinite(found).all()))
         return found
 
-    def projected(self, q: Array, factor: float, shift: float) -> Array:
-        """Coordinates near q that keep the constraints; the matrix is factored again as they change."""
+    def projected(self, q: Array, factor: float, shift: float) -> Array | None:
+        """Coordinates near q that keep the constraints; the matrix is factored again as they change.
+
+        None where they are not found, as with a matrix that is nearly singular: a larger shift is needed.
+        """
         if self.loops is None:
             return q
-        nothing = np.zeros_like(q)
+        start, nothing = q, np.zeros_like(q)
         for _ in range(PROJECTIONS):
             off = ask_equilibrium(self.loops, q)
             if off > ROUNDED:
@@ -170,7 +197,7 @@ class StaticSystem:
             take_equilibrium(self.loops, True)
             if not off > ROUNDED:
                 break
-        return q
+        return q if self.size(q - start) <= NEAREST else None
 
     def inertia(self, x: Array) -> Array:
         """Product of the mass matrix with x."""
@@ -203,8 +230,9 @@ class StaticSystem:
         """Largest of the sizes of all nodes."""
         return float(self.sizes(x).max())
 
-    def strain_energy(self, q: Array) -> float:
-        """Strain energy of all bodies, and energy of connectors at the last evaluation, J."""
+    def strain_energy(self, q: Array, factor: float) -> float:
+        """Strain energy of all bodies and connectors, J."""
+        self._acting(q, factor)
         return self._elastic_energy(q) + float(connectors_energy(self.loads.connectors))
 
     def _elastic_energy(self, q: Array) -> float:
