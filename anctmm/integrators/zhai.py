@@ -213,7 +213,9 @@ def _parts(chain: Chain, out: Output) -> Parts:
     if rows_in(factors.loops) is not None:
         acting += [Task(constrain_motion, (factors, factors.loops, 0, drives, q, q, q))]
     accelerations = Task(by_blocks, (q, q, tables, clamps, factors, q, q), by_python=True)
-    return Parts([*acting, accelerations, *mass, *outputs], steps)
+    return Parts(
+        [*acting, *outputs, *mass, accelerations], steps
+    )  # the longest is begun first: steps wait for it
 
 
 def _mass_parts(chain: Chain, factors: BlockFactors) -> list[Task]:
