@@ -329,7 +329,7 @@ def bench(
         Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
     ] = Path("results"),
 ) -> None:
-    """Measure kernels, peers, length and memory: tables as CSV and Markdown, pictures as SVG."""
+    """Measure kernels, peers, length, trees, memory, first results: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
     from studies.benchmark import study as benchmark

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from studies.benchmark import additions, kernels, length, peers, precision
+from studies.benchmark import additions, first, kernels, length, peers, precision, topology
 from studies.benchmark.peers import EXUDYN, OURS
 from studies.benchmark.precision import Race
 from studies.engine.study import Options
@@ -40,6 +40,9 @@ def small_bench() -> Iterator[None]:
         patch.setattr(additions, "ELEMENTS", 8)
         patch.setattr(length, "SHEAR_LENGTHS", (10, 1000))
         patch.setattr(length, "CABLE_LENGTHS", (10, 1000))
+        patch.setattr(topology, "QUICK_TREE", 7)
+        patch.setattr(topology, "QUICK_RUNGS", (3, 4))
+        patch.setattr(first, "INTEGRATORS", ("zhai",))
         patch.setattr(precision, "races", _races)
         patch.setattr(precision, "STEPS", (1e-2, 5e-3, 2e-3, 2e-3))
         yield

@@ -3,30 +3,14 @@
 from math import cos, pi, sin
 
 import anctmm as at
+from studies.benchmark.branched import Graph, add_ladder, add_tree
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0, poisson=0.2)
 
 
-class Graph:
-    """Beams between places, and the ends that meet at each place."""
-
-    def __init__(self):
-        self.bodies, self.ends = [], {}
-
-    def beam(self, name, start, end):
-        self.bodies.append(at.Beam(name, start, end, SECTION, MATERIAL))
-        for place, side in ((start, "start"), (end, "end")):
-            self.ends.setdefault(tuple(round(x, 9) for x in place), []).append(f"{name}.{side}")
-        return self
-
-    def scene(self, name, joint, *others, loads=(), gravity=(0.0, 0.0)):
-        joints = [joint(*ends) for ends in self.ends.values() if len(ends) > 1]
-        return at.Scene(name, self.bodies, [*joints, *others], loads, gravity)
-
-
 def y_frame(joint):
     """Three beams that meet, one of them clamped."""
-    g, c = Graph(), (0.5, 0.1)
+    g, c = Graph(SECTION, MATERIAL), (0.5, 0.1)
     g.beam("a", (0.0, 0.0), c).beam("b", c, (1.0, 0.6)).beam("c", (1.0, -0.5), c)
     return g.scene("y", joint, at.Clamp("a.start"), gravity=(0.0, -9.81))
 
@@ -34,7 +18,7 @@ def y_frame(joint):
 def polygon(joint, sides=4):
     """A closed loop floating free, pushed at a corner."""
     places = [(cos(2 * pi * i / sides), sin(2 * pi * i / sides)) for i in range(sides)]
-    g = Graph()
+    g = Graph(SECTION, MATERIAL)
     for i in range(sides):
         g.beam(f"b{i}", places[i], places[(i + 1) % sides])
     return g.scene("polygon", joint, loads=[at.Force("b0.start", (1.0, 0.5))])
@@ -42,7 +26,7 @@ def polygon(joint, sides=4):
 
 def grid(joint, fields=2):
     """A grid of square fields, floating free."""
-    g = Graph()
+    g = Graph(SECTION, MATERIAL)
     for i in range(fields + 1):
         for j in range(fields + 1):
             if i < fields:
@@ -54,11 +38,7 @@ def grid(joint, fields=2):
 
 def ladder(joint, rungs=4):
     """Two rails and rungs between them, floating free."""
-    g = Graph()
-    for i in range(rungs):
-        g.beam(f"r{i}", (1.0 * i, 0.0), (1.0 * i, 1.0))
-        if i < rungs - 1:
-            g.beam(f"d{i}", (1.0 * i, 0.0), (i + 1.0, 0.0)).beam(f"u{i}", (1.0 * i, 1.0), (i + 1.0, 1.0))
+    g = add_ladder(Graph(SECTION, MATERIAL), rungs)
     return g.scene("ladder", joint, loads=[at.Force("r0.start", (1.0, 0.5))])
 
 
@@ -67,7 +47,7 @@ def wheel():
     rim = [(cos(pi * i / 3), sin(pi * i / 3)) for i in range(6)]
     inner = [f"s{i}.start" if i % 2 else f"s{i}.end" for i in range(6)]
     outer = [f"s{i}.end" if i % 2 else f"s{i}.start" for i in range(6)]
-    g = Graph()
+    g = Graph(SECTION, MATERIAL)
     for i in range(6):
         g.beam(f"s{i}", *((0.0, 0.0), rim[i])[:: 1 if i % 2 else -1]).beam(f"o{i}", rim[i], rim[(i + 1) % 6])
     joints = [
@@ -80,16 +60,9 @@ def wheel():
     return at.Scene("wheel", g.bodies, joints, [at.Force("o2.end", (1.0, 0.0))])
 
 
-def binary_tree(joint, levels=4, angle=0.6):
+def binary_tree(joint, levels=4):
     """Beams that part in two at each level."""
-    g, ends = Graph(), [((0.0, 0.0), 0.5 * pi)]
-    for level in range(levels):
-        grown = []
-        for n, (place, way) in enumerate(ends):
-            tip = (place[0] + cos(way), place[1] + sin(way))
-            g.beam(f"t{level}_{n}", place, tip)
-            grown += [(tip, way + angle / (level + 1)), (tip, way - angle / (level + 1))]
-        ends = grown
+    g = add_tree(Graph(SECTION, MATERIAL), 2**levels - 1)
     return g.scene("tree", joint, at.Clamp("t0_0.start"), gravity=(0.0, -9.81))
 
 

@@ -6,26 +6,32 @@ import pytest
 from small_studies import small_bench
 from typer.testing import CliRunner
 
+import anctmm as at
 from anctmm.jit.compiling import kernel
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.solve import solve
+from reference import global_dae
 from studies import cli
 from studies.benchmark import additions as bench_additions
 from studies.benchmark import calls as bench_calls
+from studies.benchmark import first as bench_first
 from studies.benchmark import kernels as bench_kernels
+from studies.benchmark import required
 from studies.benchmark import study as bench
 from studies.benchmark.kernels import EXPLICIT, IMPLICIT
 from studies.benchmark.length import Long, acceleration_check, clamped_digits, memory, support_check
 from studies.benchmark.peak import counted, kernel_operations, operations
 from studies.benchmark.peers import DENSE, EXUDYN, OURS, SPARSE
 from studies.benchmark.precision import Point, Setting, contenders, cost_at, front, promising
+from studies.benchmark.required import MOST_BYTES, MOST_RATIO
+from studies.benchmark.topology import JOINTS, Framework
 from studies.engine.measuring.clock import Effort, Samples, between, figures, ratio, sampled_in_turn
 from studies.engine.measuring.setting import CABLES, SHEAR, VARIANTS, explicit_run, row_of_beams, stable_step
 from studies.engine.tables import MOST_ROWS
 
 TABLES = {
     "requirements", "kernels", "peak", "exudyn", "equal_error", "work_precision", "methods", "length", "direct",
-    "digits", "additions", "calls", "samples",
+    "digits", "additions", "calls", "topology", "first", "samples",
 }  # fmt: skip
 
 
@@ -131,7 +137,7 @@ def test_explicit_steps_are_stable_and_need_little_memory():
     options = CABLES[1].options()
     run = explicit_run(scene, 16, 2000, stable_step(scene, 16, options), **options)
     assert solve(scene, run).status.ok
-    assert 100.0 < memory(Long(SHEAR, "zhai", 1, 20_000))["bytes"] < bench.MOST_BYTES
+    assert 100.0 < memory(Long(SHEAR, "zhai", 1, 20_000))["bytes"] < MOST_BYTES
 
 
 def test_fronts_and_costs_between_their_points():
@@ -172,7 +178,8 @@ def test_all_contestants_are_sampled_as_often_and_finish(small):
     raw = small.table("samples").frame
     counts = raw.groupby([raw["part"].str.split(",").str[0], "part", "what"]).size()
     assert set(counts.index.levels[0]) == {
-        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "additions", "calls", "direct",
+        "kernels", "peak", "exudyn", "work-precision", "methods", "length", "additions", "calls", "topology", "direct",
+        "first",
     }  # fmt: skip
     assert (counts.loc["kernels"] == Effort(True).rounds).all()
     assert (counts.loc["length"] == Effort(True).rounds).all()
@@ -286,6 +293,90 @@ def test_processes_that_measure_are_new_ones_and_have_the_arrays_elsewhere(monke
         assert all(len(values) == 1 and values[0] > 0.0 for values in found.times.values())
         assert {status for _, _, status in found.counts.values()} == {"ok"}
     assert len({worker.pid for worker in begun}) == 2
+
+
+@pytest.mark.parametrize("joints", JOINTS)
+def test_chains_have_as_many_beams_and_joints_of_the_same_kind(joints):
+    for framework, junctions in ((Framework("tree", joints, 10), 5), (Framework("ladder", joints, 4), 8)):
+        scene, chain = framework.scene(), framework.chain.scene()
+        assert len(scene.bodies) == len(chain.bodies) == framework.beams == 10
+        kinds = {type(joint) for joint in (*scene.joints, *chain.joints)}
+        assert kinds == {at.Clamp, JOINTS[joints]}
+        assert len(chain.joints) == framework.beams  # with the clamp
+        assert len(scene.joints) == junctions + 1
+        lengths = [np.hypot(*np.subtract(b.end, b.start)) for b in (*scene.bodies, *chain.bodies)]
+        np.testing.assert_allclose(lengths, lengths[0])
+
+
+@pytest.mark.parametrize("joints", JOINTS)
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
+def test_frameworks_move_as_by_the_global_solver(integrator, joints):
+    for framework in (
+        Framework("tree", joints, 7),
+        Framework("ladder", joints, 3),
+        Framework("chain", joints, 3),
+    ):
+        ours, theirs = (framework.runner(s, integrator)(20) for s in (solve, global_dae.solve))
+        assert ours.status.ok
+        assert theirs.status.ok
+        way = np.abs(ours.displacement(f"{ours.scene.bodies[-1].name}.end")).max()
+        for body in ours.scene.bodies:
+            apart = ours.position(f"{body.name}.end") - theirs.position(f"{body.name}.end")
+            assert np.abs(apart).max() < 2e-5 * way + 1e-13  # what Newton's tolerance leaves
+
+
+def test_the_same_of_trees_and_ladders_is_compared(small):
+    frame = small.table("topology").frame
+    assert (frame["status"] == "ok").all()
+    assert len(frame) == 2 * 2 * 3
+    assert set(frame["scene"]) == {"tree", "ladder"}
+    implicit = frame["integrator"] != "zhai"
+    for name in ("newton_per_step", "newton_chain", "newton_dae", "ratio_iteration"):
+        assert (frame[name].notna() == implicit).all(), name
+    assert (frame.loc[implicit, ["newton_per_step", "newton_chain", "newton_dae"]] >= 1.0).all(axis=None)
+
+
+def test_first_results_are_of_fresh_processes_that_compile(small):
+    frame = small.table("first").frame.set_index("kernels_before")
+    assert (frame["status"] == "ok").all()
+    before, after = frame.loc["none"], frame.loc["all"]
+    assert before["kernels"] > 0
+    assert before["files"] >= before["kernels"]
+    assert after["kernels"] == 0
+    assert after["files"] == before["files"]
+    assert before["steps"] == after["steps"] > 0
+    assert frame.loc["-", "scene"] == "anctmm list"
+
+
+def test_a_second_process_compiles_nothing(tmp_path):
+    """A spring's measure was compiled again in each process that looked at the stability limit."""
+    one, two = (
+        bench_first.process(("-m", "studies.benchmark.newcomer", "spring", "zhai"), str(tmp_path))
+        for _ in range(2)
+    )
+    assert one.told["status"] == two.told["status"] == "ok"
+    assert one.told["kernels"] > two.told["kernels"] == 0
+
+
+def test_a_process_that_fails_says_so_in_its_row(tmp_path):
+    found = bench_first.process(("-c", "raise SystemExit('no such thing')"), str(tmp_path))
+    assert found.told == {"status": "exit code 1: no such thing"}
+
+
+def _ladders(*ratios):
+    """A table of ladders with these ratios."""
+    rows = [
+        {"scene": "ladder", "integrator": "zhai", "joints": "hinged", "beams": 28 * 10**k, "ratio_length": ratio,
+         "status": "ok"} for k, ratio in enumerate(ratios)
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_lengths_of_ladders_are_compared_by_the_largest_and_the_least():
+    (line,) = required._lengths_of_ladders(_ladders(1.2, 1.0, 1.8))
+    assert (line["found"], line["required"]) == (1.8, MOST_RATIO)
+    (lost,) = required._lengths_of_ladders(_ladders(1.2, float("nan")))  # in noise: not met
+    assert np.isnan(lost["found"])
 
 
 def test_requirements_are_judged_by_their_sense(small):
