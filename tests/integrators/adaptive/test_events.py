@@ -208,7 +208,7 @@ def test_a_fixed_step_that_misses_a_push_says_so(road):
 
     missed = status(push(0.2005, 0.001), 1e-2)
     assert missed == "inaccurate"
-    for word in ("force on 'bar.end'", "t = 0.2 s", "N s", "0.01 s see 0, 0", "tolerance"):
+    for word in ("force on 'bar.end'", "t = 0.2 s", "N s", "0.01 s include 0, 0", "tolerance"):
         assert word in missed.message
     assert status(push(0.2, 0.1), 1e-2).ok  # it breaks at steps
     assert status(push(0.2005, 0.1), 1e-2).ok  # and here by little
