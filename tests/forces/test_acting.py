@@ -75,7 +75,7 @@ def test_forces_of_connectors_are_gradients_of_their_energy(name, kind):
         found = system.residual(q, 1.0) + system.elastic_forces(q)
         gradient = np.array([hand.energy(q.ravel() + 1e-30j * e).imag / 1e-30 for e in np.eye(q.size)])
         assert np.abs(found.ravel() + gradient).max() < 1e-12 * np.abs(gradient).max()
-        assert float(system.strain_energy(q) - system._elastic_energy(q)) == pytest.approx(
+        assert float(system.strain_energy(q, 1.0) - system._elastic_energy(q)) == pytest.approx(
             hand.energy(q), rel=1e-12
         )
 
