@@ -9,7 +9,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.solvers import registry
 from studies.benchmark.peers import EXUDYN, OURS
 from studies.benchmark.precision import Point, Setting, robust
-from studies.engine.accuracy.robust import robust_errors
+from studies.engine.accuracy.robust import halved_errors, robust_errors
 from studies.engine.choices import choices_of
 from studies.scenes import cantilever_fall
 
@@ -27,6 +27,19 @@ def test_no_error_counts_as_smaller_than_with_the_tightest_bound():
 
 def test_a_failed_run_stays_failed():
     assert np.isnan(robust_errors(pd.Series([np.nan, 1.0]), ["a", "a"], [False, True]).iloc[0])
+
+
+def test_no_error_counts_as_smaller_than_that_of_steps_shorter_by_up_to_a_half():
+    steps = [8.0, 4.0, 2.0, 1.0, 0.5, 1.0]
+    errors = pd.Series([4.0, 0.1, 0.5, np.nan, 0.7, 9.0], index=[5, 3, 1, 1, 2, 4])
+    found = halved_errors(errors, ["a"] * 5 + ["b"], steps)
+    assert found.index.equals(errors.index)
+    np.testing.assert_array_equal(found, [4.0, 0.5, 0.5, np.nan, 0.7, 9.0])
+
+
+def test_errors_that_fall_with_the_step_are_left_as_they_are():
+    steps = 2.0 ** -np.arange(0.0, 6.0, 0.5)
+    np.testing.assert_array_equal(halved_errors(pd.Series(steps**2), ["a"] * 12, steps), steps**2)
 
 
 def test_points_of_the_benchmark_count_with_the_error_of_the_tightest_bound():
