@@ -13,21 +13,22 @@ of steps that are too long: a double pendulum took 236 steps for 103, and its er
 the motion starts anew before a step of less than half the last one, with velocities that fit the constraints.
 Outputs are ends of steps; accelerations there that break constraints are found anew at the end (`implicit.balanced`).
 
-The predictor of a fixed step keeps w. Here w goes on as in the last step, by the part of its change then that would
-have been best: near 1 in smooth motion, and near −1 where vibrations that steps do not resolve change its sign. So a
-first correction is smaller by an order, and one does in most steps. What it leaves matters more than with stages: it is
-an error of w, and so of v, which stays in a mechanism that moves freely until the end.
+The first correction of a step starts from what the last one did, see `prediction`, and one does in half of the steps.
+What it leaves matters more than with stages: it is an error of w, and so of v, which stays in a mechanism that moves
+freely until the end.
 
 What it costs, in Newton corrections and twice the factorizations, over the best fixed step of the same error, the best
-of 16 steps and 5 bounds of Newton's iteration, no error counted as smaller than with the tightest bound: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 1.15 in the mean (1.17 with all errors as they are), and at most 1.3 in 51
-of the 68 runs. More cost a portal frame, 1.6 … 2.7, a row of beams on three supports, 1.2 … 1.7, a gantry crane, 1.3
-… 2.4, Andrews' squeezer, 1.6 … 2.1, and single runs of a double pendulum, 2.1, of a thrown triangle, 1.9, and of a car,
-1.4: fixed steps with a loose bound of Newton's iteration make one correction there, and fewer steps. Nothing tells that
-beforehand: with a bound five times as loose where nothing is constrained all cost 1.08 in the mean, but as many are
-above 1.3, a four-bar with a moment 1.8 among them, and the squeezer's error was 6 times the one asked for.
+of 17 steps and 6 bounds of Newton's iteration, no error counted as smaller than with the tightest bound or with a step
+shorter by up to a half: on seventeen moving scenes with tolerances of 1e-2 … 1e-5 1.11 in the mean (1.14 with all
+errors as they are), and at most 1.3 in 53 of the 68 runs. More cost a portal frame, 1.4 … 2.7, a row of beams on three
+supports, 1.3 … 1.7, a gantry crane, to 2.2, Andrews' squeezer, 1.5 … 2.0, and single runs of a double pendulum, 2.1,
+and of a thrown triangle, 2.0. On frame, supports and triangle about as many fixed steps do with one correction and
+a loose bound of Newton's iteration; here a step takes 1.5 to 2.1. The crane takes twice as many steps. Nothing tells
+that beforehand: with a bound five times as loose all cost 0.96 in the mean, but 13 runs are above 1.3, a four-bar with
+a moment 1.8 among them, and the squeezer's error was 8 times the one asked for: what is left there has one sign, and
+grows with the square of the number of steps.
 
-The rms error was at most 0.84 of the tolerance, the squeezer's 2.3 times it. On 610 runs of 250 scenes drawn at random
+The rms error was at most 0.84 of the tolerance, the squeezer's 2.2 times it. On 610 runs of 250 scenes drawn at random
 the peak of the error was above 3 times the tolerance in two, 4.2 and 3.6 times it at 1e-2, with tighter bounds of
 Newton's iteration, too.
 """
@@ -52,6 +53,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
+from anctmm.integrators.adaptive.prediction import predict, repeated
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.step_control import (
     CAP,
@@ -139,7 +141,7 @@ class Lag(NamedTuple):
     """What generalized-α adds to step control.
 
     coefficient: of the error. method: αm, αf, β, γ. w: that at the last estimate, (rows, nodes). rate: that of w over
-    the last step, (rows, nodes). taken: length of the last step since the motion started, (1,), s; 0 before.
+    the last step, (rows × nodes,). taken: length of the last step since the motion started, (1,), s; 0 before.
     """
 
     coefficient: float
@@ -167,7 +169,7 @@ def integrate(chain: Chain) -> Solution:
         abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
         (method.alpha_m, method.alpha_f, method.beta, method.gamma),
         np.zeros(shape),
-        np.zeros(shape),
+        np.zeros(shape[0] * shape[1]),
         np.zeros(1),
     )
 
@@ -272,7 +274,9 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         and missed <= 1.0
         and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed))
     ):
-        _foresee(h, system, control, lag)
+        progress[REPEATED] = repeated(
+            h, state.flat[5], state.flat[3], lag.rate, newton.scale, state.q.shape[1]
+        )
         _accept(h, stop, c, system, control, out)
         lag.taken[0] = h
         if not crossing:
@@ -344,31 +348,15 @@ def _begin(h, stop, c, system, control, lag):  # type: ignore[no-untyped-def]
     """Predict the end of a step, and set what acts there."""
     newton, progress, state = system.newton, control.progress, system.state
     angles, values, loops = control.angles, control.values, system.factors.loops
+    flat_q, _, _, flat_w, _, _ = state.flat
     begin_step(False, state.flat, c)
-    part = progress[REPEATED] * h
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            state.w[k, i] += part * lag.rate[k, i]
-            state.q[k, i] += part * lag.rate[k, i] / c.to_w
+    predict(progress[REPEATED] * h, lag.rate, flat_w)
+    predict(progress[REPEATED] * h / c.to_w, lag.rate, flat_q)
     copy_actions(angles, values, 1, 0)
     set_actions(control.actions.pieces, end_of(h, stop, progress), False, angles[1], values[1])
     turn_clamps(system.clamps, angles[1])
     set_drives(loops, angles[1], len(system.clamps.nodes))
     expect(h, STALE, newton, progress)
-
-
-@inlined
-def _foresee(h, system, control, lag):  # type: ignore[no-untyped-def]
-    """Find the part of the last change of w that this step has repeated, in the sizes that corrections have."""
-    state, scale, both, before = system.state, system.newton.scale, 0.0, 0.0
-    for k in range(state.q.shape[0]):
-        weight = 1.0 / (scale * scale) if k < 2 else 1.0
-        for i in range(state.q.shape[1]):
-            rate, last = (state.w[k, i] - state.w_before[k, i]) / h, lag.rate[k, i]
-            both += weight * rate * last
-            before += weight * last * last
-            lag.rate[k, i] = rate
-    control.progress[REPEATED] = min(max(both / before, -1.0), 1.0) if before > 0.0 else 0.0
 
 
 @inlined
@@ -425,9 +413,7 @@ def _go_back_to_kink(missed, h, system, control, lag):  # type: ignore[no-untype
     flat_q, _, _, flat_w, flat_q_before, flat_w_before = state.flat
     if missed < np.inf:
         shift = (h - stop_at_kink(control.kinks, h, system, control)) * (lag.method[1] - lag.method[0])
-        for k in range(state.q.shape[0]):
-            for i in range(state.q.shape[1]):
-                state.a[k, i] += shift * lag.rate[k, i]
+        predict(shift, lag.rate, state.flat[2])
     else:
         progress[WANTED] = 0.5 * h
         system.newton.counts[2] = 1

@@ -9,12 +9,11 @@ from control_costs import CHOSEN_BY, CONSTRAINED, OTHERS, costs, work
 import anctmm as at
 
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
-PARTS, BOUNDS = (1, 2, 3, 5, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
-#: Cost allowed over that of the best fixed step of the same error, the best of 50, in up to two runs of some cases,
-#: and in all of others; why these cost more, is told in `anctmm.integrators.adaptive.stage_control`.
-DEARER, DEAREST = 1.4, 2.2
-TWO_DEARER = {"three_supports", "portal_frame", "gantry_crane"}
-ALL_DEARER = {"squeezer": 1.6}
+PARTS, BOUNDS = (1, 2, 3, 4, 5, 6, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
+#: Cost allowed over that of the best fixed step of the same error, the best of 72, in all runs but one of a case and in
+#: that one; why some cost more, is told in `anctmm.integrators.adaptive.stage_control`.
+DEARER, DEAREST = 1.3, 1.4
+MORE = {"three_supports": 1.8, "portal_frame": 1.5}
 
 
 @pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS | CONSTRAINED)
@@ -27,10 +26,9 @@ def test_the_error_is_at_most_three_times_the_one_asked_for(measured):
 
 
 def test_the_work_is_that_of_the_best_fixed_step_of_the_same_error(measured):
-    ratios = sorted(measured.ratios)
-    usual = ALL_DEARER.get(measured.name, DEARER)
-    assert ratios[-1] <= (DEAREST if measured.name in TWO_DEARER else usual), measured.ratios
-    assert ratios[1] <= usual, measured.ratios
+    ratios = sorted(measured.robust_ratios)
+    assert ratios[-1] <= MORE.get(measured.name, DEAREST), measured.robust_ratios
+    assert ratios[-2] <= DEARER, measured.robust_ratios
 
 
 @pytest.mark.parametrize("name", CHOSEN_BY)
