@@ -12,8 +12,8 @@ import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
-from anctmm.discretise.junctions.dependence import independent
-from anctmm.discretise.junctions.rigid_loops import NONE, PARTING
+from anctmm.discretise.junctions.dependence import self_stresses
+from anctmm.discretise.junctions.rigid_loops import PARTING
 from anctmm.discretise.kept import KeptUnknowns
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
@@ -21,7 +21,7 @@ from anctmm.model.topology import Sets
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Connected constraints that depend on each other which are tested at most: the time grows with their number's cube.
+#: Connected constraints up to which they are tested: where they depend on each other, its time grows with their cube.
 MOST = 1000
 
 
@@ -72,7 +72,7 @@ def _at_start(found: Constraints) -> Iterator[Term]:
 
 
 def _connected(terms: Iterable[Term]) -> list[list[Term]]:
-    """Terms of constraints that are connected by their unknowns."""
+    """Terms of constraints that are connected by their unknowns, of not too many constraints."""
     every, sets = list(terms), Sets[tuple[str, int]]()
     for term in every:
         for k in (term.one, term.two):
@@ -81,7 +81,7 @@ def _connected(terms: Iterable[Term]) -> list[list[Term]]:
     groups: dict[tuple[str, int], list[Term]] = {}
     for term in every:
         groups.setdefault(sets.of(("row", term.row)), []).append(term)
-    return list(groups.values())
+    return [group for group in groups.values() if len({term.row for term in group}) <= MOST]
 
 
 def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
@@ -96,24 +96,19 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
         if one != ONE
     ]
     row, column, values = np.array(entries).reshape(-1, 3).T
-    rates = scipy.sparse.csr_array(
+    J = scipy.sparse.csr_array(
         (values, (row.astype(int), column.astype(int))), shape=(len(rows), len(number))
     )
-    if independent(rates) or len(rows) > MOST:
-        return np.empty(0, dtype=np.int64)
-    J = rates.toarray()
-    left, sizes, right = np.linalg.svd(J)
-    rank = int((sizes > NONE * sizes[0]).sum())
-    motions = right[rank:].T
-    if rank == len(rows) or not motions.size:  # no equations that depend on each other, or nothing that moves
+    stresses, motions = self_stresses(J)
+    if not motions.size:
         return np.empty(0, dtype=np.int64)
     curved = [term for term in terms if ONE not in (term.one, term.two)]
     row, i, j = (
         np.array([(rows[c.row], number[c.one], number[c.two]) for c in curved], np.int64).reshape(-1, 3).T
     )
     size = np.array([c.factor * scale[c.one] * scale[c.two] for c in curved])
-    for stress in left[:, rank:].T:
-        half = motions[i].T @ ((stress[row] * size)[:, None] * motions[j])
+    for stress in stresses:
+        half = motions[:, i] @ ((stress[row] * size)[:, None] * motions[:, j].T)
         if np.abs(half + half.T).max() > PARTING:
-            return np.array(unknowns)[(np.abs(stress) @ np.abs(J)) > PARTING]
+            return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING]
     return np.empty(0, dtype=np.int64)

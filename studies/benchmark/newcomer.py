@@ -30,7 +30,7 @@ def beam() -> at.Scene:
 
 
 def tree() -> at.Scene:
-    """A beam that a clamp turns, and that parts in two."""
+    """A beam with a driven clamp that branches into two."""
     top = (0.0, 0.3)
     trunk = at.Beam("trunk", (0.0, 0.0), top, ROD, RUBBER)
     left, right = (at.Beam(n, top, (x, 0.5), ROD, RUBBER) for n, x in (("left", -0.2), ("right", 0.2)))
@@ -40,7 +40,7 @@ def tree() -> at.Scene:
 
 
 def plate() -> at.Scene:
-    """A rigid plate that hangs on a beam."""
+    """A rigid plate at the end of a beam."""
     arm = at.Beam("arm", (0.0, 0.0), (0.5, 0.0), ROD, RUBBER)
     plate = at.RigidBody("plate", mass=0.5, inertia=3.3e-3, center=(0.6, 0.1), points={"a": (0.5, 0.0)})
     joints = [at.Pin("arm.start"), at.Pin("arm.end", "plate.a")]
@@ -48,7 +48,7 @@ def plate() -> at.Scene:
 
 
 def spring() -> at.Scene:
-    """A beam whose end hangs on a spring with a damper."""
+    """A beam with a spring and a damper at its end."""
     arm = at.Beam("arm", (0.0, 0.0), (1.0, 0.0), ROD, RUBBER)
     held = at.Spring("arm.end", (1.2, 0.6), stiffness=20.0, damping=0.05)
     return at.Scene("spring", [arm], [at.Pin("arm.start")], connectors=[held], gravity=GRAVITY)

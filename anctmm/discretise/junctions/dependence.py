@@ -4,10 +4,38 @@ How they depend on each other takes a singular value decomposition, whose work g
 row of 1,000 four-bars has 4,002 equations. Most scenes have none that do, which a sparse factorization tells.
 """
 
+import numpy as np
 import scipy
+from numpy.typing import NDArray
 
+Array = NDArray[np.float64]
+
+#: Singular value, of the largest, that counts as none.
+NONE = 1e-9
 #: Smallest eigenvalue of J Jᵀ, of the largest, above which no equation depends on others. Rounding makes 1e-16 of none.
 CLEAR = 1e-12
+
+
+def self_stresses(J: "scipy.sparse.csr_array") -> tuple[Array, Array]:
+    """States of self-stress λ, λᵀJ = 0, and motions u, J u = 0.
+
+    Parameters
+    ----------
+    J : csr_array, shape (equations, unknowns)
+        With entries of like sizes.
+
+    Returns
+    -------
+    stresses : ndarray, shape (k, equations)
+        Orthonormal; none where no equation depends on others.
+    motions : ndarray, shape (r, unknowns)
+        Orthonormal; not computed, and none, where there is no stress.
+    """
+    if independent(J):
+        return np.empty((0, J.shape[0])), np.empty((0, J.shape[1]))
+    left, sizes, right = np.linalg.svd(J.toarray())
+    rank = int((sizes > NONE * sizes[0]).sum())
+    return left[:, rank:].T, right[rank:]
 
 
 def independent(J: "scipy.sparse.csr_array") -> bool:

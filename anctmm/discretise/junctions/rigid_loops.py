@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.junctions.dependence import independent
+from anctmm.discretise.junctions.dependence import self_stresses
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.bodies import Beam
 from anctmm.model.places import End
@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 #: Entries of a row of a matrix: (column, value).
 Entries = list[tuple[int, float]]
 
-#: Of the largest singular value: what counts as none; of a self-stress and a motion of size 1: what counts as parting.
-NONE, PARTING = 1e-9, 1e-6
+#: Of a self-stress and a motion of size 1: what counts as parting.
+PARTING = 1e-6
 #: The ground, among bodies (name, 0) and junctions ("", number).
 GROUND = ("", -1)
 
@@ -123,18 +123,13 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
         for axis in (range(2) if row.arms[0] is not None else [2])
     ]
     sparse, curved = zip(*equations, strict=True)
-    rates = _matrix(sparse, 3 * len(first))
-    if independent(rates):
-        return
-    J, curvature = rates.toarray(), _matrix(curved, len(first)).toarray()
-    left, sizes, right = np.linalg.svd(J)
-    rank = int((sizes > NONE * sizes[0]).sum())
-    stresses, motions = left[:, rank:], right[rank:]
+    J, curvature = _matrix(sparse, 3 * len(first)), _matrix(curved, len(first))
+    stresses, motions = self_stresses(J)
     spins = motions[:, 2::3]
-    for stress in stresses.T:
+    for stress in stresses:
         parting = (spins * (stress @ curvature)) @ spins.T
         if parting.size and np.abs(parting).max() > PARTING:
-            strained = (np.abs(stress) @ np.abs(J)).reshape(-1, 3).max(axis=1) > PARTING
+            strained = (np.abs(stress) @ abs(J)).reshape(-1, 3).max(axis=1) > PARTING
             names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
             raise DiscretisationError(
                 f"bodies {listed(names)} are rigid, and taut or folded between their joints: a motion that is free to "
