@@ -20,7 +20,7 @@ settings.load_profile("steady")
 #: Modules that a usual run leaves out as a whole: they compile kernels of several solvers, for many kinds of scenes,
 #: run studies or commands, or hundreds of random scenes.
 EXHAUSTIVE = {
-    "checks": ["bench", "check", "check_of_cases", "conform", "small_scenes"],
+    "checks": ["bench", "check", "check_of_cases", "conform", "energy_check", "small_scenes"],
     "commands": ["command_lines", "interruption", "plugins", "progress", "recommend_anywhere",
                  "single_run", "width"],
     "discretise": ["interior_joints"],
@@ -35,13 +35,13 @@ EXHAUSTIVE = {
                   "high_order", "studies", "trade", "trade_of_cases"],
     "recursion": ["free_stretch", "graphs", "lines", "random_graphs", "rigid"],
     "report": ["page", "report_of_cases"],
-    "results": ["energy_check"],
     "statics": ["arc_length", "equilibrium_stability", "nonconservative_statics", "stabilised_statics"],
     "adaptive": ["alpha_cost", "damped_tolerance", "events", "promise", "stage_cost"],
 }  # fmt: skip
 
 #: Modules that `-m "not slow"` leaves out, too: what is left is for a look after each change.
 SLOW = {
+    "checks": ["precision_check"],
     "compiler": ["kernel_files", "second_process", "separate"],
     "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic"],
@@ -56,7 +56,7 @@ SLOW = {
     "questions": ["gallery"],
     "recursion": ["kept_motions", "work_of_drives"],
     "report": ["texts_of_pictures"],
-    "results": ["export", "fields", "internal_forces", "pictures", "precision_check", "whole_turns"],
+    "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
     "statics": ["static_start", "statics"],
     "adaptive": ["adaptive", "first_step", "free_turns", "impacts", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
@@ -65,6 +65,7 @@ SLOW = {
 #: took most of their time. Their tests marked `compiled` are left out, and of other modules those marked `interpreted`
 #: are run so, too; `jit/test_interpreting.py` holds that both give the same.
 INTERPRETED = {
+    "checks": ["constraint_check", "drive_check"],
     "discretise": ["rigid_loops", "structure"],
     "forces": ["acting"],
     "implicit": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
@@ -72,7 +73,7 @@ INTERPRETED = {
     "modes": ["growth"],
     "of_reference": ["acting_against_dae", "random_scenes"],
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
-    "results": ["constraint_check", "drive_check", "pictures", "whole_turns"],
+    "results": ["pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "static_start"],
     "adaptive": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip

@@ -55,7 +55,7 @@ from anctmm.jit.copies import writes
 from anctmm.model.drives import table_of, tabulate
 from anctmm.recursion.constrained import power_of_drives, set_drives
 from anctmm.recursion.lines import hold_on_lines
-from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

@@ -44,7 +44,7 @@ from anctmm.jit.compiler.second_process import Task
 from anctmm.jit.compiling import kernel
 from anctmm.model.drives import table_of, tabulate
 from anctmm.recursion.constrained import set_drives, work_of_drives
-from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

@@ -26,7 +26,7 @@ from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import turning_bodies
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import (
     Cost,

@@ -61,8 +61,8 @@ from anctmm.recursion.riccati import (
 )
 from anctmm.recursion.rows import Rows, row_work
 from anctmm.recursion.split import SplitFactors, no_split_factors, split_factors
-from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.finding import part
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.results.checks.finding import part
 from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]

@@ -32,8 +32,8 @@ from anctmm.model.scene import (
     Weld,
 )
 from anctmm.model.topology import junctions_of
+from anctmm.results.checks.mechanisms import is_mechanism
 from anctmm.results.fields import Field
-from anctmm.results.mechanism_check import is_mechanism
 from reference.exudyn import mechanisms
 from reference.exudyn.connectors import add_connector
 from reference.exudyn.histories import remembered

@@ -34,10 +34,10 @@ from anctmm.model.scene import (
     Weld,
     checked_scene,
 )
-from anctmm.results.acting import ends_of
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.acting import ends_of
+from anctmm.results.checks.divergence import checked
+from anctmm.results.checks.mechanisms import is_mechanism
 from anctmm.results.fields import Field
-from anctmm.results.mechanism_check import is_mechanism
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.validation import is_pair, one_of, positive
 from reference.exudyn.histories import FAILED

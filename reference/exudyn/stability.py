@@ -7,8 +7,8 @@ import numpy as np
 import scipy
 
 from anctmm.model.scene import Torque
+from anctmm.results.checks.stability import unstable
 from anctmm.results.solution import Status
-from anctmm.results.stability_status import unstable
 from reference.exudyn.model import Model
 
 #: Coordinates up to which the system is linearised: Exudyn projects it by a dense singular value decomposition.

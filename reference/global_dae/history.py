@@ -12,7 +12,7 @@ from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.topology import turning_bodies
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import beam_field
 from anctmm.results.solution import (
     Cost,

@@ -10,7 +10,7 @@ from anctmm.model.drives import tabulate
 from anctmm.model.loads import LOADS, Load, load_text, width_of
 from anctmm.model.needs import not_offered
 from anctmm.model.scene import Beam, Force, LineLoad, Torque
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status
 from reference.opensees.frame import Frame

@@ -36,8 +36,8 @@ from anctmm.model.scene import (
     Weld,
     checked_scene,
 )
-from anctmm.results.divergence_checks import STRETCH_LIMIT, checked
-from anctmm.results.energy_check import all_energy, from_nowhere
+from anctmm.results.checks.divergence import STRETCH_LIMIT, checked
+from anctmm.results.checks.energy import all_energy, from_nowhere
 from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
 from anctmm.solvers.capabilities import Offer

@@ -23,8 +23,8 @@ from anctmm.model.scene import unchecked_scene
 from anctmm.recursion.branches import branches
 from anctmm.recursion.loops import loops
 from anctmm.recursion.riccati import links
-from anctmm.results.constraint_check import constraints_of
-from anctmm.results.mechanism_check import is_mechanism
+from anctmm.results.checks.constraints import constraints_of
+from anctmm.results.checks.mechanisms import is_mechanism
 
 SHARED = [name for name, what in vars(Chain).items() if isinstance(what, shared)]
 SEEDS = range(40)

@@ -10,8 +10,8 @@ import anctmm as at
 from anctmm.discretise.chain import Chain
 from anctmm.integrators.stability import highest_frequency
 from anctmm.model.scene import Clamp, Force, Material
-from anctmm.results.divergence_checks import checked, inside_out, out_of_bounds
-from anctmm.results.energy_check import from_nowhere
+from anctmm.results.checks.divergence import checked, inside_out, out_of_bounds
+from anctmm.results.checks.energy import from_nowhere
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution, Status
 from reference import exudyn_cable, global_dae

@@ -8,7 +8,7 @@ from marks import interpreted_where, slow_where
 from samples import bar
 
 import anctmm as at
-from anctmm.results.drive_check import DIFFERENCES, INTERVALS, TIMES
+from anctmm.results.checks.drives import DIFFERENCES, INTERVALS, TIMES
 from reference import exudyn_cable, global_dae
 
 #: Lengths of runs, s, and steps: in most, the length over the steps times the steps is another number.

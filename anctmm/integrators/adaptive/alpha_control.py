@@ -98,7 +98,7 @@ from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
 from anctmm.recursion.constrained import set_drives, work_of_drives
-from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

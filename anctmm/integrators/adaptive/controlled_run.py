@@ -66,8 +66,8 @@ from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.pacing import paced
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import sweep
-from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.finding import part
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.results.checks.finding import part
 from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
 
 Array = NDArray[np.float64]

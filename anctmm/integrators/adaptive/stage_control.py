@@ -105,7 +105,7 @@ from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined, kernel, shared
-from anctmm.results.divergence_checks import STRETCH_LIMIT
+from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

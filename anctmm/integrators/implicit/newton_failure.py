@@ -27,8 +27,8 @@ from anctmm.recursion.riccati import (
     links,
     solve,
 )
-from anctmm.results.divergence_checks import STRETCH_LIMIT
-from anctmm.results.finding import part
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.results.checks.finding import part
 from anctmm.results.solution import Status, in_short
 
 Array = NDArray[np.float64]

@@ -22,10 +22,10 @@ from anctmm.integrators.statics.stable_branch import downhill, settled, stable_p
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
-from anctmm.results.divergence_checks import inside_out
-from anctmm.results.finding import part
+from anctmm.results.checks.divergence import inside_out
+from anctmm.results.checks.finding import part
+from anctmm.results.checks.stability import singular, unstable
 from anctmm.results.solution import Interrupted, Solution, Status, interruption_of_load
-from anctmm.results.stability_status import singular, unstable
 from anctmm.validation import one_of
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from anctmm.integrators.output import worst_element
 from anctmm.integrators.stability import DIFFERENCE
 from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
 from anctmm.integrators.statics.static_system import StaticSystem
-from anctmm.results.finding import part
+from anctmm.results.checks.finding import part
 from anctmm.results.solution import Status
 
 Array = NDArray[np.float64]

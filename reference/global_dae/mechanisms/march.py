@@ -11,7 +11,7 @@ from anctmm.model.bodies import Beam
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.topology import turning_bodies
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
 from reference.global_dae.mechanisms.layout import Layout

@@ -16,9 +16,9 @@ from anctmm.elements.kinds import kind_of
 from anctmm.model.joints import drive_of
 from anctmm.model.kept import kept, kept_beside
 from anctmm.model.scene import Beam, Force, LineLoad, Scene, Spring
-from anctmm.results.acting import ends_of, length_of, load_sizes, mass_of, reach_of, weight_of
-from anctmm.results.ends import Ends
-from anctmm.results.finding import Finding
+from anctmm.results.checks.acting import ends_of, length_of, load_sizes, mass_of, reach_of, weight_of
+from anctmm.results.checks.ends import Ends
+from anctmm.results.checks.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

@@ -8,8 +8,8 @@ import pytest
 from samples import beam
 
 import anctmm as at
-from anctmm.results.constraint_check import PARTED
-from anctmm.results.divergence_checks import checked
+from anctmm.results.checks.constraints import PARTED
+from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import LagrangeField
 from reference import exudyn_cable, global_dae
 

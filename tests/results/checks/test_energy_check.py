@@ -7,8 +7,8 @@ import pytest
 from samples import bar
 
 import anctmm as at
-from anctmm.results.divergence_checks import checked
-from anctmm.results.energy_check import absorbed, energy_findings, from_nowhere
+from anctmm.results.checks.divergence import checked
+from anctmm.results.checks.energy import absorbed, energy_findings, from_nowhere
 from anctmm.results.solution import Energy
 from reference import exudyn_cable, global_dae
 from studies.scenes import cantilever_fall, four_bar

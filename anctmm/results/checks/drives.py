@@ -17,7 +17,7 @@ from anctmm.model.drives import Pulse, Quintic, tabulate
 from anctmm.model.joints import drive_of
 from anctmm.model.kept import kept
 from anctmm.model.scene import Scene
-from anctmm.results.finding import FATAL, Finding
+from anctmm.results.checks.finding import FATAL, Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.results.break_check import break_findings
-from anctmm.results.constraint_check import constraint_findings
-from anctmm.results.drive_check import drive_findings, with_drives
-from anctmm.results.ends import ends_of
-from anctmm.results.energy_check import energy_findings
+from anctmm.results.checks.breaks import break_findings
+from anctmm.results.checks.constraints import constraint_findings
+from anctmm.results.checks.drives import drive_findings, with_drives
+from anctmm.results.checks.ends import ends_of
+from anctmm.results.checks.energy import energy_findings
+from anctmm.results.checks.finding import FATAL, Finding, part
+from anctmm.results.checks.precision import precision_findings
 from anctmm.results.fields import HermiteField, LagrangeField
-from anctmm.results.finding import FATAL, Finding, part
-from anctmm.results.precision_check import precision_findings
 from anctmm.results.solution import Solution, Status
 
 Array = NDArray[np.float64]

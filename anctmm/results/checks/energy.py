@@ -19,9 +19,9 @@ from anctmm.model.connectors import Spring
 from anctmm.model.joints import drive_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
-from anctmm.results.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
+from anctmm.results.checks.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
+from anctmm.results.checks.finding import Finding, most_stretched, part
 from anctmm.results.fields import HermiteField
-from anctmm.results.finding import Finding, most_stretched, part
 from anctmm.results.solution import Energy, Solution
 
 Array = NDArray[np.float64]

@@ -1,7 +1,7 @@
 """Violated joints of mechanisms: separated places, places that have left their line, welds that have rotated.
 
 For scenes with rigid bodies, guides, driven welds or joints between the ends of beams; beams joined at their ends are
-checked together by `anctmm.results.constraint_check`.
+checked together by `anctmm.results.checks.constraints`.
 """
 
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ from anctmm.model.needs import features_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Clamp, Scene
+from anctmm.results.checks.finding import Finding
 from anctmm.results.fields import HermiteField, RigidField
-from anctmm.results.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

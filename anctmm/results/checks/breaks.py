@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import breaks_of, tabulate
 from anctmm.model.loads import load_text, width_of
-from anctmm.results.drive_check import Drive, drives_of
-from anctmm.results.finding import Finding
+from anctmm.results.checks.drives import Drive, drives_of
+from anctmm.results.checks.finding import Finding
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]

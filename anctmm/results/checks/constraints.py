@@ -18,10 +18,10 @@ from anctmm.model.kept import alike, kept
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
-from anctmm.results.acting import length_of, reach_of
-from anctmm.results.ends import Ends
-from anctmm.results.finding import Finding
-from anctmm.results.mechanism_check import is_mechanism, mechanism_findings
+from anctmm.results.checks.acting import length_of, reach_of
+from anctmm.results.checks.ends import Ends
+from anctmm.results.checks.finding import Finding
+from anctmm.results.checks.mechanisms import is_mechanism, mechanism_findings
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
