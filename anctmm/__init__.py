@@ -27,8 +27,10 @@ from anctmm.model.scene import (
 )
 from anctmm.model.sections import Circle, Rectangle, Section
 from anctmm.model.velocities import RigidVelocity
+from anctmm.results.ended_early import HistoryError, Interrupted
 from anctmm.results.metrics import Comparison, compare
-from anctmm.results.solution import Cost, Energy, HistoryError, Interrupted, Solution, Status, load
+from anctmm.results.solution import Cost, Energy, Solution, load
+from anctmm.results.status import Status
 from anctmm.solve import solve
 
 __all__ = [

@@ -5,7 +5,7 @@ import numpy as np
 from anctmm.discretise.chain import Chain
 from anctmm.forces.connectors import Connectors
 from anctmm.model.connectors import Spring, name_of
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 
 
 def broken_law(

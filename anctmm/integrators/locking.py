@@ -7,7 +7,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.junctions.constraints import shape_of
 from anctmm.recursion.loops import Loops
 from anctmm.recursion.rows import KEPT, Rows
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

@@ -27,17 +27,10 @@ from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
+from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.fields import HermiteField, RigidField, beam_field
-from anctmm.results.solution import (
-    Cost,
-    Energy,
-    HistoryError,
-    Interrupted,
-    Solution,
-    Status,
-    broken_off,
-    interruption,
-)
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

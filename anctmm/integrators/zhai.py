@@ -63,7 +63,8 @@ from anctmm.recursion.rows import Rows, row_work
 from anctmm.recursion.split import SplitFactors, no_split_factors, split_factors
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

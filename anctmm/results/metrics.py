@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from anctmm.errors import SolverError, reason, shown
 from anctmm.model.scene import Probe
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import PropertyError, ResultError, UnknownNameError, listed, shown
+from anctmm.errors import ResultError, UnknownNameError, listed, shown
 from anctmm.model.accepted import ConnectorKind, JointKind
 from anctmm.model.bodies import beam_of
 from anctmm.model.connectors import Connector
@@ -28,6 +28,7 @@ from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingFiel
 from anctmm.results.internal_forces.actions import tension_of
 from anctmm.results.internal_forces.reactions import reaction
 from anctmm.results.internal_forces.section_forces import section_force
+from anctmm.results.status import Status
 from anctmm.results.whole_turns import WholeTurns
 
 if TYPE_CHECKING:
@@ -98,66 +99,6 @@ class Cost:
     factorizations: int = 0
     build_s: float = float("nan")
     compile_s: float = float("nan")
-
-
-@dataclass(frozen=True)
-class Status:
-    """How a run ended.
-
-    Parameters
-    ----------
-    code : str
-        "ok"
-            No check found anything wrong with the answer.
-        "diverged", "failed", "interrupted"
-            The run ended early; the solution has the history until then.
-        "inaccurate"
-            The history is complete, but more than a tenth of its energy was created by numerical error, or numerical
-            dissipation removed too much of it, or fixed steps miss more than a tenth of a load or a drive that states
-            its breaks, or the rate or acceleration of a drive is not the derivative of its value.
-        "imprecise"
-            The history is complete, but rounding leaves too few digits; the message says how many.
-        "unstable", "singular"
-            Of equilibria: not stable, or at the limit of stability.
-        "unsupported"
-            The solver lacks a feature that the scene needs; nothing was computed.
-    message : str
-        Why, and what to try.
-    time : float, optional
-        Of the first step that failed, s; of equilibria the load factor.
-    step : int, optional
-    body : str, optional
-    element : int, optional
-        Counted from 0 at the body's start.
-    residuals : tuple of float
-        Of Newton's iteration that failed: norm of the residual before each correction, N.
-    """
-
-    code: str = "ok"
-    message: str = ""
-    time: float | None = None
-    step: int | None = None
-    body: str | None = None
-    element: int | None = None
-    residuals: tuple[float, ...] = ()
-
-    @property
-    def ok(self) -> bool:
-        """Whether the code is "ok"."""
-        return self.code == "ok"
-
-    def __str__(self) -> str:
-        return f"{self.code}: {self.message}" if self.message else self.code
-
-    def __eq__(self, other: object) -> bool:
-        return (
-            self.code == other
-            if isinstance(other, str)
-            else self is other or (isinstance(other, Status) and vars(self) == vars(other))
-        )
-
-    def __hash__(self) -> int:
-        return hash(self.code)
 
 
 @dataclass(frozen=True, repr=False)
@@ -459,64 +400,3 @@ def load(path: str | PathLike[str], scene: Scene | None = None) -> Solution:
     if not isinstance(found, Solution):
         raise ResultError(f"file {str(path)!r} holds a {type(found).__name__}; a solution is needed")
     return found
-
-
-class Interrupted(KeyboardInterrupt):
-    """A run that was stopped by Ctrl-C.
-
-    Parameters
-    ----------
-    solution : Solution
-        The history until then, with the status "interrupted".
-    """
-
-    def __init__(self, solution: Solution) -> None:
-        super().__init__(solution.status.message)
-        self.solution = solution
-
-    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
-        return type(self), (self.solution,)
-
-
-class HistoryError(PropertyError):
-    """The history of a load or of a drive failed in the middle of a run.
-
-    Parameters
-    ----------
-    solution : Solution
-        What was computed until then, with the status "failed".
-    """
-
-    def __init__(self, solution: Solution) -> None:
-        super().__init__(solution.status.message)
-        self.solution = solution
-
-    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
-        return type(self), (self.solution,)
-
-
-def broken_off(reason: PropertyError, when: float) -> Status:
-    """The status of a run that could not go on from a time, s, for what the history of a load or a drive does there."""
-    return Status("failed", str(reason), time=when)
-
-
-def interruption(when: float) -> Status:
-    """The status of a run that Ctrl-C stopped at a time, s."""
-    return Status("interrupted", f"the run was interrupted at t = {when:.6g} s", time=when)
-
-
-def interruption_of_load(factor: float) -> Status:
-    """The status of a search for equilibria that Ctrl-C stopped after one at a load factor."""
-    told = f"the search for equilibria was interrupted beyond {factor:.6g} of the load"
-    return Status("interrupted", told, time=factor)
-
-
-def nothing(solver: str, scene: Scene, run: Discretisation | None, status: Status) -> Solution:
-    """The answer of a solver that cannot do a scene: no history, and a status that says why."""
-    return Solution(solver, scene, run, np.empty(0), {}, Energy.unknown(0), Cost(), status)
-
-
-def in_short(history: Iterable[float]) -> str:
-    """Sizes met in an iteration as text: all, or the first and the last few."""
-    sizes = [f"{x:.1e}" for x in history if x > 0.0]
-    return ", ".join(sizes if len(sizes) <= 8 else [*sizes[:4], "…", *sizes[-3:]]) or "none"

@@ -17,7 +17,8 @@ from anctmm.model.places import Key
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Beam, Scene
 from anctmm.results.accounting import accounted
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.solvers.foreign_code import contained, told
 

@@ -37,8 +37,10 @@ from anctmm.model.scene import (
 from anctmm.results.checks.acting import ends_of
 from anctmm.results.checks.divergence import checked
 from anctmm.results.checks.mechanisms import is_mechanism
+from anctmm.results.ended_early import nothing
 from anctmm.results.fields import Field
-from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from anctmm.validation import is_pair, one_of, positive
 from reference.exudyn.histories import FAILED
 from reference.exudyn.mechanisms import reference_of, rigid_field

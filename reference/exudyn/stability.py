@@ -8,7 +8,7 @@ import scipy
 
 from anctmm.model.scene import Torque
 from anctmm.results.checks.stability import unstable
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 from reference.exudyn.model import Model
 
 #: Coordinates up to which the system is linearised: Exudyn projects it by a dense singular value decomposition.

@@ -13,18 +13,10 @@ from anctmm.jit.compiling import kernel
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
+from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.fields import beam_field
-from anctmm.results.solution import (
-    Cost,
-    Energy,
-    HistoryError,
-    Interrupted,
-    Solution,
-    Status,
-    broken_off,
-    in_short,
-    interruption,
-)
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status, in_short
 from reference.global_dae.loads import drive_table, load_table
 from reference.global_dae.model import Model, Parts
 from reference.global_dae.turning import Turned, at_starts, not_turned, with_angles

@@ -12,7 +12,9 @@ from scipy.sparse.linalg import splu
 from anctmm.discretise.assembly import elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.results.checks.stability import singular, unstable
-from anctmm.results.solution import Cost, Interrupted, Solution, Status, interruption_of_load
+from anctmm.results.ended_early import Interrupted, interruption_of_load
+from anctmm.results.solution import Cost, Solution
+from anctmm.results.status import Status
 from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.equilibrium_stability import verdict
 from reference.global_dae.history import solution

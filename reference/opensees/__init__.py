@@ -25,7 +25,9 @@ from anctmm.model.bodies import beam_of
 from anctmm.model.drives import tabulate
 from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Clamp, Scene, checked_scene
-from anctmm.results.solution import Solution, Status, nothing
+from anctmm.results.ended_early import nothing
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
 from reference.opensees.answer import solution

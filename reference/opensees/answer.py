@@ -12,7 +12,8 @@ from anctmm.model.needs import not_offered
 from anctmm.model.scene import Beam, Force, LineLoad, Torque
 from anctmm.results.checks.divergence import checked
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from reference.opensees.frame import Frame
 from reference.opensees.process import Analysis
 

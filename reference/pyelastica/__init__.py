@@ -38,8 +38,10 @@ from anctmm.model.scene import (
 )
 from anctmm.results.checks.divergence import STRETCH_LIMIT, checked
 from anctmm.results.checks.energy import all_energy, from_nowhere
+from anctmm.results.ended_early import nothing
 from anctmm.results.fields import LagrangeField
-from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of, positive
 

@@ -18,7 +18,8 @@ from anctmm.errors import AnctmmError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Load, Material, Pin, Point, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers.capabilities import FEATURES, features_of
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static

@@ -16,8 +16,10 @@ from threadpoolctl import threadpool_limits
 from anctmm.errors import AnctmmError, reason
 from anctmm.jit.compiler.second_process import one_process
 from anctmm.jit.files import cache_dir as storage
+from anctmm.results.ended_early import nothing
 from anctmm.results.export.plain_data import decode
-from anctmm.results.solution import Solution, Status, nothing
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import PluginError
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.engine.running.outcomes import not_installed
 from studies.engine.running.processes import Lost, side_by_side

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.results.metrics import common_times
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from studies.engine.accuracy.resting import turn_at_rest
 from studies.engine.tables import atomic_write
 from studies.regression.scenes import CheckError, Static, Task

@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 from anctmm.errors import AnctmmError, PluginError, SolverError
 from anctmm.model.bodies import Body
 from anctmm.model.scene import Beam
-from anctmm.results.solution import Solution, Status, nothing
+from anctmm.results.ended_early import nothing
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import told
 from anctmm.solvers.registry import static_of

@@ -13,7 +13,8 @@ from anctmm.model.scene import Clamp, Force, Material
 from anctmm.results.checks.divergence import checked, inside_out, out_of_bounds
 from anctmm.results.checks.energy import from_nowhere
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from reference import exudyn_cable, global_dae
 from reference.exudyn.run import _timed
 from studies.cantilever import pictures as cantilever_pictures

@@ -13,7 +13,8 @@ from anctmm.errors import SolverError, UnknownNameError
 from anctmm.model.scene import Clamp, Force
 from anctmm.results.fields import LagrangeField
 from anctmm.results.metrics import common_times, compare, history_error
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 
 SCENE = bar()
 START, END = np.array([0.0, 0.0]), np.array([0.6, 0.8])

@@ -68,7 +68,9 @@ from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import sweep
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part
-from anctmm.results.solution import Interrupted, Solution, Status, in_short, interruption
+from anctmm.results.ended_early import Interrupted, interruption
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status, in_short
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

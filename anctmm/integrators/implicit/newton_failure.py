@@ -29,7 +29,7 @@ from anctmm.recursion.riccati import (
 )
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part
-from anctmm.results.solution import Status, in_short
+from anctmm.results.status import Status, in_short
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -33,7 +33,8 @@ from anctmm.model.drives import table_of
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
 from anctmm.recursion.riccati import factorize
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

@@ -25,7 +25,9 @@ from anctmm.results.accounting import accounted
 from anctmm.results.checks.divergence import inside_out
 from anctmm.results.checks.finding import part
 from anctmm.results.checks.stability import singular, unstable
-from anctmm.results.solution import Interrupted, Solution, Status, interruption_of_load
+from anctmm.results.ended_early import Interrupted, interruption_of_load
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.validation import one_of
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ from anctmm.integrators.stability import DIFFERENCE
 from anctmm.integrators.statics.equilibrium_stability import least_shift, stability_of
 from anctmm.integrators.statics.static_system import StaticSystem
 from anctmm.results.checks.finding import part
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 

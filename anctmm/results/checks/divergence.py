@@ -22,7 +22,8 @@ from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding, part
 from anctmm.results.checks.precision import precision_findings
 from anctmm.results.fields import HermiteField, LagrangeField
-from anctmm.results.solution import Solution, Status
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

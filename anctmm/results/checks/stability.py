@@ -1,7 +1,7 @@
 """The status of an equilibrium that is not stable, in the same words for all solvers."""
 
 from anctmm.results.checks.finding import part
-from anctmm.results.solution import Status
+from anctmm.results.status import Status
 
 SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller load steps may"
 

@@ -12,8 +12,10 @@ from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
+from anctmm.results.ended_early import Interrupted, interruption
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
-from anctmm.results.solution import Cost, Energy, Interrupted, Solution, Status, in_short, interruption
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status, in_short
 from reference.global_dae.mechanisms.layout import Layout
 from reference.global_dae.mechanisms.system import Account, System
 from reference.global_dae.turning import Ints, not_turned, turn, with_angles

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.results.checks.stability import singular, unstable
-from anctmm.results.solution import Cost, Solution, Status
+from anctmm.results.solution import Cost, Solution
+from anctmm.results.status import Status
 from reference.global_dae.mechanisms.implicit import at_rounding, solved
 from reference.global_dae.mechanisms.independent import independent_rows
 from reference.global_dae.mechanisms.march import Failure, Record

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from anctmm.results.solution import Cost, Solution, Status
+from anctmm.results.solution import Cost, Solution
+from anctmm.results.status import Status
 from studies.engine.running.trial import Trial
 from studies.engine.running.turns import Interval
 

@@ -9,7 +9,9 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, SolverError
 from anctmm.model.needs import needs
 from anctmm.model.scene import Scene
-from anctmm.results.solution import Solution, Status, nothing
+from anctmm.results.ended_early import nothing
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers.foreign_code import contained, told
 from anctmm.solvers.registry import Solver, static_of
 from studies.engine.measuring.timing import undisturbed

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from studies.engine.runner import Runner
 from studies.engine.running.trial import product
 from studies.scenes import cantilever_fall

@@ -16,7 +16,8 @@ import typer
 from shared_sweep import SCENE, write
 
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from studies.cli import sweeping
 from studies.engine.runner import Runner
 from studies.engine.running.trial import product

@@ -17,8 +17,10 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError, DiscretisationError, StabilityError
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene
 from anctmm.model.sections import Rectangle
+from anctmm.results.ended_early import nothing
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.cli import app
 from studies.engine.other_numbers import Change

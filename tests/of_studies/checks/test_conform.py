@@ -13,7 +13,7 @@ from rich.console import Console
 import anctmm as at
 from anctmm.errors import AnctmmError, PluginError, UnknownOptionError
 from anctmm.model.scene import Clamp
-from anctmm.results.solution import nothing
+from anctmm.results.ended_early import nothing
 from anctmm.solve import OFFER as OWN
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, Offer

@@ -9,7 +9,8 @@ from user_cases import DOUBLE_PENDULUM, FILES, PORTAL_FRAME, THREE_SUPPORTS, THR
 
 import anctmm as at
 from anctmm.errors import StabilityError, UnknownOptionError
-from anctmm.results.solution import Status, nothing
+from anctmm.results.ended_early import nothing
+from anctmm.results.status import Status
 from anctmm.solution import LagrangeField
 from studies.cases import cases_in, find_case
 from studies.engine.accuracy.digits import Value, rounded, values_of

@@ -10,7 +10,8 @@ import pytest
 
 from anctmm.model.scene import Clamp
 from anctmm.results.fields import LagrangeField
-from anctmm.results.solution import Cost, Energy, Solution, Status
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from studies.engine.runner import Runner
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.trial import Trial

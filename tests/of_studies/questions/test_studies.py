@@ -13,8 +13,10 @@ import pytest
 
 from anctmm.errors import StabilityError
 from anctmm.model.scene import Force, Scene
+from anctmm.results.ended_early import nothing
 from anctmm.results.fields import HermiteField
-from anctmm.results.solution import Cost, Energy, Solution, Status, nothing
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
 from studies.cantilever.statics import rates
 from studies.cli import BadOption, read_options
 from studies.engine import tables
