@@ -14,12 +14,13 @@ from anctmm.model.drives import Pulse
 T_END, OUTPUTS = 0.3, 30
 #: Change of gravity, of itself, that shows how a motion amplifies errors, and more than it may amplify them.
 DISTURBANCE, WILD = 1e-6, 10.0
-#: Beginning and length of a short push on all bodies, s, and its size, N/m: it shows the same where gravity does
-#: little. What it causes grows 0.1 … 0.9 times as fast as in the first 20 ms, where errors are not amplified.
-PUSHED, SHORT, SIZE, GROWTH = T_END / 6, 1e-3, 1e-6, 1.5
+#: Beginnings and length of short pushes on all bodies, s, and their size, N/m: they show the same where gravity does
+#: little. What they cause grows 0.1 … 0.9 times as fast as in the first 20 ms, where errors are not amplified.
+PUSHED, SHORT, SIZE, GROWTH = (T_END / 15, T_END / 3), 1e-3, 1e-6, 1.0
 TOLERANCES = (1e-2, 1e-3, 1e-4)
 #: Largest error at any time, over the tolerance. What is promised, within three times, is the rms error: peaks of steps
-#: of second order were 4.2, 3.6 and 3.2 at 1e-2 in three of some 700 runs.
+#: of second order were 4.2, 3.6 and 3.2 at 1e-2 in three of some 700 runs. A search for the worst among thousands finds
+#: beams that driven clamps fold, whose motion amplifies errors in ways that no push shows: see `tolerance.md`.
 LARGEST = {"generalized-alpha": 5.0, "esdirk": 3.0}
 
 
@@ -42,19 +43,19 @@ def eventful(draw):
     return replace(drawn, scene=replace(drawn.scene, loads=loads))
 
 
-def amplifies(scene, reference, probes, options):
+def amplifies(scene, reference, probes, options, begin):
     """Whether what a short push causes grows faster than by going on as it does in the first 20 ms."""
     push = Pulse(SIZE, SHORT)
 
     def load(t):
-        return 0.6 * float(push(t - PUSHED)), 0.8 * float(push(t - PUSHED))
+        return 0.6 * float(push(t - begin)), 0.8 * float(push(t - begin))
 
-    history = at.History(load, (PUSHED, PUSHED + SHORT))
+    history = at.History(load, (begin, begin + SHORT))
     loads = [*scene.loads, *(at.LineLoad(b.name, history) for b in scene.bodies)]
     pushed = at.solve(replace(scene, loads=loads), **options)
     moved = np.max([np.abs(pushed.displacement(p) - reference.displacement(p)) for p in probes], axis=(0, 2))
-    seen = round((PUSHED + 0.02) / T_END * OUTPUTS)
-    going_on = moved[seen] * (T_END - PUSHED) / (reference.t[seen] - PUSHED)
+    seen = round((begin + 0.02) / T_END * OUTPUTS)
+    going_on = moved[seen] * (T_END - begin) / (reference.t[seen] - begin)
     return moved.max() > GROWTH * going_on
 
 
@@ -70,7 +71,7 @@ def errors(drawn, integrator):
     gravity = tuple((1.0 + DISTURBANCE) * g for g in scene.gravity)
     disturbed = at.solve(replace(scene, gravity=gravity), **fine, **options)
     assume(at.compare(disturbed, reference, probes).largest < WILD * DISTURBANCE)
-    assume(not amplifies(scene, reference, probes, fine | options))
+    assume(not any(amplifies(scene, reference, probes, fine | options, begin) for begin in PUSHED))
     known = at.compare(coarser, reference, probes).largest
     found = {}
     for tolerance in TOLERANCES:
