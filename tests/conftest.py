@@ -11,11 +11,13 @@ import pytest
 from hypothesis import settings
 
 from anctmm.jit.compiler.second_process import one_process
+from anctmm.jit.direct import Checking
 from anctmm.jit.interpreting import interpreted
 
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
+Checking.on = True
 
 #: Modules that a usual run leaves out as a whole: they compile kernels of several solvers, for many kinds of scenes,
 #: run studies or commands, or hundreds of random scenes.

@@ -102,13 +102,13 @@ def once(chain: Chain, find: Callable[[Chain], T], what: Any = None) -> T:
     return found[key]
 
 
-def once_alike(chain: Chain, do: Callable[[], object], what: Any, kinds: tuple[Any, ...] = ()) -> None:
-    """Do something once for all chains alike on which neither loads nor connectors act; of others for each.
+def once_alike(chain: Chain, find: Callable[[], T], what: Any, kinds: tuple[Any, ...] = ()) -> T:
+    """What is found once for all chains alike on which neither loads nor connectors act; of others for each.
 
     Parameters
     ----------
     chain : Chain
-    do : callable
+    find : callable
         Compiles a kernel for arguments whose types are the same of all chains alike with these kinds.
     what : object
         The kernel.
@@ -118,8 +118,8 @@ def once_alike(chain: Chain, do: Callable[[], object], what: Any, kinds: tuple[A
     acted = chain.scene.loads or chain.scene.connectors
     known = vars(chain).setdefault("_found", {}) if acted else chain.facts
     if (what, kinds) not in known:
-        do()
-        known[what, kinds] = True
+        known[what, kinds] = find()
+    return known[what, kinds]  # type: ignore[no-any-return]
 
 
 def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:

@@ -42,6 +42,7 @@ from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiler.second_process import Task
 from anctmm.jit.compiling import kernel
+from anctmm.jit.direct import Direct
 from anctmm.model.drives import table_of, tabulate
 from anctmm.recursion.constrained import set_drives, work_of_drives
 from anctmm.results.checks.divergence import STRETCH_LIMIT
@@ -80,11 +81,11 @@ def integrate(chain: Chain) -> Solution:
     def failed_at(step: int) -> float:
         return float(run.times(np.array([step]))[0])
 
-    def again(outputs: Ints, system: System, out: Output) -> Callable[[int, Newton], int]:
+    def again(step: Direct, outputs: Ints, system: System, out: Output) -> Callable[[int, Newton], int]:
         drives, values = tables_of(chain, actuation, lambda: run.times(outputs), len(outputs))
         still = Numbers(run.steps, run.stride, NO_STEP)
         return lambda k, newton: int(
-            advance(-1, 0, still, system._replace(newton=newton), out, drives[k : k + 1], values[k : k + 1])
+            step(-1, 0, still, system._replace(newton=newton), out, drives[k : k + 1], values[k : k + 1])
         )
 
     with own(chain, new_system) as system:

@@ -44,6 +44,7 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
+from anctmm.jit.direct import Direct
 from anctmm.recursion.accelerations import by_blocks, by_scalars
 from anctmm.recursion.constrained import (
     ask_accelerations,
@@ -154,16 +155,22 @@ def integrate(chain: Chain) -> Solution:
                 once(chain, check_step)
             system = during.enter_context(own(chain, _system))
             kinds = tuple(part is None for part in (system.block, system.damping, system.rows))
-            once_alike(chain, lambda: advance(*_call(chain, system, out, 0, 0)), advance, kinds)  # compiles
-        return _take_steps(chain, system, record, out)
+            steps = once_alike(chain, lambda: _compiled(chain, system, out), advance, kinds)
+        return _take_steps(chain, system, record, out, steps)
 
 
-def _take_steps(chain: Chain, system: System, record: Record, out: Output) -> Solution:
+def _compiled(chain: Chain, system: System, out: Output) -> Direct:
+    """The kernel of the steps, compiled."""
+    advance(*_call(chain, system, out, 0, 0))
+    return Direct(advance)
+
+
+def _take_steps(chain: Chain, system: System, record: Record, out: Output, steps: Direct) -> Solution:
     """The run, once kernels are there."""
     run, q = chain.run, system.state.q
 
     def one(begin: int, end: int) -> int:
-        return int(advance(*_call(chain, system, out, begin, end)))
+        return int(steps(*_call(chain, system, out, begin, end)))
 
     record.start()
     failed = run_batches(chain, drive_width(chain, once(chain, actuation_of)), one, record.solution)

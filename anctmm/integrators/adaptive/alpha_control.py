@@ -173,10 +173,7 @@ def integrate(chain: Chain) -> Solution:
         np.zeros(1),
     )
 
-    def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
-        return int(advance(budget, outputs, system, control, lag, out))
-
-    return run_controlled(chain, Scheme(take, 2, len(PLACES), CONSTRAINED, GOES_ON))
+    return run_controlled(chain, Scheme(advance, lag, 2, len(PLACES), CONSTRAINED, GOES_ON))
 
 
 @kernel

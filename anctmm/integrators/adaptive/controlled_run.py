@@ -15,7 +15,7 @@ How long steps are stands in `step_control`, the steps themselves in `alpha_cont
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from anctmm.discretise.assembly import mass_product
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.junctions.constraints import Drive
+from anctmm.discretise.kept_chains import once_alike
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import NO_STEP
 from anctmm.forces.actuation import work_done
@@ -63,6 +64,7 @@ from anctmm.integrators.output import (
 )
 from anctmm.integrators.turn_count import begin_count
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
+from anctmm.jit.direct import Direct
 from anctmm.jit.pacing import paced
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import sweep
@@ -112,18 +114,23 @@ EPS, ROUNDED = float(np.finfo(float).eps), 1e5
 class Scheme(NamedTuple):
     """A method whose steps an error drives.
 
-    take: (most steps, last output, system, control, output) → how it ended. order: of the error of a run in its steps.
-    places: at which a step sees what acts. constrained, goes_on: the `SHARE` of scenes with constraints between rigid
-    bodies or guides, and where these are known to turn freely or to go to and fro. look: (chain, system, time of
-    failure) sees whether constraints can be kept then, where steps do not keep positions.
+    advance: kernel of the steps, which gives how it ended. adds: what it needs beside the rest. order: of the error of
+    a run in its steps. places: at which a step sees what acts. constrained, goes_on: the `SHARE` of scenes with
+    constraints between rigid bodies or guides, and where these are known to turn freely or to go to and fro. look:
+    (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep positions.
     """
 
-    take: Callable[[int, int, System, Control, Output], int]
+    advance: Any
+    adds: tuple[Any, ...]
     order: int
     places: int
     constrained: float
     goes_on: float
     look: Callable[[Chain, System, float], None] | None = None
+
+    def take(self, most: int, outputs: int, system: System, control: Control, out: Output) -> int:
+        """Take steps, `most` of them at most; how it ended."""
+        return int(self.advance(most, outputs, system, control, self.adds, out))
 
 
 class March(NamedTuple):
@@ -174,8 +181,13 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
             return march(times, assumed, scale, guess, anew - 1)
         return found
 
-    with side_by_side(lambda: _parts(chain, system, control, out)):
-        march(np.zeros(1), still)  # compiles
+    def compiled() -> Direct:
+        with side_by_side(lambda: _parts(chain, system, control, out)):
+            march(np.zeros(1), still)
+        return Direct(scheme.advance)
+
+    kinds = system.damping is None, system.factors.L.dtype, control.kinks is None
+    scheme = scheme._replace(advance=once_alike(chain, compiled, scheme.advance, kinds))
     record.start()
     counts[:] = 0.0
     system.newton.counts[:] = 0

@@ -189,10 +189,7 @@ def integrate(chain: Chain) -> Solution:
     rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
     track = Track(method, EULER, room, start, end, found, multipliers, rates, parts)
 
-    def take(budget: int, outputs: int, system: System, control: Control, out: Output) -> int:
-        return int(advance(budget, outputs, system, control, track, out))
-
-    return run_controlled(chain, Scheme(take, 4, len(method.c), SHARE, SHARE, look_ahead))
+    return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look_ahead))
 
 
 @kernel

@@ -7,7 +7,8 @@ computation that is done once. Kernels that restart during a run call `balance`.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, Concatenate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.broken_law import broken_law
-from anctmm.integrators.implicit.balanced import Again, balanced, settle
+from anctmm.integrators.implicit.balanced import balanced, settle
 from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.newton_failure import stalled
 from anctmm.integrators.implicit.step import copy, damp_now
@@ -29,6 +30,7 @@ from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import kernel
+from anctmm.jit.direct import Direct
 from anctmm.model.drives import table_of
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
@@ -57,7 +59,8 @@ class Steps:
     parts : sequence of Task
         What `advance` calls beside Newton's iteration and the output, for compilation in a second process.
     again : callable, optional
-        Computes accelerations at outputs again, for methods whose accelerations along constraints drift.
+        Takes what calls `advance`, and then what `Again` takes: for methods whose accelerations along constraints
+        drift, computes these at outputs again.
     look : callable, optional
         Sees whether constraints can be kept after a time of failure, s, where the method does not keep positions.
     """
@@ -67,7 +70,7 @@ class Steps:
     width: int
     failed_at: Callable[[int], float]
     parts: tuple[Task, ...] = ()
-    again: Again | None = None
+    again: Callable[Concatenate[Direct, ...], Callable[[int, Newton], int]] | None = None
     look: Callable[[float], None] | None = None
 
 
@@ -82,14 +85,16 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
     run, record, c = chain.run, Record(chain), once(chain, _coefficients)
     newton, out = system.newton, record.arrays()
 
-    def one(begin: int, end: int, c: Coefficients = c, newton: Newton = newton) -> int:
-        return int(steps.advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
-
-    def compiles() -> None:
+    def compiled() -> Direct:
         with side_by_side(lambda: parts_of(system, c, out, steps.parts)):
-            one(0, 0)
+            steps.advance(*steps.arguments(0, 0, c, system, out))
+        return Direct(steps.advance)
 
-    once_alike(chain, compiles, steps.advance, (system.damping is None, system.factors.L.dtype))
+    advance = once_alike(chain, compiled, steps.advance, (system.damping is None, system.factors.L.dtype))
+
+    def one(begin: int, end: int, c: Coefficients = c, newton: Newton = newton) -> int:
+        return int(advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
+
     record.start()
     start(chain, system, lambda first: one(-1, 0, NO_STEP, first))
 
@@ -110,7 +115,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
             or stalled(chain, failed, system.state, newton, when)
         )
     if steps.again is not None:  # after the look at where it failed: it writes the state
-        settle(chain, system, record, kept, steps.again)
+        settle(chain, system, record, kept, partial(steps.again, advance))
     return so_far(kept, status, taken)
 
 
