@@ -45,7 +45,7 @@ class Direct:
 
     def _found(self, arguments: tuple[Any, ...]) -> Any:
         """The entry of the version for these arguments; the function itself where nothing is compiled."""
-        made = self._kernel.kernel
+        made = getattr(self._kernel, "kernel", self._kernel)
         if hasattr(made, "overloads"):
             self._types = _types_of(arguments)
             self._entry = made.compile(self._types)
