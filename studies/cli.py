@@ -115,19 +115,22 @@ def run(
 
     from studies.command_line.options import one, read_options, setup_of
     from studies.engine.storage.files import check_writable, file_name
-    from studies.engine.study import without_beams
+    from studies.engine.study import without_beams, without_motion
     from studies.single_run.printed import show
     from studies.single_run.study import run_case, write_run
 
     target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
     names = options.solvers or ("anctmm",)
-    without_beams([wanted], replace(options, element=element))  # refuses what has no effect
+    setup = setup_of(names[0], element, integrator)
+    given = replace(options, element=element, integrator=integrator)
+    without_beams([wanted], given)  # refuses what has no effect
+    without_motion([wanted], given)
     folder = out or Path("results") / file_name(wanted.name)
     check_writable(folder)
     with sweeping(quick=True) as runner:
         done = run_case(
             wanted, runner, error=target, mesh=one("--elements", options.meshes), dt=one("--dt", options.steps),
-            setup=setup_of(names[0], element, integrator), others=names[1:],
+            setup=setup, others=names[1:],
         )  # fmt: skip
     show(done, Console())
     write_run(done, folder)
@@ -311,7 +314,9 @@ def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Mea
     """The trade of one case, measured now; runs that were done before are kept."""
     from studies.engine.study import find
     from studies.trade import recommend as advice
+    from studies.trade.own_ladder import check_asked
 
+    check_asked(case, options)  # before anything is announced
     takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
     first = "and 1 to 4 min more for compiling where no scene of its kind has run before"
     print(

@@ -22,7 +22,7 @@ from studies.engine.pictures import Film, Picture
 from studies.engine.runner import Runner
 from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
-from studies.engine.study import Options, Result, check_taken, of_case, without_beams
+from studies.engine.study import Options, Result, check_taken, of_case, without_beams, without_motion
 from studies.engine.tables import Table
 from studies.report.animation import film
 from studies.report.configurations import configurations
@@ -52,11 +52,12 @@ def run(options: Options, runner: Runner) -> Result:
     Raises
     ------
     StudyError
-        If meshes or steps are asked for that do not fit the cases, or do not converge to anything.
+        If meshes or steps are asked for that do not fit the cases, or do not converge to anything, or an integrator
+        where nothing moves.
     """
     check_taken(options, "convergence")
     cases = options.cases or tuple(moving_scenes())
-    told = without_beams(cases, options)
+    told = without_beams(cases, options) + without_motion(cases, options)
     levels = [given_levels(case, of_case(options, case)) for case in cases]
     target = options.error or (inf if options.meshes and options.steps else TARGETS[options.quick])
     found = []

@@ -189,6 +189,25 @@ def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
     return [f"{name}: {what}, and it has none." for name in none]
 
 
+def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
+    """Of each static case a sentence that an integrator does nothing for it; none where none is given.
+
+    Raises
+    ------
+    StudyError
+        If no case moves: then it does nothing at all.
+    """
+    cases = tuple(cases)
+    resting = [case.name for case in cases if case.static] if options.integrator is not None else []
+    if not resting:
+        return []
+    what = f"{TYPED['integrator']} chooses the steps of motions"
+    if len(resting) == len(cases):
+        are = "are static equilibria" if len(resting) > 1 else "is a static equilibrium"
+        raise StudyError(f"{what}; {', '.join(resting)} {are}: leave it out")
+    return [f"{name}: {what}, and it is a static equilibrium." for name in resting]
+
+
 def of_case(options: Options, case: Case) -> Options:
     """The options as one of several cases takes them: without beams there are no elements to choose."""
     return options if case.scene.beams else replace(options, meshes=None, element=None)

@@ -59,7 +59,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
     NothingMovesError
         If none of its probes moves.
     """
-    _check_asked(case, options)
+    check_asked(case, options)
     smallest = options.error or SMALLEST[options.quick]
     high = smallest < HIGH_BELOW and not _jointed_inside(case)
     with _headed(runner, f"{case.name}, reference: "):
@@ -104,7 +104,7 @@ def own_ladder(case: Case, options: Options, runner: Runner) -> Ladder:
 
 def check_first(case: Case, options: Options, runner: Runner) -> None:
     """Refuse what `own_ladder` refuses, as far as one coarse run shows it; parameters and errors are the same."""
-    _check_asked(case, options)
+    check_asked(case, options)
     levels = Refinement(case, Setup(element=options.element or "cable"), runner)
     with _headed(runner, f"{case.name}, first: "):
         # a level that is needed for the reference anyhow
@@ -121,8 +121,13 @@ def _headed(runner: Runner, heading: str) -> Iterator[None]:
         runner.heading = outer
 
 
-def _check_asked(case: Case, options: Options) -> None:
-    """Refuse a case without motion, and elements and integrators that nothing is run with."""
+def check_asked(case: Case, options: Options) -> None:
+    """Refuse a case without motion, and elements and integrators that nothing is run with.
+
+    Raises
+    ------
+    StudyError
+    """
     if options.element not in (None, *ELEMENTS):
         raise StudyError(
             f"--element is {options.element!r}; a trade is measured with {' or '.join(ELEMENTS)}, each against a "

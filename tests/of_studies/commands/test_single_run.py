@@ -182,6 +182,10 @@ def test_a_file_that_has_no_room_is_named_and_not_left_in_part(tmp_path):
         (["--case", "portal-frame", "--solvers", "me"], "--solvers has 'me'"),
         (["--case", "portal-frame", "--error", "1e-3", "--elements", "2", "--dt", "1e-3"], "one of them to refine"),
         (["--case", "portal-frame-at-rest", "--dt", "1e-3"], "a static equilibrium; it has no step"),
+        (
+            ["--case", "portal-frame-at-rest", "--integrator", "zhai"],
+            "--integrator chooses the steps of motions; portal-frame-at-rest is a static equilibrium: leave it out",
+        ),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named_before_any_work(options, said):

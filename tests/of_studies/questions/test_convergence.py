@@ -111,6 +111,10 @@ def test_a_scene_without_beams_names_no_element(tmp_path, monkeypatch):
             ["convergence", PORTAL_FRAME, "--case", "portal-frame-at-rest", "--dt", "1e-3"],
             "'portal-frame-at-rest', a static equilibrium, which has no step",
         ),
+        (
+            ["convergence", PORTAL_FRAME, "--case", "portal-frame-at-rest", "--integrator", "esdirk"],
+            "--integrator chooses the steps of motions; portal-frame-at-rest is a static equilibrium",
+        ),
         (["convergence", THROWN_CHAIN, "--element", "cabel"], "element is 'cabel'; allowed are"),
         (["convergence", THROWN_CHAIN, "--error", "-1"], "--error has '-1'"),
         (["convergence", THROWN_CHAIN, "--case", "arm"], "'arm' and is unknown"),

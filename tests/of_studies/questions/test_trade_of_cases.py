@@ -259,6 +259,7 @@ def test_a_static_case_has_no_trade():
 def test_what_is_wrong_is_named(arguments, said):
     done = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
     assert (done.exit_code, said in " ".join(done.output.split())) == (2, True), done.output
+    assert "measuring" not in done.output  # a measurement that was never to be was announced first
 
 
 class NothingRuns:
