@@ -68,7 +68,7 @@ SLOW = {
 #: are run so, too; `jit/test_interpreting.py` holds that both give the same.
 INTERPRETED = {
     "checks": ["constraint_check", "drive_check"],
-    "discretise": ["rigid_loops", "structure"],
+    "discretise": ["as_written", "rigid_loops", "structure"],
     "forces": ["acting"],
     "implicit": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
     "model": ["inputs", "mechanisms", "scene"],

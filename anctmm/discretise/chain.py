@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.dead_centres import check_dead_centres
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.junctions.as_written import as_written, body_as_written
 from anctmm.discretise.junctions.rigid_loops import check_rigid_loops, rigid_loops
 from anctmm.discretise.junctions.segments import Segments
 from anctmm.discretise.junctions.structure import Facts, common, facts_of, shared
@@ -379,8 +380,9 @@ def _check_welds(chain: Chain) -> None:
             bodies = [chain.parts.place(end).body for end in joint.ends]
             names = [body.name for body in bodies if isinstance(body, Beam) and body.name not in chain.rigid]
             if names and not all(kind_of(kinds[names[0]][1]).welds_to(kind_of(kinds[n][1])) for n in names):
+                found = [f"{kinds[n][1]!r} of {body_as_written(chain.parts, n)!r}" for n in names]
                 raise DiscretisationError(
-                    f"{joint!r} joins elements {', '.join(f'{kinds[n][1]!r} of {n!r}' for n in names)}; "
+                    f"{as_written(chain.parts, joint)!r} joins elements {', '.join(found)}; "
                     f"a weld needs one kind on both sides, or kinds of which it holds the same vectors "
                     f"(a pin does not)"
                 )

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.chain import Start
+from anctmm.discretise.junctions.as_written import as_written
 from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import element_forces
@@ -20,7 +21,7 @@ from anctmm.jit.compiling import merged
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import free_name, name_of
 from anctmm.model.drives import tabulate
-from anctmm.model.joints import Clamp
+from anctmm.model.joints import Clamp, drive_of
 from anctmm.model.loads import tabulated
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
@@ -92,7 +93,8 @@ class Actuation:
     @cached_property
     def drives(self) -> list[Drive]:
         """What turns them."""
-        return [Drive(f"clamp {c.end!r} angle", c.angle, True) for _, c in self.driven if c.angle is not None]
+        known = [drive_of(as_written(self.scene, clamp)) for _, clamp in self.driven]
+        return [Drive(*drive[:2], True) for drive in known if drive is not None]
 
     @cached_property
     def width(self) -> int:
@@ -125,7 +127,7 @@ class Actuation:
 
     def clamp_table(self, t: Array) -> Array:
         """Angle, rate and acceleration of each driven clamp at times `t`, (n, clamps, 3)."""
-        tables = [tabulate(f"clamp {c.end!r} angle", c.angle, t, 3) for _, c in self.driven]  # type: ignore[arg-type]
+        tables = [tabulate(drive.name, drive.history, t, 3) for drive in self.drives]
         return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
     def load_table(self, t: Array) -> Array:
@@ -134,10 +136,10 @@ class Actuation:
         Force (x, y), or moment and 0, of each varying load; free measure of each driven connector and its rate; where
         there are laws, at last the time and 0.
         """
-        loads = tabulated(varying_loads(self.scene), t)
+        loads = tabulated([as_written(self.scene, load) for load in varying_loads(self.scene)], t)
         driven = [
             tabulate(f"{name_of(connector)} {free_name(connector)}", free_of(connector), t, 2)[:, None]
-            for connector in driven_connectors(self.scene)
+            for connector in (as_written(self.scene, one) for one in driven_connectors(self.scene))
         ]
         clock = [_clock(t)] if has_clock(self.scene) else []
         return np.concatenate([loads, *driven, *clock], axis=1) if driven or clock else loads

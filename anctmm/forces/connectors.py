@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.junctions.as_written import as_written
 from anctmm.discretise.maps import Map, Maps, direction_of, maps, position_of, push, rate_at, vector_at
 from anctmm.errors import unknown_kind
 from anctmm.forces.laws import address_of, call_law
@@ -156,7 +157,7 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
             numbers[i, 3] = placed[i] if free is None else free
     laws = np.array(
         [
-            0 if t.law is None else address_of(name_of(t), t.law, float(u))
+            0 if t.law is None else address_of(name_of(as_written(scene, t)), t.law, float(u))
             for t, u in zip(things, unit, strict=True)
         ],
         dtype=np.int64,

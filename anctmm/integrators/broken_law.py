@@ -18,7 +18,7 @@ def broken_law(
     if not broken.any():
         return None
     k = int(broken.argmax())
-    connector, (force, place) = chain.parts.connectors[k], connectors.now[k, :2]
+    connector, (force, place) = chain.scene.connectors[k], connectors.now[k, :2]
     at = f"a length of {place:.6g} m" if isinstance(connector, Spring) else f"an angle of {place:.6g} rad"
     when = f"t = {t:.6g} s" if step is None else f"t = {t:.6g} s (step {step})"
     return Status(

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.as_written import body_as_written
 from anctmm.discretise.junctions.constraints import shape_of
 from anctmm.recursion.loops import Loops
 from anctmm.recursion.rows import KEPT, Rows
@@ -28,7 +29,8 @@ def locked(chain: Chain, q: Array, rows: Rows | None, t: float, step: int | None
     error = float(abs(rows.value[worst]))
     if error <= KEPT:
         return None
-    what, body = chain.kept.constraints.names[rows.constraint[worst]]
+    what, part = chain.kept.constraints.names[rows.constraint[worst]]
+    body = body_as_written(chain.parts, part)
     kind = "rigid body" if body in chain.rigid else "body"
     when = f"at t = {t:.6g} s" if step is None else f"at t = {t:.6g} s (step {step})"
     if what == shape_of(body):

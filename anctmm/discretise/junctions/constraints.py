@@ -10,15 +10,17 @@ Vectors in the plane are complex numbers here, x + iy, linear in the unknowns.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.discretise.junctions.as_written import as_written, end_as_written
 from anctmm.errors import UnsupportedError, shown, unknown_kind
 from anctmm.model.drives import breaks_of
 from anctmm.model.joints import Clamp, Motion, Prismatic, Slider, Weld, drive_of
-from anctmm.model.places import End, place_text
+from anctmm.model.places import End
 from anctmm.model.scene import Scene
 from anctmm.model.topology import Junction, end_of
 
@@ -213,6 +215,7 @@ class _Writer:
     def __init__(self, chain: Situated, of_end: Callable[[End], Any], found: Constraints) -> None:
         self.chain, self.of_end, self.found = chain, of_end, found
         self.rigid = chain.rigid
+        self.text = partial(end_as_written, chain.parts)
         self.scale = 1.0 / chain.length
         #: Ends on lines in the ground that are eliminated like others: no constraint is needed.
         self.passed = {end for guided in chain.guided for end in guided.ends}
@@ -250,7 +253,7 @@ class _Writer:
 
     def _meet(self, end: End, one: Vector, two: Vector) -> None:
         self.found.add(
-            f"the joint at {place_text(end)}", end[0], *self._parts(_sum(one, two, -1.0), self.scale)
+            f"the joint at {self.text(end)}", end[0], *self._parts(_sum(one, two, -1.0), self.scale)
         )
 
     def _parallel(self, end: End, clamp: Clamp | None, other: End | None) -> None:
@@ -258,14 +261,14 @@ class _Writer:
         along: Vector = {(ALWAYS, ONE): 1.0} if other is None else self._direction(other)
         if clamp is not None:
             along = self._turned(along, clamp)
-        self.found.add(f"the direction at {place_text(end)}", end[0], _across(along, self._direction(end)))
+        self.found.add(f"the direction at {self.text(end)}", end[0], _across(along, self._direction(end)))
 
     def _hinge(self, hinge: Weld | Clamp, junction: Junction) -> None:
         """A direction is that of the first end, or of the ground, turned; of a driven weld so are all gradients."""
         first, *others = (self._carrier(end_of(self.chain.parts, place), junction) for place in hinge.ends)
         if isinstance(hinge, Clamp):
             row = _across(self._turned({(ALWAYS, ONE): 1.0}, hinge), self._axis(first, junction))
-            self.found.add(f"the clamp of {place_text(first)}", first[0], row)
+            self.found.add(f"the clamp of {self.text(first)}", first[0], row)
             return
         for second in others:
             if hinge.stretch == "held" and not {first[0], second[0]} <= set(self.rigid):
@@ -273,13 +276,14 @@ class _Writer:
                 continue
             clamp = None if second[0] in self.rigid else _clamp_of(second, junction)
             if hinge.angle is not None and clamp is not None and clamp.angle is not None:
+                given = [shown(as_written(self.chain.parts, joint)) for joint in (hinge, clamp)]
                 raise UnsupportedError(
-                    f"{shown(hinge)} turns what {shown(clamp)} drives, and leaves its stretch free; name the driven "
-                    f"end first, or hold the stretch"
+                    f"{given[0]} turns what {given[1]} drives, and leaves its stretch free; name the driven end "
+                    f"first, or hold the stretch"
                 )
             one = self._further(self._axis(first, junction), hinge, first, junction)
             self.found.add(
-                f"the weld at {place_text(second)}", second[0], _across(one, self._axis(second, junction))
+                f"the weld at {self.text(second)}", second[0], _across(one, self._axis(second, junction))
             )
 
     def _axis(self, end: End, junction: Junction) -> Vector:
@@ -296,7 +300,7 @@ class _Writer:
             one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
             rows += self._parts(_sum(two, self._further(one, weld, first, junction), -1.0), 1.0)
         name = "the driven weld" if weld is not None else "the direction"
-        self.found.add(f"{name} at {place_text(second)}", second[0], *rows)
+        self.found.add(f"{name} at {self.text(second)}", second[0], *rows)
 
     def _guide(self, guide: Slider | Prismatic, junction: Junction) -> None:
         """A place stays on a line, or moves on it as it is driven; a prismatic joint holds the direction, too."""
@@ -309,14 +313,14 @@ class _Writer:
         rows = [_scaled(_across(line, away), self.scale)]
         if guide.position is not None:
             row = _scaled(_along(line, away), self.scale)
-            signal = self.found.driven(_drive(guide))
+            signal = self.found.driven(self._drive(guide))
             row[signal, ONE, ONE] = -self.scale  # the line's direction has the length 1
             rows.append(row)
             if guide.body is None and not any(one[0] in self.rigid for one in junction.ends):
                 number = len(self.found.names) + 1
                 nodes = [self.chain.bodies.node(*one) for one in junction.ends]
                 self.found.prescribed += [(number, node, along / self.scale) for node in nodes]
-        self.found.add(f"the {type(guide).__name__.lower()} at {place_text(end)}", end[0], *rows)
+        self.found.add(f"the {type(guide).__name__.lower()} at {self.text(end)}", end[0], *rows)
         match guide:
             case Slider():
                 pass
@@ -390,12 +394,12 @@ class _Writer:
         clamp = None if end[0] in self.rigid else _clamp_of(end, junction)
         if clamp is None or clamp.angle is None or weld.angle is None:
             return self._turned(vector, weld)
-        name = f"{_drive(weld).name} beside {_drive(clamp).name}"
+        name = f"{self._drive(weld).name} beside {self._drive(clamp).name}"
         return self._by(Drive(name, Together(clamp.angle, weld.angle), True), {(ALWAYS, ONE): 1.0})
 
     def _turned(self, vector: Vector, joint: Clamp | Weld) -> Vector:
         """A vector turned by the angle of a joint; itself where nothing drives it."""
-        return vector if joint.angle is None else self._by(_drive(joint), vector)
+        return vector if joint.angle is None else self._by(self._drive(joint), vector)
 
     def _by(self, drive: Drive, vector: Vector) -> Vector:
         """A vector turned by a drive."""
@@ -405,6 +409,11 @@ class _Writer:
             found[signal, unknown] = factor
             found[signal + 1, unknown] = 1j * factor
         return found
+
+    def _drive(self, joint: Clamp | Weld | Slider | Prismatic) -> Drive:
+        found = drive_of(as_written(self.chain.parts, joint))
+        assert found is not None  # the caller has checked that it is driven
+        return Drive(found[0], found[1], not joint.on_line)
 
     def _parts(self, vector: Vector, scale: float) -> list[dict[tuple[int, int, int], float]]:
         """A vector's x and y as rows."""
@@ -419,12 +428,6 @@ def _clamp_of(end: End, junction: Junction) -> Clamp | None:
 def _passed(end: End) -> End:
     """An end as vertices name it: that of a point mass is its end 1."""
     return (end[0], 1) if end[1] == "center" else end
-
-
-def _drive(joint: Clamp | Weld | Slider | Prismatic) -> Drive:
-    found = drive_of(joint)
-    assert found is not None  # the caller has checked that it is driven
-    return Drive(found[0], found[1], not joint.on_line)
 
 
 def _vector(first: int) -> Vector:

@@ -8,19 +8,19 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.junctions.as_written import Names, at_places, name_parts, places_of
 from anctmm.elements.kinds import kind_of
-from anctmm.errors import MeshError, listed, shown, unknown_kind
+from anctmm.errors import MeshError, listed, shown
 from anctmm.model.bodies import Beam, Body, Point
-from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import Joint, Weld
 from anctmm.model.kept import alike
-from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque
+from anctmm.model.loads import LineLoad, Load
 from anctmm.model.places import SIDES, Place, Written
 from anctmm.model.scene import Scene, unchecked_scene
 
@@ -90,14 +90,16 @@ class Segments:
             for parts in self.parts.values()
             for one, two in pairwise(parts)
         ]
-        return unchecked_scene(
+        found = unchecked_scene(
             whole.name,
             [piece for body in whole.bodies for piece in self._pieces(body)],
-            [*map(self._joint, whole.joints), *welds],
+            [*(at_places(joint, self._place) for joint in whole.joints), *welds],
             [piece for load in whole.loads for piece in self._loads(load)],
             whole.gravity,
-            [self._connector(connector) for connector in whole.connectors],
+            [at_places(connector, self._place) for connector in whole.connectors],
         )
+        name_parts(found, self._names())
+        return found
 
     @cached_property
     def run(self) -> Discretisation:
@@ -166,44 +168,24 @@ class Segments:
                 return f"{part.name}.{name}"
         return part.name, inside
 
-    def _joint(self, joint: Joint) -> Joint:
-        match joint:
-            case Pin():
-                return Pin(*map(self._place, joint.ends), grounded=joint.grounded)
-            case Weld():
-                return Weld(
-                    *map(self._place, joint.ends),
-                    grounded=joint.grounded,
-                    angle=joint.angle,
-                    stretch=joint.stretch,
-                )
-            case Clamp():
-                return replace(joint, end=self._place(joint.end))
-            case Slider() | Prismatic():
-                return replace(joint, place=self._place(joint.place))
-            case _:
-                raise unknown_kind("joint", joint, JOINTS)
-
     def _loads(self, load: Load) -> Iterator[Load]:
-        match load:
-            case Force() | Torque():
-                yield replace(load, end=self._place(load.end))
-            case LineLoad():
-                names = [part.name for part in self.parts.get(load.body, ())] or [load.body]
-                yield from (replace(load, body=name) for name in names)
-            case _:
-                raise unknown_kind("load", load, LOADS)
+        if not isinstance(load, LineLoad):
+            yield at_places(load, self._place)
+            return
+        names = [part.name for part in self.parts.get(load.body, ())] or [load.body]
+        yield from (replace(load, body=name) for name in names)
 
-    def _connector(self, connector: Connector) -> Connector:
-        match connector:
-            case Spring():
-                ends: list[Any] = [*map(self._place, connector.places), connector.ground]
-                return replace(connector, first=ends[0], second=ends[1])
-            case RotationalSpring():
-                ends = [*map(self._place, connector.places), None]
-                return replace(connector, first=ends[0], second=ends[1])
-            case _:
-                raise unknown_kind("connector", connector, CONNECTORS)
+    def _names(self) -> Names:
+        """What the user wrote in place of names of parts."""
+        found: dict[Written, Written] = {}
+        for name, parts in self.parts.items():
+            n = self._elements(name)
+            for part in parts:
+                for side, edge in zip(SIDES, (part.first, part.end), strict=True):
+                    ends = {0: f"{name}.start", n: f"{name}.end"}
+                    found[f"{part.name}.{side}"] = ends.get(edge, (name, edge / n))
+        found |= {self._place(place): place for place in places_of(self.whole)}
+        return Names(found, {part: name for part, (name, _) in self._owners.items()})
 
 
 @dataclass(frozen=True)

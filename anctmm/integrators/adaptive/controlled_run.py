@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import mass_product
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
+from anctmm.discretise.junctions.as_written import as_written
 from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.kept_chains import once_alike
 from anctmm.discretise.mesh import varying_loads
@@ -287,7 +288,9 @@ def _system(chain: Chain) -> System:
 def _actions(chain: Chain, drives: Sequence[Drive]) -> Timeline:
     """What acts on a scene in time."""
     parts, run = chain.parts, chain.run
-    return timeline(drives, varying_loads(parts), driven_connectors(parts), run.t_end, run.steps)
+    loads = [as_written(parts, load) for load in varying_loads(parts)]
+    connectors = [as_written(parts, connector) for connector in driven_connectors(parts)]
+    return timeline(drives, loads, connectors, run.t_end, run.steps)
 
 
 def _control(chain: Chain, scheme: Scheme) -> Control:

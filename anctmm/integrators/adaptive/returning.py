@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.as_written import as_written
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.model.bodies import Beam
@@ -72,7 +73,7 @@ def _fastest(chain: Chain) -> float:
         turns = isinstance(connector, RotationalSpring)
         ends = ends_of(chain.parts, connector)
         mobile = sum(_mobility(end, turns, chain.rigid) for end in ends if isinstance(end, Place))
-        squares.append(mobile * _stiffness(connector, ends) if mobile > 0.0 else 0.0)
+        squares.append(mobile * _stiffness(as_written(chain.parts, connector), ends) if mobile > 0.0 else 0.0)
     return sqrt(max(squares))
 
 

@@ -1,0 +1,108 @@
+"""Beams are cut at joints between their ends; messages name what the user wrote, and none of the parts."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.junctions.as_written import as_written
+from anctmm.discretise.junctions.segments import Segments
+from anctmm.errors import DiscretisationError, PropertyError, UnsupportedError
+from anctmm.integrators.locking import locked
+
+SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
+B = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)
+X = at.Beam("x", (0.25, 0.0), (0.25, 0.4), SECTION, MATERIAL)
+PLATE = at.RigidBody("p", 0.5, 3e-3, (0.25, 0.1), {"a": (0.25, 0.0)})
+INSIDE = ("b", 0.25)
+JOINTS = [at.Pin("b.start"), at.Pin(INSIDE, "x.start")]
+FIXED = {"mesh": 4, "dt": 0.01, "t_end": 0.05}
+STEPS = {
+    "fixed": FIXED,
+    "tolerance": {"mesh": 4, "tolerance": 1e-2, "t_end": 0.05, "output_dt": 0.01},
+}
+
+
+def failing(width):
+    """A history that raises after 0.02 s."""
+
+    def history(t):
+        if (np.asarray(t) > 0.02).any():
+            raise ZeroDivisionError
+        return tuple(np.zeros_like(t) for _ in range(width))
+
+    return history
+
+
+def scene(joints=JOINTS, loads=(), connectors=(), bodies=(B, X)):
+    return at.Scene("s", bodies, joints, loads, (0.0, -9.81), connectors)
+
+
+FAILING = {
+    "clamp ('b', 0.25) angle": scene([at.Clamp(INSIDE, angle=failing(3))]),
+    "slider ('b', 0.25) position": scene([at.Slider(INSIDE, position=failing(3))]),
+    "weld of (('b', 0.25), 'x.start') angle": scene(
+        [at.Clamp("b.start"), at.Weld(INSIDE, "x.start", angle=failing(3))]
+    ),
+    "force on ('b', 0.25)": scene(loads=[at.Force(INSIDE, failing(2))]),
+    "force on ('b', 0.3)": scene(loads=[at.Force(("b", 0.3), failing(2))]),
+    "line load on 'b'": scene(loads=[at.LineLoad("b", failing(2))]),
+    "spring from ('b', 0.25) to the point (0.3, 1.0) length": scene(
+        connectors=[at.Spring(INSIDE, (0.3, 1.0), stiffness=1.0, length=failing(2))]
+    ),
+    "rotational spring from 'b.end' to 'x.start' angle": scene(
+        connectors=[at.RotationalSpring("b.end", "x.start", stiffness=1.0, angle=failing(2))]
+    ),
+}
+
+
+@pytest.mark.parametrize("how", STEPS)
+@pytest.mark.parametrize("what", FAILING)
+def test_a_history_that_fails(how, what):
+    with pytest.raises(PropertyError) as told:
+        at.solve(FAILING[what], **STEPS[how])
+    assert str(told.value).startswith(f"{what}: the history gave no")
+
+
+def test_a_weld_of_two_kinds():
+    said = (
+        r"Weld\(ends=\(\('b', 0.25\), 'x.start'\), .* joins elements 'cable' of 'b', 'shear' of 'x'; a weld"
+    )
+    with pytest.raises(DiscretisationError, match=said):
+        at.solve(scene([at.Weld(INSIDE, "x.start")]), element={"b": "cable", "x": "shear"}, **FIXED)
+
+
+def test_a_weld_whose_drive_does_not_fit():
+    joints = [
+        at.Clamp("x.start", angle=failing(3)),
+        at.Weld(INSIDE, "x.start", angle=failing(3), stretch="free"),
+    ]
+    with pytest.raises(UnsupportedError, match=r"Weld\(ends=\(\('b', 0.25\), 'x.start'\).* turns what Clamp"):
+        at.solve(scene(joints), **FIXED)
+
+
+def test_a_joint_that_cannot_be_kept():
+    joints = [at.Clamp("p.a"), at.Slider(INSIDE, body="p"), at.Pin("b.end")]
+    chain = Chain(scene(joints, bodies=[B, PLATE]), at.Discretisation(**FIXED))
+    names = [what for what, _ in chain.kept.constraints.names]
+    worst = SimpleNamespace(value=np.eye(len(names))[names.index("the slider at ('b', 0.25)")])
+    worst.constraint = np.arange(len(names))
+    status = locked(chain, np.zeros(1), worst, 0.1)
+    assert status.message.startswith("body 'b' would part from the slider at ('b', 0.25) by 1.0e+00")
+    assert status.body == "b"
+
+
+def test_all_that_acts_can_be_named():
+    whole = scene(
+        [*JOINTS, at.Clamp(("b", 0.5)), at.Prismatic(("b", 0.75))],
+        [at.Force(("b", 0.6), (1.0, 0.0)), at.Torque("b.start", 1.0), at.LineLoad("b", (0.0, 1.0))],
+        [at.Spring(("b", 0.9), "x.end", stiffness=1.0), at.RotationalSpring(INSIDE, stiffness=1.0)],
+    )
+    parts = Segments(whole, at.Discretisation(mesh=4, dt=0.1, t_end=1.0)).scene
+    written = [as_written(parts, joint) for joint in parts.joints]
+    assert tuple(written[:4]) == whole.joints
+    assert written[4:] == [at.Weld((b, x), (b, x)) for b, x in [("b", 0.25), ("b", 0.5), ("b", 0.75)]]
+    assert tuple(dict.fromkeys(as_written(parts, load) for load in parts.loads)) == whole.loads
+    assert tuple(as_written(parts, connector) for connector in parts.connectors) == whole.connectors
