@@ -275,9 +275,9 @@ def test_what_diverges_is_told_of_the_whole_beam():
         ([at.Clamp(("b", 0.1)), at.Pin(("b", 0.75))], 10, ["('b', 0.75)", "mesh 20, 40, 60, …"]),
         ([at.Slider(("b", 1 / 3), (0.0, 1.0))], 4, ["Slider", "mesh 3, 6, 9, …"]),
         ([at.Pin(("b", 1 / pi))], 8, ["no mesh up to 10000 has nodes at"]),
-        ([at.Pin(("b", 1e-12))], 8, ["that of b.start", "one way"]),
-        ([at.Pin(("b", 1.0 - 1e-12))], 8, ["that of b.end"]),
-        ([at.Pin(MIDDLE), at.Pin(("b", 0.5 + 1e-12), "x.start")], 8, ["that of ('b', 0.5", "one way"]),
+        ([at.Pin(("b", 1e-12))], 8, ["the node of b.start", "one way"]),
+        ([at.Pin(("b", 1.0 - 1e-12))], 8, ["the node of b.end"]),
+        ([at.Pin(MIDDLE), at.Pin(("b", 0.5 + 1e-12), "x.start")], 8, ["the node of ('b', 0.5", "one way"]),
     ],
 )  # fmt: skip
 def test_joints_where_no_node_lies_are_refused_with_meshes_that_would_do(joints, mesh, told):
