@@ -84,7 +84,7 @@ INTERPRETED = {
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
     "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
-    "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "broken_law", "free_turns",
+    "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "free_turns",
     "kept_motions", "explicit", "laws", "inputs", "pictures", "histories", "gallery", "whole_turns", "balanced",
     "exact", "contracts", "failures", "ahead",
 )  # fmt: skip

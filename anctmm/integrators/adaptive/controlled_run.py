@@ -353,6 +353,7 @@ def _march(
     look: whether it ends when a body is found to turn freely.
     """
     run, state, newton = chain.run, system.state, system.newton
+    _forget_failure(system)
     state.q[:], state.v[:] = control.reference, fitting_velocity(chain)
     control.moved[0], control.moved[1] = 0.0, assumed
     begin_turns(control.turns, look, run.t_end)
@@ -386,6 +387,18 @@ def _march(
         int(progress[KEPT]), float(progress[TIME]), code == DONE, stopped, control.moved[0].copy(),
         float(progress[SPENT]), code == TURNED,
     )  # fmt: skip
+
+
+def _forget_failure(system: System) -> None:
+    """Put 0 where the march before has left no number, as a guess does beyond what a law has numbers for."""
+    connectors, rows = system.loads.connectors, rows_in(system.factors.loops)
+    left: list[Array] = [*system.state[:8], system.state.loads]
+    if connectors is not None:
+        left += [connectors.now, connectors.memory, connectors.v]
+    if rows is not None:
+        left += [rows.x, rows.multipliers, rows.trusted, rows.memory]
+    for array in left:
+        array[~np.isfinite(array)] = 0.0
 
 
 def _first_step(chain: Chain, scheme: Scheme, q: Array, v: Array, elastic: bool) -> float:

@@ -377,9 +377,10 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
     for k in range(len(flat_v)):
         flat_v[k] += c.h * flat_w[k]
     copy(flat_w, room.w[row])
-    room.power[row] = stage_power(
-        state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
-    )
+    if solved:  # it counts the turns of rotational springs
+        room.power[row] = stage_power(
+            state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
+        )
     return solved
 
 

@@ -186,9 +186,12 @@ def aim(h, error, order, steady, times, control):  # type: ignore[no-untyped-def
     """Choose the next step by the mean error of the last ones: that of a single one swings with the motion.
 
     The error is that since the last estimate, by steps of h; after a change a length stays for `steady` steps. The mean
-    error aimed at is so many `times` the one allowed.
+    error aimed at is so many `times` the one allowed. A guess may have an infinite error, of which no mean is taken.
     """
     progress = control.progress
+    if not error < np.inf:
+        spend(error, progress)
+        return
     since = progress[TIME] - progress[LOOKED]
     rate = error / (h**order * since)
     part = min(1.0, since / min(MEMORY * control.t_end, RECENT * h))

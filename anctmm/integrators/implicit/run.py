@@ -33,7 +33,7 @@ from anctmm.jit.compiling import kernel
 from anctmm.jit.direct import Direct
 from anctmm.model.drives import table_of
 from anctmm.recursion.accelerations import by_blocks
-from anctmm.recursion.constrained import ask_anew, set_drives, take_anew
+from anctmm.recursion.constrained import ask_anew, begin_newton, set_drives, take_anew
 from anctmm.recursion.riccati import factorize
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
@@ -173,6 +173,8 @@ def balance(system: System, drives: Array, values: Array) -> None:
     damp_now(damping, state, tables, loads, values)
     add_connectors(loads.connectors, state.q, state.v, values, state.f)
     set_drives(factors.loops, drives, len(clamps.nodes))
+    # the multipliers that an iteration left which failed may be no numbers: nor is 0 times them
+    begin_newton(factors.loops)
     factorize(state.q, tables, links, 1.0, 0.0, loads, values, factors)
     ask_anew(factors, factors.loops, len(clamps.nodes), drives, state.q, state.v, state.w_before)
     by_blocks(state.q, state.f, tables, clamps, factors, state.w_before, state.w)
