@@ -76,7 +76,7 @@ INTERPRETED = {
     "of_reference": ["acting_against_dae", "random_scenes"],
     "recursion": ["constrained", "kept_motions", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["pictures", "whole_turns"],
-    "statics": ["damped_flutter", "held", "static_start"],
+    "statics": ["damped_flutter", "held", "load_work", "static_start"],
     "adaptive": ["free_turns", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 

@@ -45,7 +45,8 @@ Fractions = float | str | Sequence[float] | Array
 class Energy:
     """Energies at the output times, J, each (n,); NaN where a solver does not give one.
 
-    kinetic + strain + potential − work is constant in the exact motion.
+    kinetic + strain + potential − work is constant in the exact motion. Of equilibria it is the potential energy under
+    the whole loads of t = 0, and least, or at least stationary, where all of these act.
 
     Parameters
     ----------
@@ -72,7 +73,10 @@ class Energy:
 
     @property
     def balance(self) -> Array:
-        """Numerical error of the energy since t = 0, J, (n,): zero in the exact motion, positive if energy appeared."""
+        """Numerical error of the energy since t = 0, J, (n,): zero in the exact motion, positive if energy appeared.
+
+        Of equilibria it is no error: while the loads grow, energy is exchanged with what lets them grow.
+        """
         total = self.kinetic + self.strain + self.potential - self.work
         return total - total[:1]
 

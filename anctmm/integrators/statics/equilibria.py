@@ -18,6 +18,7 @@ from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.statics.arc_length import ArcPath, Point
 from anctmm.integrators.statics.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.statics.load_path import MANY, LoadPath
+from anctmm.integrators.statics.load_work import with_work
 from anctmm.integrators.statics.stable_branch import downhill, settled, stable_path
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
@@ -88,7 +89,8 @@ def solve_static(
     -------
     Solution
         `t` has the load factors from 0 to 1; the last output is the equilibrium under the full load. `stable` says for
-        each whether it is stable.
+        each whether it is stable. `energy.potential` and `energy.work` are those of the whole loads, whatever part of
+        them acts; `work` is NaN where forces turn with their place or connectors have laws.
 
     Notes
     -----
@@ -161,6 +163,7 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
     if doubt is not None:
         status = doubt if status.ok else replace(status, message=f"{status.message}; {doubt.message}")
     found = record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
+    found = with_work(found, search.system, record.q)
     return _whole(replace(found, stable=np.array(stable)[: len(found.t)]))
 
 
@@ -253,6 +256,7 @@ def _along_path(search: LoadPath, first: float) -> Solution:
     found = record.solution(
         len(t), _with_notes(status, notes), len(t) - 1, arc.iterations, arc.iterations, t=t
     )
+    found = with_work(found, search.system, record.q)
     return _whole(replace(found, stable=stable[: len(found.t)]))
 
 
