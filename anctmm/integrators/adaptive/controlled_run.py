@@ -63,6 +63,7 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.integrators.singular_positions import advice_at
 from anctmm.integrators.turn_count import begin_count
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.direct import Direct
@@ -462,6 +463,8 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float)
             f"tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m is {asked:.2g} m, and positions are "
             f"rounded to {known:.2g} m: a larger tolerance is needed"
         )
+    elif (singular := advice_at(chain, state.q, t)) is not None:
+        advice = singular
     else:
         bends = any(beam.name not in chain.rigid for beam in chain.parts.beams)
         advice = "a load that does not jump may help" + (", or a finer mesh" if bends else "")

@@ -19,6 +19,7 @@ from anctmm.integrators.output import (
     gradient_size,
     worst_element,
 )
+from anctmm.integrators.singular_positions import advice_at
 from anctmm.jit.compiling import uncompiled
 from anctmm.recursion.low_rank import correct, factor_border
 from anctmm.recursion.riccati import (
@@ -48,10 +49,12 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> 
             f"Newton's iteration failed at t = {t:.6g} s (step {step}), with corrections {in_short(newton.history)} "
             f"and residuals {in_short(residuals)} N"
         )
+    advice = advice_at(chain, state.q_before, t) or (
+        f"a smaller dt than {chain.run.dt:g} s or a finer mesh may help"
+    )
     return Status(
         "diverged",
-        f"{what}, worst in {part(body, element)}; a smaller dt than {chain.run.dt:g} s or a finer mesh "
-        f"may help",
+        f"{what}, worst in {part(body, element)}; {advice}",
         time=t,
         step=step,
         body=body,
