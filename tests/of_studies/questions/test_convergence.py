@@ -10,7 +10,7 @@ from studies.cases import find_case, find_cases
 from studies.cli import app
 from studies.convergence.study import run
 from studies.engine.runner import Runner
-from studies.engine.study import Options, StudyError
+from studies.engine.study import Options, StudyError, without_motion
 from studies.single_run.study import run_case
 
 
@@ -214,3 +214,14 @@ def test_a_mesh_of_first_order_is_told_what_makes_it_so(stretch):
     case = at.Case(scene, ["left.end"], t_end=None)
     result = studied([case], quick=True, error=1.0, meshes=((4,), (8,), (16,)))
     assert ('stretch="free" in them removes it' in result.findings[0]) == (stretch == "held")
+
+
+def test_an_integrator_does_nothing_for_the_cases_that_rest():
+    cases = [find_case(PORTAL_FRAME, name) for name in ("portal-frame", "portal-frame-at-rest")]
+    said = [
+        "portal-frame-at-rest: --integrator chooses the steps of motions, and it is a static equilibrium."
+    ]
+    assert without_motion(cases, Options(integrator="esdirk")) == said
+    assert without_motion(cases, Options()) == []
+    with pytest.raises(StudyError, match="portal-frame-at-rest is a static equilibrium: leave it out"):
+        without_motion(cases[1:], Options(integrator="esdirk"))
