@@ -26,7 +26,9 @@ class Direct:
     """
 
     def __init__(self, kernel: Deferred) -> None:
-        self._kernel, self._types, self._entry = kernel, (), None
+        self._kernel = kernel
+        self._types: tuple[Any, ...] = ()
+        self._entry: Any = None
 
     def __call__(self, *arguments: Any) -> Any:
         """Call from Python.
