@@ -203,14 +203,14 @@ class Chain:
     @cached_property
     def split(self) -> bool:
         """Whether x and y, and a third vector and the rest, do not mix in the mass, except by a few guides or kept
-        unknowns: no weld at an angle elsewhere, and no quintic cable.
+        unknowns: no weld at an angle elsewhere, and no quintic cable. Of kept places there may be any number.
         """
         if self.released or self.bodies.coupled:
             return False
         turn = self.turn[[not isinstance(step.to, Kept) for step in self.plan.steps]]
         straight = (turn[:, 1] == 0.0).all() and (turn[:, 0] > 0.0).all()
-        few = self.kept.few if self.plan.kept else len(self.guided) <= FEW_GUIDES
-        return bool(straight and few)
+        few = len(self.guided) <= FEW_GUIDES
+        return bool(straight and (self.kept.few or self.kept.pinned if self.plan.kept else few))
 
     @shared
     def guided(self) -> list[Guided]:

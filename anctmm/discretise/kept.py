@@ -117,6 +117,13 @@ class KeptUnknowns:
         left = len(self.constraints.names) - still
         return max(self.size + lines - still, left) <= FEW and self.chain.bodies.nodes <= NODES
 
+    @cached_property
+    def pinned(self) -> bool:
+        """Whether these are places alone, free of constraints and lines: those of pinned beams."""
+        vertices = self.chain.plan.kept
+        places = all(v.body is None and not v.held and not v.welded for v in vertices)
+        return places and not self.constraints.names and not self.chain.guided
+
     @property
     def size(self) -> int:
         """Number of kept coordinates."""

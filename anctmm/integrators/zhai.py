@@ -236,7 +236,8 @@ def _mass_parts(chain: Chain, factors: BlockFactors) -> list[Task]:
 
 def _few_parts(chain: Chain, drives: Array) -> list[Task]:
     """What keeps constraints between few kept unknowns."""
-    kept, q = split_factors(chain).kept if chain.plan.kept else None, chain.bodies.reference()
+    few = bool(chain.plan.kept) and not chain.kept.pinned
+    kept, q = split_factors(chain).kept if few else None, chain.bodies.reference()
     return (
         [] if kept is None or kept.rows is None else [Task(constrain_few, (kept, kept.rows, 0, drives, q, q))]
     )

@@ -1,6 +1,7 @@
 """Accelerations of a scene: elastic forces, a forward and a backward Riccati sweep with the mass factored once.
 
-`by_scalars` is the fast form, for trees without angled welds and few kept unknowns; `by_blocks` serves any scene.
+`by_scalars` is the fast form, for trees without angled welds, loops of pinned beams and few kept unknowns; `by_blocks`
+serves any scene.
 """
 
 import numpy as np
@@ -12,6 +13,14 @@ from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, separate
 from anctmm.recursion.kept_motions import add_kept, find_kept
+from anctmm.recursion.kept_places import (
+    clear_places,
+    enter_body,
+    find_places,
+    leave_body,
+    pass_start,
+    take_start,
+)
 from anctmm.recursion.lines import add_guide_forces, keep_on_lines
 from anctmm.recursion.riccati import BlockFactors, sweep
 
@@ -36,6 +45,7 @@ def by_scalars(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def
     lines, kept = factors.lines, factors.kept
     _forward(tables, clamps, factors, q, f, a)
     find_kept(kept, a)
+    find_places(factors.places)
     add_guide_forces(lines, clamps.of, clamps.motion, a)
     _backward(tables, clamps, factors, a)
     add_kept(kept, clamps.of, clamps.reaction, a)
@@ -50,11 +60,12 @@ def _forward(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
     product stands between a node and the next.
     """
     first, formulations, kinds, constants, masses, buffer = tables
-    of, motion, L = clamps.of, clamps.motion, factors.L
+    of, motion, L, kept = clamps.of, clamps.motion, factors.L, factors.places
     director = q.shape[0] == 6
     at, to, take, _, waiting, _ = factors.branches
     place = 0
-    rx = ry = gx = gy = dx = dy = 0.0
+    rx = ry = gx = gy = dx = dy = sx = sy = 0.0
+    clear_places(kept)
     for b in range(len(kinds)):
         orx = ory = ogx = ogy = odx = ody = 0.0  # of the element before on its node O
         last = first[b + 1] - 1
@@ -80,6 +91,7 @@ def _forward(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
                 tgx, tgy = f[2, i] - (buffer[2 * BLOCK + j] + ogx), f[3, i] - (buffer[3 * BLOCK + j] + ogy)
                 rr, rg, gr, gg = L[0, i], L[1, i], L[2, i], L[3, i]
                 a[0, i], a[1, i], a[2, i], a[3, i] = trx + rx, try_ + ry, tgx + gx, tgy + gy
+                sx, sy = pass_start(kept, i, a, sx, sy)
                 rx, gx = (
                     -(rr * trx + rg * tgx) - rr * rx - rg * gx,
                     -(gr * trx + gg * tgx) - gr * rx - gg * gx,
@@ -104,9 +116,11 @@ def _forward(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
         rx, ry = rx + f[0, last] - orx, ry + f[1, last] - ory
         gx, gy = gx + f[2, last] - ogx, gy + f[3, last] - ogy
         a[0, last], a[1, last], a[2, last], a[3, last] = rx, ry, gx, gy
+        sx, sy = pass_start(kept, last, a, sx, sy)
         rr, rg, gr, gg = L[0, last], L[1, last], L[2, last], L[3, last]
         rx, gx = -(rr * rx + rg * gx), -(gr * rx + gg * gx)
         ry, gy = -(rr * ry + rg * gy), -(gr * ry + gg * gy)
+        rx, ry, sx, sy = leave_body(kept, b, rx, ry, sx, sy)
         if director:
             dx, dy = dx + f[4, last] - odx, dy + f[5, last] - ody
             a[4, last], a[5, last] = dx, dy
@@ -137,11 +151,11 @@ def _backward(tables, clamps, factors, a):  # type: ignore[no-untyped-def]
     """Backward sweep: the loads in a become accelerations."""
     first, _, kinds, _, masses, _ = tables
     of, motion, reaction = clamps.of, clamps.motion, clamps.reaction
-    L, G, D = factors.L, factors.G, factors.D
+    L, G, D, kept = factors.L, factors.G, factors.D, factors.places
     director = a.shape[0] == 6
     at, _, _, node, _, _ = factors.branches
     place = len(at) - 1
-    rx = ry = gx = gy = dx = dy = 0.0
+    rx = ry = gx = gy = dx = dy = sx = sy = 0.0
     for b in range(len(kinds) - 1, -1, -1):
         last = first[b + 1] - 1
         if at[place] == last + 1:
@@ -153,6 +167,7 @@ def _backward(tables, clamps, factors, a):  # type: ignore[no-untyped-def]
             place -= 1
         if at[place] == last and last > first[b]:
             place -= 1
+        rx, ry, sx, sy = enter_body(kept, b, rx, ry, sx, sy)
         for i in range(last, first[b] - 1, -1):
             if i == last and of[1, b] >= 0:
                 _hold_last(i, motion, reaction, of[1, b], D, a)
@@ -166,11 +181,13 @@ def _backward(tables, clamps, factors, a):  # type: ignore[no-untyped-def]
                 if director:
                     dx, dy = a[4, i], a[5, i]
                 continue
-            px, py, sx, sy = a[0, i], a[1, i], a[2, i], a[3, i]
+            px, py, qx, qy = a[0, i], a[1, i], a[2, i], a[3, i]
             rr, rg, gr, gg = L[0, i], L[1, i], L[2, i], L[3, i]
             A, B, C = G[0, i], G[1, i], G[2, i]
-            rx, gx = (A * px + B * sx) - gr * gx - rr * rx, (B * px + C * sx) - gg * gx - rg * rx
-            ry, gy = (A * py + B * sy) - gr * gy - rr * ry, (B * py + C * sy) - gg * gy - rg * ry
+            px, py, qx, qy = A * px + B * qx, A * py + B * qy, B * px + C * qx, B * py + C * qy
+            px, py, qx, qy = take_start(kept, i, sx, sy, px, py, qx, qy)
+            rx, gx = px - gr * gx - rr * rx, qx - gg * gx - rg * rx
+            ry, gy = py - gr * gy - rr * ry, qy - gg * gy - rg * ry
             a[0, i], a[1, i], a[2, i], a[3, i] = rx, ry, gx, gy
             if director:
                 dx = G[3, i] * a[4, i] - L[4, i] * dx

@@ -98,7 +98,7 @@ class KeptMotions(NamedTuple):
 
 
 def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
-    """Independent motions of the kept unknowns of a chain of scalar blocks; None where nothing is kept.
+    """Independent motions of the kept unknowns of a chain of scalar blocks; None without any, or where they are places.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def kept_motions(chain: Chain, L: Array) -> KeptMotions | None:
     L : ndarray, shape (5, nodes)
         Of the `SplitFactors` of the trees between what is kept.
     """
-    if not chain.plan.kept:
+    if not chain.plan.kept or chain.kept.pinned:
         return None
     return of_masses(chain, lambda: _motions(chain, L), what=kept_motions)
 

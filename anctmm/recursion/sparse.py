@@ -257,3 +257,20 @@ def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
         for p in range(below[j], below[j + 1]):
             y -= L[p] * x[below_row[p]]
         x[j] = y
+
+
+@shared
+def solve_pairs(matrix, x):  # type: ignore[no-untyped-def]
+    """The same of a matrix that x and y share, from loads in both directions, (n, 2), in place."""
+    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _ = matrix
+    for j in range(len(inverse)):
+        y, z = x[j, 0], x[j, 1]
+        for p in range(below[j], below[j + 1]):
+            x[below_row[p], 0] -= L[p] * y
+            x[below_row[p], 1] -= L[p] * z
+    for j in range(len(inverse) - 1, -1, -1):
+        y, z = x[j, 0] * inverse[j], x[j, 1] * inverse[j]
+        for p in range(below[j], below[j + 1]):
+            y -= L[p] * x[below_row[p], 0]
+            z -= L[p] * x[below_row[p], 1]
+        x[j, 0], x[j, 1] = y, z

@@ -1,8 +1,8 @@
 """The factored mass in scalar blocks: x and y share them, and r_y is separate.
 
-Any constant mass without a weld at an angle has this form; the contribution of few kept unknowns is separate,
-`kept_motions`. It is factored once for a whole run. Other matrices need the full blocks of `riccati`, which describes
-the recursion.
+Any constant mass without a weld at an angle has this form; the contribution of what is kept is separate: of places in
+`kept_places`, of few unknowns in `kept_motions`. It is factored once for a whole run. Other matrices need the full
+blocks of `riccati`, which describes the recursion.
 """
 
 from typing import NamedTuple
@@ -17,13 +17,14 @@ from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
 from anctmm.recursion.branches import Branches, branches
 from anctmm.recursion.kept_motions import KeptMotions, kept_motions
+from anctmm.recursion.kept_places import KeptPlaces, kept_places
 from anctmm.recursion.lines import Lines, lines
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-@writes("branches", "lines", "kept")
+@writes("branches", "lines", "kept", "places")
 @by_address
 class SplitFactors(NamedTuple):
     """Factored mass in scalar blocks.
@@ -39,6 +40,7 @@ class SplitFactors(NamedTuple):
     branches : Branches
     lines : Lines or None
     kept : KeptMotions or None
+    places : KeptPlaces or None
         None where there are none: then nothing of them is compiled.
     """
 
@@ -48,23 +50,30 @@ class SplitFactors(NamedTuple):
     branches: Branches
     lines: Lines | None
     kept: KeptMotions | None
+    places: KeptPlaces | None
 
 
 def split_factors(chain: Chain) -> SplitFactors:
-    """Factor the mass of a chain of scalar blocks (`Chain.split`), once for a whole run; what is kept is held there."""
+    """Factor the mass of a chain of scalar blocks (`Chain.split`), once for a whole run.
+
+    What is kept is held there, unless that are places alone (`kept_places`).
+    """
     n, bodies = chain.bodies.nodes, chain.bodies
-    L, G, D, places = np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain)
+    L, G, D, meeting = np.zeros((5, n)), np.zeros((4, n)), np.zeros((4, n)), branches(chain)
     masks = np.ones((3, n), dtype=bool)
     masks[: bodies.rows // 2] = (chain.prescribed | chain.held)[::2]
-    link = np.where([isinstance(step.to, Kept) for step in chain.plan.steps], BREAK, chain.link)
-    _factorize_split(bodies.first, bodies.masses, link, masks, L, G, D, places)
-    return SplitFactors(L, G, D, places, lines(chain, L, G), kept_motions(chain, L))
+    link = chain.link
+    if chain.plan.kept and not chain.kept.pinned:
+        link = np.where([isinstance(step.to, Kept) for step in chain.plan.steps], BREAK, link)
+    _factorize_split(bodies.first, bodies.masses, link, masks, L, G, D, meeting)
+    kept, places = kept_motions(chain, L), kept_places(chain, L, G, D)
+    return SplitFactors(L, G, D, meeting, lines(chain, L, G), kept, places)
 
 
 def no_split_factors(chain: Chain) -> SplitFactors:
     """What stands in their place where there are none."""
     L, G, D = np.zeros((3, 1, 1))
-    return SplitFactors(L, G, D, branches(chain), None, None)
+    return SplitFactors(L, G, D, branches(chain), None, None, None)
 
 
 @kernel

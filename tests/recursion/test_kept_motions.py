@@ -102,6 +102,7 @@ def in_blocks(monkeypatch, scene, **options):
     forget()
     with monkeypatch.context() as patch:
         patch.setattr(kept, "FEW", -1)
+        patch.setattr(kept.KeptUnknowns, "pinned", False)
         found = marched(scene, **options)
     forget()
     return found
@@ -234,7 +235,7 @@ def test_joints_do_not_part_in_a_million_steps():
     assert np.abs(s.position("follower", 1.0) - s.position("follower", 1.0)[0]).max() < 1e-12
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "ring"])  # which keeps a place alone
 def test_full_and_sparse_matrices_give_the_same_motions(name, monkeypatch):
     scene, options = SCENES[name]
     options = {key: value for key, value in options.items() if key != "scale"}
