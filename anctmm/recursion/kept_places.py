@@ -103,6 +103,7 @@ def _pattern(chain: Chain) -> tuple[Ints, Ints, Ints, Ints, Ints, Sparse]:
 def _factorize_places(
     first: Ints, masses: Array, L: Array, G: Array, D: Array, own: Ints, cross: Ints, kept: KeptPlaces
 ) -> None:
+    """Find K of all nodes and the matrix of the kept places, and factor this; parameters as of `_pattern`."""
     K, begin, end, origin, matrix, _ = kept
     values = matrix.values
     r = g = S = 0.0
@@ -123,9 +124,8 @@ def _factorize_places(
             values[own[end[b]]] += here + (m[0, 0] if first[b] == last else 0.0)
             if origin[b] >= 0:
                 values[own[origin[b]]] += S
-                values[cross[b]] += (
-                    r if origin[b] != end[b] else 2.0 * r
-                )  # its mirror image is the same entry
+                same = origin[b] == end[b]  # an entry and its mirror image are one
+                values[cross[b]] += (2.0 if same else 1.0) * r
             r = g = S = 0.0
     factorize_kept(matrix)
 
