@@ -56,8 +56,10 @@ class Connectors(NamedTuple):
         Measure in the reference; angles are counted from there.
     unit : ndarray, shape (n,)
         Size of a measure, m or rad.
-    now, memory : ndarray, shape (n, 3)
-        Force, measure and energy at the last evaluation, and at the last call of `connectors_work`.
+    now, memory : ndarray, shape (n, 6)
+        Force, measure and energy at the last evaluation, and at the last call of `connectors_work`; the gradient of the
+        measure by b, and the rate of the measure where the force depends on it. In `memory` the part of the force that
+        changes its sign with the rate stands in the place of the rate.
     v : ndarray, shape (rows, nodes)
         Scratch: velocities at the end of an implicit step, where connectors act.
     part : ndarray, shape (2,)
@@ -162,7 +164,7 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
         ],
         dtype=np.int64,
     )
-    memory = np.zeros((n, 3))
+    memory = np.zeros((n, 6))
     memory[:, 1] = np.where(kinds == SPRING, placed, 0.0)
     lossy = (laws != 0) | (numbers[:, 1] != 0.0)
     return Connectors(
@@ -289,16 +291,17 @@ def add_connectors(connectors, q, v, values, f):  # type: ignore[no-untyped-def]
         for n in range(len(connectors.kinds)):
             m, ax, ay, bx, by = measure(connectors, n, q)
             free, rate = free_measure(connectors, n, values)
-            x, rate = m - free, -rate
+            x, change = m - free, 0.0
             if connectors.lossy[n]:
                 ux, uy = rate_at(connectors.first, n, v)
                 wx, wy = rate_at(connectors.second, n, v)
-                rate += ax * ux + ay * uy + bx * wx + by * wy
-            force = force_of(connectors, n, x, rate, t)
+                change = ax * ux + ay * uy + bx * wx + by * wy
+            force = force_of(connectors, n, x, change - rate, t)
             push(connectors.first, n, -force * ax, -force * ay, f)
             push(connectors.second, n, -force * bx, -force * by, f)
             connectors.now[n, 0], connectors.now[n, 1] = force, m
             connectors.now[n, 2] = stored(connectors, n, x)
+            connectors.now[n, 3], connectors.now[n, 4], connectors.now[n, 5] = bx, by, change
 
 
 @merged
@@ -309,20 +312,31 @@ def add_connectors_at_end(connectors, q, values, f):  # type: ignore[no-untyped-
 
 
 @merged
-def connectors_work(connectors, moving):  # type: ignore[no-untyped-def]
+def connectors_work(connectors, moving, values):  # type: ignore[no-untyped-def]
     """Work of connectors since the last call that is not their energy, J; 0 unless `moving`.
 
-    What was evaluated last is accepted: forces by the trapezoidal rule, less what energy has grown.
+    What was evaluated last is accepted: forces by the trapezoidal rule, less what energy has grown. A spring whose
+    direction turns by more than a right angle in a step has passed its length 0 or a small one, which the change of its
+    length does not show: the mean of two forces that oppose the rate would be about 0. The part of the force that
+    changes its sign with the rate does work on the displacement then.
     """
     work = 0.0
     if connectors is not None:
-        now, memory = connectors.now, connectors.memory
+        now, memory, t = connectors.now, connectors.memory, time_of(values)
         for n in range(len(connectors.kinds)):
+            odd = 0.0
+            if connectors.lossy[n] and connectors.kinds[n] == SPRING:
+                free, rate = free_measure(connectors, n, values)
+                odd = 0.5 * (now[n, 0] - force_of(connectors, n, now[n, 1] - free, -now[n, 5] - rate, t))
+                turned = now[n, 3] * memory[n, 3] + now[n, 4] * memory[n, 4]
+                if moving and turned < 0.0:
+                    work += 0.5 * (1.0 - turned) * (memory[n, 5] * now[n, 1] - odd * memory[n, 1])
             if moving:
                 work -= 0.5 * (now[n, 0] + memory[n, 0]) * (now[n, 1] - memory[n, 1])
                 work += now[n, 2] - memory[n, 2]
-            for k in range(3):
+            for k in range(5):
                 memory[n, k] = now[n, k]
+            memory[n, 5] = odd
     return work
 
 

@@ -170,7 +170,7 @@ def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> N
 @embedded
 def loads_work(moving, q, loads, values):  # type: ignore[no-untyped-def]
     """Work of loads and connectors since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
-    work = connectors_work(loads.connectors, moving)
+    work = connectors_work(loads.connectors, moving, values)
     for n in range(len(loads.kinds)):
         fx, fy = load_at(loads, n, q, values[n, 0], values[n, 1])
         x, y = vector_at(loads.targets, n, q)

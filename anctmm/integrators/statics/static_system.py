@@ -124,7 +124,7 @@ class StaticSystem:
         """Count the turns of sections and of rotational springs from here on."""
         self.turning.follow(q)
         self._acting(q, factor)
-        connectors_work(self.loads.connectors, False)
+        connectors_work(self.loads.connectors, False, self.values_at(factor))
 
     def turns(self) -> Turns:
         """What is counted until now, for `accept_again`."""
