@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.discretise.methods import Esdirk, GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import unknown_kind
 from anctmm.model.connectors import Spring
@@ -230,7 +230,9 @@ def _advice(run: Discretisation) -> str:
             f"a smaller dt than {run.dt:g} s may help"
         )
     if run.tolerance is not None:
-        return f"the steps are too long for the motion; a tolerance below {run.tolerance:g} or a fixed dt may help"
+        other = "" if isinstance(run.method, Esdirk) else ", integrator='esdirk'"
+        smaller = f"a tolerance below {run.tolerance:g}{other} or a fixed dt"
+        return f"the steps are too long for the motion; {smaller} may help"
     smaller = f"a smaller dt than {run.dt:g} s may help"
     if isinstance(run.method, GeneralizedAlpha) and run.spectral_radius > DAMPED:
         return (
@@ -254,7 +256,7 @@ def _advice_on_dissipation(run: Discretisation) -> str:
         return _advice(run)
     taken = f"numerical dissipation (spectral_radius {run.spectral_radius:g}) removes what the steps do not resolve"
     if run.tolerance is not None:
-        return f"{taken}; a tolerance below {run.tolerance:g} or a larger spectral_radius may help"
+        return f"{taken}; a tolerance below {run.tolerance:g}, integrator='esdirk' or a larger spectral_radius may help"
     return f"{taken}; a smaller dt than {run.dt:g} s or a larger spectral_radius may help"
 
 
