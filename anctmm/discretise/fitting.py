@@ -1,5 +1,7 @@
 """Initial velocities corrected to satisfy the constraints of rigid bodies and guides: the nearest in kinetic energy."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import scipy
 from numpy.typing import NDArray
@@ -50,19 +52,27 @@ def constraint_rates(chain: Chain, v: Array) -> "tuple[scipy.sparse.csr_array, A
         signals += [1.0, 0.0] if drive.turns else [0.0]
         rates += [0.0, speed] if drive.turns else [speed]
     missed = np.zeros(len(found.names))
-    entries: list[tuple[float, int, int]] = []
-    index = np.append(homes[0] * chain.bodies.nodes + homes[1], -1)
     for row, i, j, signal, factor in found.terms:
-        entries += [
-            (factor * signals[signal] * x[b], row, int(index[a]))
-            for a, b in ((i, j), (j, i))
-            if index[a] >= 0
-        ]
         missed[row] += factor * signals[signal] * (x[i] * rate[j] + rate[i] * x[j])
         missed[row] += factor * rates[signal] * x[i] * x[j]
+    return constraint_matrix(chain, q, signals), missed
+
+
+def constraint_matrix(chain: Chain, q: Array, signals: Sequence[float]) -> "scipy.sparse.csr_array":
+    """J by all coordinates, at coordinates q, (rows, nodes), and signals of drives, of which the first is 1."""
+    kept, found = chain.kept, chain.kept.constraints
+    homes = kept.homes
+    x = np.append(q[homes[0], homes[1]], 1.0)
+    index = np.append(homes[0] * chain.bodies.nodes + homes[1], -1)
+    entries = [
+        (factor * signals[signal] * x[b], row, int(index[a]))
+        for row, i, j, signal, factor in found.terms
+        for a, b in ((i, j), (j, i))
+        if index[a] >= 0
+    ]
     values, rows, columns = np.array(entries).reshape(-1, 3).T
-    J = scipy.sparse.csr_array((values, (rows.astype(int), columns.astype(int))), shape=(len(missed), q.size))
-    return J, missed
+    shape = len(found.names), q.size
+    return scipy.sparse.csr_array((values, (rows.astype(int), columns.astype(int))), shape=shape)
 
 
 def mass_matrix(bodies: Bodies) -> "scipy.sparse.csc_array":

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import Bodies, Tables
 from anctmm.discretise.chain import Start
 from anctmm.discretise.junctions.as_written import as_written
-from anctmm.discretise.junctions.constraints import Drive
+from anctmm.discretise.junctions.constraints import Drive, drive_as_written
 from anctmm.discretise.mesh import varying_loads
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
@@ -21,7 +21,7 @@ from anctmm.jit.compiling import merged
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import free_name, name_of
 from anctmm.model.drives import tabulate
-from anctmm.model.joints import Clamp, drive_of
+from anctmm.model.joints import Clamp
 from anctmm.model.loads import tabulated
 from anctmm.model.places import End
 from anctmm.model.scene import Scene
@@ -93,8 +93,7 @@ class Actuation:
     @cached_property
     def drives(self) -> list[Drive]:
         """What turns them."""
-        known = [drive_of(as_written(self.scene, clamp)) for _, clamp in self.driven]
-        return [Drive(*drive[:2], True) for drive in known if drive is not None]
+        return [drive_as_written(self.scene, clamp) for _, clamp in self.driven]
 
     @cached_property
     def width(self) -> int:
@@ -124,11 +123,6 @@ class Actuation:
         if self.start is not None:
             count_turns(loads.connectors, *self.start)
         return loads
-
-    def clamp_table(self, t: Array) -> Array:
-        """Angle, rate and acceleration of each driven clamp at times `t`, (n, clamps, 3)."""
-        tables = [tabulate(drive.name, drive.history, t, 3) for drive in self.drives]
-        return np.stack(tables, axis=1) if tables else np.zeros((len(t), 0, 3))
 
     def load_table(self, t: Array) -> Array:
         """What acts at times `t`, (n, rows, 2).

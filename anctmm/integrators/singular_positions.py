@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.fitting import constraint_matrix
 from anctmm.discretise.junctions.as_written import body_as_written
 from anctmm.discretise.junctions.constraints import Constraints
+from anctmm.discretise.junctions.dependence import NONE
 from anctmm.model.drives import value_at
 
 Array = NDArray[np.float64]
 
 #: Constraints up to which they are looked at: the time grows with the cube of their number.
 MOST = 300
-#: Part of its value at the start below which the least singular value is that of a position near to a singular one,
-#: and that which counts as none.
-NEAR, NONE = 0.1, 1e-9
+#: Part of its value at the start below which the least singular value is that of a position near to a singular one.
+NEAR = 0.1
 #: Part of the largest component of a singular vector above which a constraint takes part.
 TAKES_PART = 0.2
 
@@ -73,16 +74,11 @@ def advice_at(chain: Chain, q: Array, t: float) -> str | None:
 
 def _jacobian(chain: Chain, q: Array, t: float) -> Array:
     """J of all constraints at coordinates q, dense, positions relative to the scene's length, rows of length 1."""
-    kept, found = chain.kept, chain.kept.constraints
-    x = np.append(q[tuple(kept.homes)], 1.0)
-    scale = np.append(np.where(kept.homes[0] < 2, chain.length, 1.0), 0.0)
-    signals = _signals(found, t)
-    J = np.zeros((len(found.names), len(x)))
-    for row, one, two, signal, factor in found.terms:
-        for a, b in ((one, two), (two, one)):
-            J[row, a] += factor * signals[signal] * scale[a] * x[b]
+    row, node = chain.kept.homes
+    J = constraint_matrix(chain, q, _signals(chain.kept.constraints, t)).toarray()
+    J = J[:, row * chain.bodies.nodes + node] * np.where(row < 2, chain.length, 1.0)
     size = np.linalg.norm(J, axis=1, keepdims=True)
-    return J[:, :-1] / np.where(size > 0.0, size, 1.0)
+    return np.asarray(J / np.where(size > 0.0, size, 1.0))
 
 
 def _signals(found: Constraints, t: float) -> Sequence[float]:

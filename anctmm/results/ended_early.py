@@ -11,7 +11,18 @@ from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 
 
-class Interrupted(KeyboardInterrupt):
+class _EndedEarly(BaseException):
+    """A run that ended early, with its history."""
+
+    def __init__(self, solution: Solution) -> None:
+        super().__init__(solution.status.message)
+        self.solution = solution
+
+    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
+        return type(self), (self.solution,)
+
+
+class Interrupted(_EndedEarly, KeyboardInterrupt):
     """A run that was stopped by Ctrl-C.
 
     Parameters
@@ -20,15 +31,8 @@ class Interrupted(KeyboardInterrupt):
         The history until then, with the status "interrupted".
     """
 
-    def __init__(self, solution: Solution) -> None:
-        super().__init__(solution.status.message)
-        self.solution = solution
 
-    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
-        return type(self), (self.solution,)
-
-
-class HistoryError(PropertyError):
+class HistoryError(_EndedEarly, PropertyError):
     """The history of a load or of a drive failed in the middle of a run.
 
     Parameters
@@ -36,13 +40,6 @@ class HistoryError(PropertyError):
     solution : Solution
         What was computed until then, with the status "failed".
     """
-
-    def __init__(self, solution: Solution) -> None:
-        super().__init__(solution.status.message)
-        self.solution = solution
-
-    def __reduce__(self) -> tuple[Any, ...]:  # copies are made of the solution, not of the message
-        return type(self), (self.solution,)
 
 
 def broken_off(reason: PropertyError, when: float) -> Status:

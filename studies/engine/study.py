@@ -1,6 +1,6 @@
 """The interface of studies, and the list of all studies."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -178,15 +178,10 @@ def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
         If no case has beams: then they do nothing at all.
     """
     given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
-    cases = tuple(cases)
-    none = [case.name for case in cases if not case.scene.beams] if given else []
-    if not none:
-        return []
     what = f"{' and '.join(given)} {'choose' if len(given) > 1 else 'chooses'} the elements of beams"
-    if len(none) == len(cases):
-        have = f"{', '.join(none)} {'have' if len(none) > 1 else 'has'} none"
-        raise StudyError(f"{what}; {have}: leave {'them' if len(given) > 1 else 'it'} out")
-    return [f"{name}: {what}, and it has none." for name in none]
+    cases, them = tuple(cases) if given else (), "them" if len(given) > 1 else "it"
+    none = [case.name for case in cases if not case.scene.beams]
+    return _in_vain(what, cases, none, ("has none", "have none"), them)
 
 
 def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
@@ -197,15 +192,19 @@ def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
     StudyError
         If no case moves: then it does nothing at all.
     """
-    cases = tuple(cases)
-    resting = [case.name for case in cases if case.static] if options.integrator is not None else []
-    if not resting:
-        return []
+    cases = tuple(cases) if options.integrator is not None else ()
     what = f"{TYPED['integrator']} chooses the steps of motions"
-    if len(resting) == len(cases):
-        are = "are static equilibria" if len(resting) > 1 else "is a static equilibrium"
-        raise StudyError(f"{what}; {', '.join(resting)} {are}: leave it out")
-    return [f"{name}: {what}, and it is a static equilibrium." for name in resting]
+    resting = [case.name for case in cases if case.static]
+    return _in_vain(what, cases, resting, ("is a static equilibrium", "are static equilibria"), "it")
+
+
+def _in_vain(
+    what: str, cases: Sequence[Case], names: list[str], why: tuple[str, str], them: str
+) -> list[str]:
+    """Sentences on the cases for which options do nothing, refused if these are all; why: of one, of several."""
+    if names and len(names) == len(cases):
+        raise StudyError(f"{what}; {', '.join(names)} {why[len(names) > 1]}: leave {them} out")
+    return [f"{name}: {what}, and it {why[0]}." for name in names]
 
 
 def of_case(options: Options, case: Case) -> Options:

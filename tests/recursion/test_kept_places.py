@@ -11,6 +11,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.kept_chains import forget
 from anctmm.forces.actuation import Actuation, turn_clamps
+from anctmm.forces.driving import drive_table
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import mass_factors
 from anctmm.recursion.split import split_factors
@@ -106,7 +107,7 @@ def test_accelerations_are_those_of_full_blocks_and_of_the_dense_matrix(name, el
     for how in (by_split, in_full_blocks):
         actuation = Actuation(chain.scene, chain.bodies)
         clamps = actuation.clamps()
-        turn_clamps(clamps, actuation.clamp_table(np.array([0.004]))[0])
+        turn_clamps(clamps, drive_table(chain, actuation, np.array([0.004]))[0])
         found.append((how(chain, q, f, clamps), clamps.reaction.copy()))
     (a, reaction), (exact, force) = found
     assert np.abs(a - exact).max() < 1e-11 * np.abs(exact).max()

@@ -24,6 +24,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.joined import Joined
 from anctmm.forces.actuation import Actuation, turn_clamps
+from anctmm.forces.driving import drive_table
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
 
@@ -44,7 +45,7 @@ class Problem:
 
     def turned(self):
         clamps = self.actuation.clamps()
-        turn_clamps(clamps, self.actuation.clamp_table(np.array([TIME]))[0])
+        turn_clamps(clamps, drive_table(self.chain, self.actuation, np.array([TIME]))[0])
         return clamps
 
     def acceleration_error(self):

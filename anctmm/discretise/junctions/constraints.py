@@ -411,9 +411,7 @@ class _Writer:
         return found
 
     def _drive(self, joint: Clamp | Weld | Slider | Prismatic) -> Drive:
-        found = drive_of(as_written(self.chain.parts, joint))
-        assert found is not None  # the caller has checked that it is driven
-        return Drive(found[0], found[1], not joint.on_line)
+        return drive_as_written(self.chain.parts, joint)
 
     def _parts(self, vector: Vector, scale: float) -> list[dict[tuple[int, int, int], float]]:
         """A vector's x and y as rows."""
@@ -428,6 +426,13 @@ def _clamp_of(end: End, junction: Junction) -> Clamp | None:
 def _passed(end: End) -> End:
     """An end as vertices name it: that of a point mass is its end 1."""
     return (end[0], 1) if end[1] == "center" else end
+
+
+def drive_as_written(scene: Scene, joint: Clamp | Weld | Slider | Prismatic) -> Drive:
+    """What drives a driven joint of a scene, of parts or not, named as the user wrote it."""
+    found = drive_of(as_written(scene, joint))
+    assert found is not None  # the caller has checked that it is driven
+    return Drive(found[0], found[1], not joint.on_line)
 
 
 def _vector(first: int) -> Vector:

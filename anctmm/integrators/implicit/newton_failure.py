@@ -13,6 +13,7 @@ from anctmm.discretise.joined import Joined
 from anctmm.discretise.methods import Coefficients
 from anctmm.forces.actuation import Actuation, DrivenClamps, turn_clamps
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
+from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
 from anctmm.integrators.implicit.system import ITERATIONS, Newton, State, new_damping
 from anctmm.integrators.output import (
@@ -84,7 +85,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     force, (elastic, inertia) = dead.copy(), np.zeros((2, *dead.shape))
     factors, damping = block_factors(chain), new_damping(chain)
     matrix = tables if damping is None else damping.stiff
-    turn_clamps(clamps, actuation.clamp_table(now)[0])
+    turn_clamps(clamps, drive_table(chain, actuation, now)[0])
     a = state.a
     q, w = _predicted(state, clamps, c)
     found: list[float] = []

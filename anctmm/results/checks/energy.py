@@ -139,7 +139,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     if not large.any():
         return
     explicit = run.explicit
-    vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
+    vibrates = _vibrates(scene, run)
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else _keeps_energy(run)
     damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
         c.damping > 0.0 or c.law is not None for c in scene.connectors
@@ -167,11 +167,14 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
 def _limit(solution: Solution) -> float:
     """Part of all energy that may have come from nowhere, or vanished, before anything else is asked."""
     run, scene = solution.run, solution.scene
-    if run is None or run.tolerance is None or scene.connectors or not _driven(scene):
-        return INACCURATE
-    if any(not kind_of(kind).rigid for _, kind in run.of(scene).values()):
+    if run is None or run.tolerance is None or not _driven(scene) or _vibrates(scene, run):
         return INACCURATE
     return min(INACCURATE, max(OF_TOLERANCE * run.tolerance, LEAST))
+
+
+def _vibrates(scene: Scene, run: Discretisation) -> bool:
+    """Whether a scene has anything but rigid bodies."""
+    return bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
 
 
 def _allowed(solution: Solution) -> float:

@@ -6,6 +6,7 @@ from numpy.testing import assert_allclose
 from samples import SQUARE, chain_of
 
 from anctmm.forces.actuation import Actuation
+from anctmm.forces.driving import drive_table
 from anctmm.integrators import generalized_alpha
 from anctmm.integrators.implicit import run as implicit_run
 from anctmm.integrators.implicit import system as implicit_system
@@ -42,7 +43,7 @@ def test_a_run_starts_with_mass_times_acceleration_equal_to_force(single, monkey
     monkeypatch.undo()
     actuation, system, now = Actuation(chain.scene, chain.bodies), new_system(chain), np.zeros(1)
     state = system.state
-    drives, values = actuation.clamp_table(now)[0], actuation.load_table(now)[0]
+    drives, values = drive_table(chain, actuation, now)[0], actuation.load_table(now)[0]
     balance(system, drives, values)
     assert len(found) == 1
     size = np.abs(state.w).max()
