@@ -123,9 +123,10 @@ def once_alike(chain: Chain, find: Callable[[], T], what: Any, kinds: tuple[Any,
 
 
 def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:
-    """What follows from structure, places and masses of a chain, found once for all chains alike in these.
+    """What follows from structure, places and masses of a chain, found twice at most for all chains alike in these.
 
-    So are scenes of another stiffness, or with other loads, and runs with other steps.
+    So are scenes of another stiffness, or with other loads, and runs with other steps. What copies it is made for the
+    second chain: scenes that all differ in their places or masses need no copies.
 
     Parameters
     ----------
@@ -146,10 +147,12 @@ def of_masses(chain: Chain, find: Callable[[], T], what: Any) -> T:
     others = tuple(body for body in chain.parts.bodies if not isinstance(body, Beam))
     key = bodies.masses.tobytes(), bodies.undeformed.tobytes(), others
     known = facts.setdefault(what, {})
-    if key not in known:
-        if len(known) >= MASSES:
+    if known.get(key) is None:
+        found = find()
+        if key not in known and len(known) >= MASSES:
             known.clear()
-        known[key] = Copies(find())
+        known[key] = Copies(found) if key in known else None
+        return found
     return known[key].new()  # type: ignore[no-any-return]
 
 

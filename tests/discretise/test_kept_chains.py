@@ -93,6 +93,24 @@ def test_a_scene_after_another_of_its_structure_gives_what_it_gives_alone(name, 
 
 
 @every_scene
+@pytest.mark.parametrize("run", RUNS)
+def test_scenes_that_differ_in_stiffness_alone_give_what_they_give_alone(name, run):
+    """What follows from places and masses is found for the first two of them, and copied for the others."""
+    scene = SCENES[name]
+
+    def stiffer(E):
+        bodies = [
+            replace(body, material=replace(body.material, E=E * body.material.E)) for body in scene.bodies
+        ]
+        return replace(scene, bodies=bodies)
+
+    kept_chains.forget()
+    after = [numbers(at.solve(stiffer(E), RUNS[run])) for E in (1.0, 1.1, 1.2, 1.3)][-1]
+    kept_chains.forget()
+    assert numbers(at.solve(stiffer(1.3), RUNS[run])) == after
+
+
+@every_scene
 @pytest.mark.parametrize(
     ("run", "system"), [("zhai", zhai._system), ("generalized-alpha", implicit_system.new_system)]
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
-from anctmm.forces.actuation import DrivenClamps, turn_clamps
+from anctmm.forces.actuation import DrivenClamps
 from anctmm.forces.connectors import TURN, count_turns
 from anctmm.forces.driving import drive_table
 from anctmm.integrators.implicit.system import Newton, System
@@ -27,7 +27,7 @@ from anctmm.results.whole_turns import WholeTurns
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Again = Callable[[Ints, System, Output], Callable[[int, Newton], int]]
-"""(steps of outputs, system, room) → (number of an output, Newton's iteration) → solves for its accelerations."""
+"""(steps of outputs, system, room) → (number of one of them, Newton's iteration) → solves for its accelerations."""
 
 #: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
 REFINED = 4
@@ -35,26 +35,42 @@ REFINED = 4
 OFF = 1e-3
 
 
-def balanced(system: System, drives: Array, solve: Callable[[Newton], int]) -> None:
-    """True accelerations of the present state; those of driven nodes are their drives'.
+def balanced(
+    system: System,
+    series: Array,
+    drives: Array,
+    solve: Callable[[int, Newton], int],
+    turned: Array | None = None,
+) -> None:
+    """True accelerations of states; those of driven nodes are their drives'.
 
     Parameters
     ----------
     system : System
-        Of its state w and a are written, and at driven nodes q and v.
-    drives : ndarray, shape (drives, 3)
+        Its state becomes the last one.
+    series : ndarray, shape (3, n, rows, nodes)
+        q, v and w of each state: w is written, and at driven nodes q and v.
+    drives : ndarray, shape (n, drives, 3)
         Values, rates and accelerations.
     solve : callable
-        Takes a step with the coefficients `NO_STEP`. With factors in single precision the solution is refined.
+        Takes the k-th state's step with the coefficients `NO_STEP`, which turns the clamps. With factors in single
+        precision the solution is refined.
+    turned : ndarray, shape (n, nodes), optional
+        Angles of nodes, where connectors need whole turns.
     """
-    state, clamps, newton = system.state, system.clamps, system.newton
-    uncompiled(turn_clamps)(clamps, drives)
-    for field, motion in zip((state.q, state.v, state.w), clamps.motion, strict=True):
-        for h, held in enumerate(clamps.held):
-            field[:held, clamps.nodes[h]] = motion[h, :held]
-    newton.counts[2] = 1
-    for _ in range(REFINED if system.factors.L.dtype == np.float32 else 1):
-        solve(newton._replace(tolerance=np.inf))
+    state, newton, connectors = system.state, system.newton, system.loads.connectors
+    for node, held, motion in _motions(system.clamps, drives):
+        series[:, :, :held, node] = motion
+    loose = newton._replace(tolerance=np.inf)
+    repeats = REFINED if system.factors.L.dtype == np.float32 else 1
+    for k, (q, v, w) in enumerate(series.swapaxes(0, 1)):
+        state.q[:], state.v[:], state.w[:], state.a[:] = q, v, w, w
+        if turned is not None:
+            count_turns(connectors, state.q, turned[k])
+        newton.counts[2] = 1
+        for _ in range(repeats):
+            solve(k, loose)
+        w[:] = state.w
 
 
 def settle(chain: Chain, system: System, record: Record, kept: int, again: Again) -> None:
@@ -84,18 +100,14 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
         off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
     if not off.any():
         return
-    turned, steps = _turned(chain, system, record, kept), chain.run.output_steps[:kept]
-    solve, state, counts = again(steps[off], system, record.arrays()), system.state, system.newton.counts
-    before = counts.copy()
-    for k, n in enumerate(np.flatnonzero(off)):
-        state.q[:], state.v[:], state.w[:] = record.series[:, n]
-        state.a[:] = state.w
-        if turned is not None:
-            count_turns(system.loads.connectors, state.q, turned[n])
-        balanced(system, drives[n], lambda newton, k=k: solve(k, newton))  # type: ignore[misc]
-        if np.isfinite(state.w).all():
-            record.series[2, n] = state.w
-    counts[:] = before
+    found, at = record.series[:, :kept][:, off], np.flatnonzero(off)
+    turned = _turned(chain, system, record, kept)
+    before = system.newton.counts.copy()
+    solve = again(chain.run.output_steps[at], system, record.arrays())
+    balanced(system, found, drives[at], solve, None if turned is None else turned[at])
+    system.newton.counts[:] = before
+    finite = np.isfinite(found[2]).all(axis=(1, 2))
+    record.series[2, at[finite]] = found[2, finite]
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:
@@ -107,16 +119,30 @@ def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | 
     return turned_of_nodes(chain, WholeTurns(chain.scene, record.fields(kept), times))
 
 
+def _motions(clamps: DrivenClamps, drives: Array) -> Iterator[tuple[int, int, Array]]:
+    """Node of each driven clamp, the number of coordinates that it holds, and their q, v and w, (3, states, held).
+
+    The place is fixed; of a vector g in the reference they are e^iθ g, iθ' e^iθ g and (iθ'' − θ'²) e^iθ g.
+    """
+    for h, (node, held) in enumerate(zip(clamps.nodes.tolist(), clamps.held.tolist(), strict=True)):
+        angle, rate, second = drives[:, h].T
+        turn = np.exp(1j * angle)
+        motion = np.zeros((3, len(drives), held))
+        motion[0, :, :2] = clamps.reference[h, :2]
+        turns = np.array([turn, 1j * rate * turn, (1j * second - rate**2) * turn])
+        vectors = clamps.reference[h, 2:held].view(np.complex128)
+        motion[:, :, 2:] = np.multiply.outer(turns, vectors).view(np.float64)
+        yield node, held, motion
+
+
 def _of_clamps(
     shares: list[float], clamps: DrivenClamps, drives: Array, a: Array
 ) -> Iterator[tuple[Array, Array]]:
-    """Errors of accelerations at each driven clamp, (coordinates, outputs), and their sizes, as reactions have them."""
-    for h, (node, held) in enumerate(zip(clamps.nodes.tolist(), clamps.held.tolist(), strict=True)):
-        g = clamps.reference[h, 2:held:2] + 1j * clamps.reference[h, 3:held:2]
-        angle, rate, second = drives[:, h].T
-        exact = np.multiply.outer(g, (1j * second - rate**2) * np.exp(1j * angle))
-        found = a[:, 2:held:2, node] + 1j * a[:, 3:held:2, node]
-        yield shares[h] * np.abs(found.T - exact), np.abs(exact)
+    """Errors of accelerations at each driven clamp, (vectors, outputs), and their sizes, as reactions have them."""
+    for share, (node, held, motion) in zip(shares, _motions(clamps, drives), strict=True):
+        exact = motion[2, :, 2:].view(np.complex128).T
+        off = a[:, 2:held, node] - motion[2, :, 2:]
+        yield share * np.abs(off.view(np.complex128)).T, np.abs(exact)
 
 
 def _shares(chain: Chain) -> list[float]:

@@ -96,7 +96,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         return int(advance(*steps.arguments(begin, end, c, system._replace(newton=newton), out)))
 
     record.start()
-    start(chain, system, lambda first: one(-1, 0, NO_STEP, first))
+    start(chain, system, lambda _, newton: one(-1, 0, NO_STEP, newton))
 
     def so_far(kept: int, status: Status, taken: int) -> Solution:
         return record.solution(kept, status, taken, int(newton.counts[0]), int(newton.counts[1]))
@@ -147,7 +147,7 @@ def parts_of(system: System, c: Coefficients, out: Output, more: Sequence[Task])
     return Parts(shared)
 
 
-def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
+def start(chain: Chain, system: System, solve: Callable[[int, Newton], int]) -> None:
     """True accelerations at t = 0, from which a starts too; those of driven nodes are their drives'.
 
     Parameters
@@ -156,10 +156,10 @@ def start(chain: Chain, system: System, solve: Callable[[Newton], int]) -> None:
     system : System
         Of its state w and a are written, and at driven nodes q and v; what Newton's iteration counted is forgotten.
     solve : callable
-        Takes a step with the coefficients `NO_STEP`. With factors in single precision the solution is refined.
+        As of `balanced`.
     """
-    drives = drive_table(chain, once(chain, actuation_of), np.zeros(1), table_of)[0]
-    balanced(system, drives, solve)
+    state, drives = system.state, drive_table(chain, once(chain, actuation_of), np.zeros(1), table_of)
+    balanced(system, np.array([[state.q], [state.v], [state.w]]), drives, solve)
     system.newton.counts[:] = 0, 1, 1
 
 
