@@ -26,7 +26,7 @@ from anctmm.results.export.tables import to_dataset, to_frame
 from anctmm.results.export.vtk import to_vtk
 from anctmm.results.fields import Field, HermiteField, LagrangeField, MovingField, RigidField
 from anctmm.results.internal_forces.actions import tension_of
-from anctmm.results.internal_forces.reactions import reaction
+from anctmm.results.internal_forces.reactions import Reactions
 from anctmm.results.internal_forces.section_forces import section_force
 from anctmm.results.status import Status
 from anctmm.results.whole_turns import WholeTurns
@@ -158,6 +158,10 @@ class Solution:
         """Angles of sections since the undeformed scene."""
         return WholeTurns(self.scene, self.fields, self.t, self.static)
 
+    @cached_property
+    def _reactions(self) -> Reactions:
+        return Reactions(self)
+
     def position(self, place: Probe, fraction: Fractions | None = None) -> Array:
         """Positions of a material point, (n, 2), m; of k fractions (n, k, 2).
 
@@ -258,10 +262,10 @@ class Solution:
     def reaction(self, joint: JointKind) -> Array:
         """Force and moment of a joint on its first place, in fixed axes, (n, 3), N, N, N m.
 
-        For a driven clamp the moment is the torque of its drive. See
-        `anctmm.results.internal_forces.reactions.reaction`.
+        For a driven clamp the moment is the torque of its drive. Joints that hang together are solved at once: those
+        that follow cost nothing. See `anctmm.results.internal_forces.reactions.Reactions.of`.
         """
-        return reaction(self, cast(Joint, joint))
+        return self._reactions.of(cast(Joint, joint))
 
     def tension(self, connector: ConnectorKind) -> Array:
         """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,).
