@@ -8,7 +8,7 @@ from pathlib import Path
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
-from anctmm.model.scene import Scene
+from anctmm.model.scene import Force, Scene, Spring
 
 #: Bytes of a number, and of energies and time of an output.
 NUMBER, ENERGIES = 8, 64
@@ -27,6 +27,7 @@ def check_memory(
     pair: float = 0.0,
     outputs: int | None = None,
     kept_each: float = HISTORIES * NUMBER,
+    coupled: int = 0,
 ) -> None:
     """Refuse a run that takes more memory than is free.
 
@@ -40,6 +41,8 @@ def check_memory(
         States that are kept; those of the run without it.
     kept_each : float
         Bytes that are kept of each coordinate at an output.
+    coupled : int
+        Vectors of all coordinates that couplings of distant nodes take, and rows of a square matrix (`couplings_of`).
 
     Raises
     ------
@@ -51,7 +54,8 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    system, output = size * (each + pair * size), size * kept_each + ENERGIES
+    border = NUMBER * coupled * (size + coupled)
+    system, output = size * (each + pair * size) + border, size * kept_each + ENERGIES
     total = system + kept * output
     if total <= SMALL:
         return
@@ -59,7 +63,12 @@ def check_memory(
     if free is None or total <= free:
         return
     left = ADVISED * free - system
-    if left < 2 * output:
+    if border > 0.5 * total:
+        advice = (
+            f"connectors between bodies, and forces that follow their place, take {in_bytes(border)} of them; fewer "
+            f"are needed, or integrator='zhai', which takes no such room"
+        )
+    elif left < 2 * output:
         most = max(1, int(ADVISED * free * nodes / (system + 2 * output)))
         advice = f"a coarser mesh is needed, of about {most} nodes at most"
     elif outputs is None:
@@ -72,6 +81,13 @@ def check_memory(
         f"scene {scene.name!r} with {nodes} nodes and {kept} outputs takes about {in_bytes(total)} of memory, "
         f"{in_bytes(kept * output)} of them for the outputs, and {in_bytes(free)} are free; {advice}"
     )
+
+
+def couplings_of(scene: Scene) -> int:
+    """Couplings of distant nodes at most: two of a spring between bodies, one of another or of a follower force."""
+    apart = [c for c in scene.connectors if len(c.places) == 2]
+    followers = sum(isinstance(load, Force) and load.follower for load in scene.loads)
+    return sum(2 if isinstance(c, Spring) else 1 for c in apart) + followers
 
 
 def coordinates_of_node(run: Discretisation, scene: Scene) -> int:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.lacking import LACKING
-from anctmm.discretise.memory import check_memory
+from anctmm.discretise.memory import check_memory, couplings_of
 from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.errors import DiscretisationError
 from anctmm.integrators.output import Record, worst_element
@@ -119,7 +119,7 @@ def solve_static(
         )
     refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
     run = discretise(run, options)
-    check_memory(scene, run, MEMORY, outputs=(steps or 1) + 1)
+    check_memory(scene, run, MEMORY, outputs=(steps or 1) + 1, coupled=couplings_of(scene))
     chain = Chain(scene, run)
     check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)

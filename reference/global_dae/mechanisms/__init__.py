@@ -5,6 +5,7 @@ are dense for both settings of linear algebra: the code is written for verificat
 """
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
+from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.needs import needs
@@ -16,6 +17,9 @@ from reference.global_dae.mechanisms.layout import Layout
 from reference.global_dae.mechanisms.stability import check_step
 from reference.global_dae.mechanisms.static import equilibria
 from reference.global_dae.mechanisms.system import System
+
+#: Bytes that dense matrices take for each pair of coordinates, as measured.
+DENSE = 80.0
 
 
 def is_mechanism(scene: Scene, run: Discretisation) -> bool:
@@ -30,6 +34,7 @@ def is_mechanism(scene: Scene, run: Discretisation) -> bool:
 
 def motion(scene: Scene, run: Discretisation, solver: str) -> Solution:
     """Motion of a scene; errors as of `reference.global_dae.solve`."""
+    check_memory(scene, run, 0.0, DENSE)
     system = System(Layout(scene, run))
     match run.integrator:
         case "zhai":
@@ -49,4 +54,5 @@ def motion(scene: Scene, run: Discretisation, solver: str) -> Solution:
 
 def rest(scene: Scene, run: Discretisation, load_steps: int, solver: str) -> Solution:
     """Equilibria of a scene; errors as of `reference.global_dae.solve_static`."""
+    check_memory(scene, run, 0.0, DENSE, outputs=load_steps + 1)
     return equilibria(System(Layout(scene, run)), load_steps, solver)
