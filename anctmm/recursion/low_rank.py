@@ -121,7 +121,9 @@ def correct_step(border, found, q, w, c, scale, size):  # type: ignore[no-untype
 def negative_of(border: Border | None) -> int:
     """Negative eigenvalues that a symmetric border adds to those of the matrix without it (Haynsworth 1968).
 
-    In(A + U c Uᵀ) = In(A) + In(−c⁻¹ − Uᵀ Y) − In(−c⁻¹), counted with the sign that the block matrix gives.
+    In(A + U c Uᵀ) = In(A) + In(−c⁻¹ − Uᵀ Y) − In(−c⁻¹), counted with the sign that the block matrix gives. Both are
+    multiplied by |c|^½ from either side: a spring at rest may have a c across of mere rounding, and its c⁻¹ would hide
+    all others.
     """
     if border is None:
         return 0
@@ -131,5 +133,6 @@ def negative_of(border: Border | None) -> int:
     product = product[np.ix_(used, used)]
     if not np.isfinite(product).all():
         return 0  # singular without the border: solutions with it are not finite either, which is found there
-    after = np.linalg.eigvalsh(0.5 * (product + product.T) + np.diag(1.0 / border.c[used]))
-    return int((after > 0.0).sum()) - int((border.c[used] > 0.0).sum())
+    signs, roots = np.sign(border.c[used]), np.sqrt(np.abs(border.c[used]))
+    after = np.linalg.eigvalsh(0.5 * np.outer(roots, roots) * (product + product.T) + np.diag(signs))
+    return int((after > 0.0).sum()) - int((signs > 0.0).sum())

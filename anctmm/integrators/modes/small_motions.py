@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables
 from anctmm.discretise.joined import Joined
+from anctmm.errors import SolverError
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.damping import Damping
-from anctmm.integrators.statics.equilibrium_stability import least_shift
+from anctmm.integrators.statics.equilibrium_stability import largest_square, least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ NOISE, FIRST_SHIFT = 10.0, 1e4
 #: The same in units of the stiffness of connectors between distant nodes: of their low-rank matrix digits are lost
 #: where the shift alone holds the rest of the scene.
 NOISE_APART, SHIFT_APART = 1e-12, 1e-6
+#: A shift in units of the largest square that no stiffness asks for.
+BEYOND = 1e12
 
 
 class SmallMotions:
@@ -48,7 +51,9 @@ class SmallMotions:
         self.unstressed = unstressed and spin == 0.0
         self.join = Joined(system.chain)
         self.damping = Damping(system, q, factor)
-        self._noise, self._first_shift = _roundings(system, Connected(system.chain).bounds()[0])
+        apart = Connected(system.chain).bounds()[0]
+        self._noise, self._first_shift = _roundings(system, apart)
+        self._largest = largest_square(system) + apart
         #: A shift that is large enough to keep motions that need no force apart from others, 1/s².
         self.enough = np.inf
         self.damped = self.damping.there or spin != 0.0
@@ -107,10 +112,21 @@ class SmallMotions:
         return self.factorize(-(self.spin**2))
 
     def definite(self) -> float:
-        """A small shift with which K_T + shift · M is positive definite: a free body has K_T singular."""
+        """A small shift with which K_T + shift · M is positive definite: a free body has K_T singular.
+
+        Raises
+        ------
+        SolverError
+            If there is none.
+        """
         shift = self.first_shift
         while self.factorize(shift) > 0:
             shift *= 4.0
+            if not shift < BEYOND * self._largest:
+                raise SolverError(
+                    f"the stiffness of scene {self.system.chain.scene.name!r} has no digit that can be trusted: no "
+                    f"multiple of the mass makes it positive; bodies or springs of more similar stiffness are needed"
+                )
         return shift
 
     def solve(self, force: Array) -> Array:
