@@ -42,7 +42,7 @@ def check_memory(
     kept_each : float
         Bytes that are kept of each coordinate at an output.
     coupled : int
-        Vectors of all coordinates that couplings of distant nodes take, and rows of a square matrix (`couplings_of`).
+        Rows of two square matrices, for couplings of distant nodes (`couplings_of`).
 
     Raises
     ------
@@ -54,7 +54,7 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    border = NUMBER * coupled * (size + coupled)
+    border = 2 * NUMBER * coupled**2
     system, output = size * (each + pair * size) + border, size * kept_each + ENERGIES
     total = system + kept * output
     if total <= SMALL:

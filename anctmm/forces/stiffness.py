@@ -38,6 +38,9 @@ from anctmm.model.scene import Scene
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+#: Terms c u vᵀ up to which all A⁻¹ u are kept: with more, another sweep takes less than the sum of them.
+FEW = 16
+
 
 @writes("blocks")
 @by_address
@@ -62,7 +65,7 @@ class Local(NamedTuple):
     of_connector: Ints
 
 
-@writes("left", "right", "c", "Y", "S", "order", "z", "load")
+@writes("left", "right", "c", "Y", "product", "S", "order", "z", "load")
 @by_address
 class Border(NamedTuple):
     """Σ c u vᵀ, for kernels.
@@ -83,7 +86,9 @@ class Border(NamedTuple):
     split : ndarray of int, shape (m,)
         First of the terms that belong to the second vector.
     Y : ndarray, shape (m, rows, nodes)
-        A⁻¹ u.
+        A⁻¹ u; of more than `FEW` room for one solution alone.
+    product : ndarray, shape (m, m)
+        vᵀ A⁻¹ u.
     S : ndarray, shape (m, m)
         1 + c vᵀ A⁻¹ u, factored.
     order : ndarray of int, shape (m,)
@@ -106,6 +111,7 @@ class Border(NamedTuple):
     direction: Ints
     split: Ints
     Y: Array
+    product: Array
     S: Array
     order: Ints
     z: Array
@@ -179,7 +185,8 @@ def _border(columns: Sequence[Column], bodies: Bodies) -> Border | None:
         of_connector,
         direction,
         start[:-1] + np.array([len(column.first.terms) for column in columns], dtype=np.int64),
-        np.zeros((m, bodies.rows, bodies.nodes)),
+        np.zeros((m if m <= FEW else 1, bodies.rows, bodies.nodes)),
+        np.zeros((m, m)),
         np.zeros((m, m)),
         np.zeros(m, dtype=np.int64),
         np.zeros(m),

@@ -2,9 +2,10 @@
 
 With U and V the columns u and v, Y = A⁻¹ U by one sweep each, and S = 1 + c Vᵀ Y,
 
-    (A + U c Vᵀ)⁻¹ b = x − Y S⁻¹ c Vᵀ x,    x = A⁻¹ b.
+    (A + U c Vᵀ)⁻¹ b = x − Y z = x − A⁻¹ U z,    x = A⁻¹ b,    z = S⁻¹ c Vᵀ x.
 
-Couplings of distant nodes have this form (`anctmm.forces.stiffness.Border`).
+Where the columns are few, Y is kept; with more of them the last form takes less, a sweep for each solution. Couplings
+of distant nodes have this form (`anctmm.forces.stiffness.Border`).
 """
 
 import numpy as np
@@ -25,14 +26,23 @@ def factor_border(border, q, stiffness, loads, values, factors):  # type: ignore
         m = len(border.c)
         for j in range(m):
             border.load[:] = 0.0
-            for k in range(border.start[j], border.start[j + 1]):
-                border.load[border.row[k], border.node[k]] += border.left[k, 0]
-                border.load[border.row[k] + 1, border.node[k]] += border.left[k, 1]
-            sweep(factors, border.load, border.Y[j])
+            _add_column(border, j, 1.0)
+            Y = border.Y[j if len(border.Y) == m else 0]
+            sweep(factors, border.load, Y)
+            for i in range(m):
+                border.product[i, j] = _product(border, i, Y)
         for i in range(m):
             for j in range(m):
-                border.S[i, j] = border.c[i] * _product(border, i, border.Y[j]) + (1.0 if i == j else 0.0)
+                border.S[i, j] = border.c[i] * border.product[i, j] + (1.0 if i == j else 0.0)
         _factor(border.S, border.order)
+
+
+@embedded
+def _add_column(border, j, size):  # type: ignore[no-untyped-def]
+    """Add u of this size to the loads."""
+    for k in range(border.start[j], border.start[j + 1]):
+        border.load[border.row[k], border.node[k]] += size * border.left[k, 0]
+        border.load[border.row[k] + 1, border.node[k]] += size * border.left[k, 1]
 
 
 @embedded
@@ -47,7 +57,7 @@ def _product(border, j, x):  # type: ignore[no-untyped-def]
 
 @embedded
 def _factor(S, order):  # type: ignore[no-untyped-def]
-    """L U of S with exchanges of rows, in place; those of L are not exchanged, as `weights_of` takes them in turn."""
+    """L U of S with exchanges of whole rows, in place."""
     m = len(S)
     for k in range(m):
         best = k
@@ -56,12 +66,13 @@ def _factor(S, order):  # type: ignore[no-untyped-def]
                 best = i
         order[k] = best
         if best != k:
-            for j in range(k, m):
+            for j in range(m):
                 S[k, j], S[best, j] = S[best, j], S[k, j]
         for i in range(k + 1, m):
-            S[i, k] /= S[k, k]
+            factor = S[i, k] / S[k, k]
+            S[i, k] = factor
             for j in range(k + 1, m):
-                S[i, j] -= S[i, k] * S[k, j]
+                S[i, j] -= factor * S[k, j]
 
 
 @embedded
@@ -74,27 +85,49 @@ def weights_of(border, x):  # type: ignore[no-untyped-def]
         best = border.order[k]
         if best != k:
             z[k], z[best] = z[best], z[k]
-        for i in range(k + 1, m):
-            z[i] -= S[i, k] * z[k]
+    for k in range(m):
+        total = z[k]
+        for j in range(k):
+            total -= S[k, j] * z[j]
+        z[k] = total
     for k in range(m - 1, -1, -1):
+        total = z[k]
         for j in range(k + 1, m):
-            z[k] -= S[k, j] * z[j]
-        z[k] /= S[k, k]
-
-
-@merged
-def correct(border, x):  # type: ignore[no-untyped-def]
-    """Make x = A⁻¹ b, (rows, nodes), the solution with the whole matrix."""
-    if border is not None:
-        weights_of(border, x)
-        for j in range(len(border.c)):
-            for k in range(x.shape[0]):
-                for i in range(x.shape[1]):
-                    x[k, i] -= border.Y[j, k, i] * border.z[j]
+            total -= S[k, j] * z[j]
+        z[k] = total / S[k, k]
 
 
 @embedded
-def correct_step(border, found, q, w, c, scale, size):  # type: ignore[no-untyped-def]
+def _change(border, factors):  # type: ignore[no-untyped-def]
+    """Y z in `border.load`. With many columns nothing may be asked of constraints, and their unknowns are lost."""
+    load, Y, m = border.load, border.Y, len(border.c)
+    load[:] = 0.0
+    few = len(Y) == m
+    if not few:
+        for j in range(m):
+            _add_column(border, j, border.z[j])
+        sweep(factors, load, Y[0])
+        load[:] = 0.0
+    for j in range(len(Y)):
+        size = border.z[j] if few else 1.0
+        for k in range(load.shape[0]):
+            for i in range(load.shape[1]):
+                load[k, i] += Y[j, k, i] * size
+
+
+@merged
+def correct(border, x, factors):  # type: ignore[no-untyped-def]
+    """Make x = A⁻¹ b, (rows, nodes), the solution with the whole matrix; of constraints nothing may be asked."""
+    if border is not None:
+        weights_of(border, x)
+        _change(border, factors)
+        for k in range(x.shape[0]):
+            for i in range(x.shape[1]):
+                x[k, i] -= border.load[k, i]
+
+
+@embedded
+def correct_step(border, found, q, w, c, scale, size, factors):  # type: ignore[no-untyped-def]
     """Correct q and w, to which a solution without the border was added already, and that solution, (nodes, rows).
 
     Returns the largest component, as `newton` counts it.
@@ -102,16 +135,14 @@ def correct_step(border, found, q, w, c, scale, size):  # type: ignore[no-untype
     if border is None:
         return size
     weights_of(border, found.T)
-    for j in range(len(border.c)):
-        for k in range(q.shape[0]):
-            for i in range(q.shape[1]):
-                x = border.Y[j, k, i] * border.z[j]
-                found[i, k] -= x
-                q[k, i] -= c.to_q * x
-                w[k, i] -= c.to_w * x
+    _change(border, factors)
     largest, odd = 0.0, 0.0
     for i in range(q.shape[1]):
         for k in range(q.shape[0]):
+            x = border.load[k, i]
+            found[i, k] -= x
+            q[k, i] -= c.to_q * x
+            w[k, i] -= c.to_w * x
             x = found[i, k]
             largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
             odd += x - x  # 0 unless infinite or not a number
@@ -128,9 +159,7 @@ def negative_of(border: Border | None) -> int:
     if border is None:
         return 0
     used = np.flatnonzero(border.c)
-    x, y = border.Y[:, border.row, border.node], border.Y[:, border.row + 1, border.node]
-    product = np.add.reduceat(border.right[:, 0] * x + border.right[:, 1] * y, border.start[:-1], axis=1)
-    product = product[np.ix_(used, used)]
+    product = border.product[np.ix_(used, used)]
     if not np.isfinite(product).all():
         return 0  # singular without the border: solutions with it are not finite either, which is found there
     signs, roots = np.sign(border.c[used]), np.sqrt(np.abs(border.c[used]))

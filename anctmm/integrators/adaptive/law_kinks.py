@@ -334,7 +334,7 @@ def _push_apart(connectors, n, size, system, control):  # type: ignore[no-untype
     push(connectors.first, n, size * ax, size * ay, load)
     push(connectors.second, n, size * bx, size * by, load)
     sweep(system.factors, load, x)
-    correct(system.loads.border, x)
+    correct(system.loads.border, x, system.factors)
 
 
 @inlined

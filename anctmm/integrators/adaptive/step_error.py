@@ -28,7 +28,7 @@ def filtered_error(t, h, to_w, places, rows, curved, system, control):  # type: 
     _add_missed_loads(t, h, to_w, places, rows, system, control)
     _add_missed_lengths(system.loads.connectors, t, h, to_w, places, rows, system.state.q, control)
     sweep(system.factors, load, x)
-    correct(system.loads.border, x)
+    correct(system.loads.border, x, system.factors)
     turned, first, last = 0.0, rows[0], rows[len(rows) - 1]
     for n in range(angles.shape[1]):
         missing = control.reach[n] * missed_turn(curved, pieces, n, t, h, angles[first, n], angles[last, n])

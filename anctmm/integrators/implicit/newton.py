@@ -101,7 +101,7 @@ def iterate(
         _forward(q, w, f, tables, factors, factors.loops, arrived)
         take_correction(factors.loops)
         size = _backward(q, w, coefficients, scale, factors, factors.loops, arrived)
-        size = correct_step(loads.border, arrived, q, w, coefficients, scale, size)
+        size = correct_step(loads.border, arrived, q, w, coefficients, scale, size, factors)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf:

@@ -118,7 +118,7 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
             factorize(q, matrix, links(chain), c.to_w, 1.0, loads, values, factors)
             factor_border(loads.border, q, 1.0, loads, values, factors)
             x = solve(factors, residual)
-            correct(loads.border, x)
+            correct(loads.border, x, factors)
             q += x
             w += c.to_w * x
     return tuple(found)

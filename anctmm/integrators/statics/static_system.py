@@ -168,8 +168,19 @@ class StaticSystem:
         """Displacements under forces, with the matrix factored last; 0 for known components."""
         with np.errstate(all="ignore"):
             x = solve(self.factors, force)
-            correct(self.loads.border, x)
+            if self.loads.border is not None:
+                self._correct(x)
             return x
+
+    def _correct(self, x: Array) -> None:
+        """Make x the solution with the whole matrix; what is asked of constraints, and their unknowns, stay."""
+        kept = () if self.loops is None else (self.loops.load, self.loops.x)
+        before = [array.copy() for array in kept]
+        for array in kept:
+            array[:] = 0.0
+        correct(self.loads.border, x, self.factors)
+        for array, was in zip(kept, before, strict=True):
+            array[:] = was
 
     def correction(self, q: Array, factor: float) -> Array:
         """Newton's correction of coordinates q with the matrix factored last, constraints included."""

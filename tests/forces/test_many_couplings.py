@@ -1,0 +1,78 @@
+"""Many springs between bodies: solutions by another sweep instead of kept columns."""
+
+import numpy as np
+import pytest
+
+import anctmm as at
+from anctmm.discretise import kept_chains
+from anctmm.forces import stiffness
+
+pytestmark = pytest.mark.interpreted
+ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
+
+
+def swing():
+    """A beam, a plate on two cranks, a guided mass and a follower force, coupled by springs that damp and turn."""
+    beam = at.Beam("beam", (0.0, 0.0), (0.6, 0.0), ROD, RUBBER)
+    plate = at.RigidBody("plate", 0.4, 2e-3, (0.3, 0.4), points={"a": (0.2, 0.4), "b": (0.4, 0.4)})
+    cranks = [
+        at.RigidBody(f"crank{k}", 0.05, 2e-4, (x, 0.5), points={"top": (x, 0.6), "low": (x, 0.4)})
+        for k, x in enumerate((0.2, 0.4))
+    ]
+    bob = at.PointMass("bob", 0.2, (0.8, 0.2))
+    joints = [
+        at.Clamp("beam.start"),
+        *(at.Pin(f"crank{k}.top") for k in (0, 1)),
+        *(at.Pin(f"crank{k}.low", f"plate.{p}") for k, p in enumerate("ab")),
+        at.Slider("bob.center", direction=(0.2, 1.0)),
+    ]
+    springs = [
+        at.Spring(("beam", 0.5), "plate.a", stiffness=200.0, damping=0.5),
+        at.Spring("beam.end", "plate.b", stiffness=150.0),
+        at.Spring("beam.end", "bob.center", stiffness=300.0, length=0.2),
+        at.RotationalSpring("plate.center", "beam.end", stiffness=0.5, damping=0.01),
+    ]
+    pull = at.Force("beam.end", (0.0, 1.0), follower=True)
+    return at.Scene("swing", [beam, plate, *cranks, bob], joints, [pull], (0.0, -9.81), springs)
+
+
+def answers(run):
+    """The same by kept columns, and by sweeps."""
+    found = []
+    for few in (100, 0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(stiffness, "FEW", few)
+            kept_chains.forget()
+            found.append(run())
+    return found
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"dt": 2e-3},
+        {"dt": 2e-3, "integrator": "esdirk"},
+        {"tolerance": 1e-3},
+        {"tolerance": 1e-3, "integrator": "esdirk"},
+    ],
+    ids=str,
+)
+def test_motions_are_the_same(options):
+    one, two = answers(lambda: at.solve(swing(), mesh=2, t_end=0.03, output_dt=0.01, **options))
+    assert one.status.ok
+    assert two.status.ok
+    assert one.cost.newton_iterations == two.cost.newton_iterations
+    for place in ("beam.end", "plate.b", "bob.center"):
+        path = one.position(place)
+        assert np.abs(path - two.position(place)).max() < 1e-10
+        assert np.abs(path - path[0]).max() > 1e-3
+
+
+def test_equilibria_reactions_and_modes_are_the_same():
+    one, two = answers(lambda: at.solve_static(swing(), mesh=2))
+    assert one.status == two.status
+    assert np.abs(one.position("bob.center") - two.position("bob.center")).max() < 1e-9
+    joint = one.scene.joints[-1]
+    assert np.abs(one.reaction(joint) - two.reaction(joint)).max() < 1e-6 * np.abs(one.reaction(joint)).max()
+    one, two = answers(lambda: at.modes(swing(), mesh=2, count=6))
+    assert np.abs(one.frequencies / two.frequencies - 1.0).max() < 1e-8
