@@ -65,8 +65,7 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
         panels = figure.subplots(1, len(families), squeeze=False, sharey=True, sharex=True)[0]
         for axes, family in zip(panels, families, strict=True):
             mine = lines[lines["family"] == family]
-            title = ELEMENT_TITLES[family]
-            work_precision(axes, mine, title, bounded=False)
+            work_precision(axes, mine, _title(mine, family), bounded=False)
             front_line(axes, best["cpu_s"], best["error"])
         low, high = panels[0].get_ylim()
         known = sound["reference_error"]
@@ -86,6 +85,15 @@ def fronts(scene: str, sound: pd.DataFrame) -> Picture:
         "the reference's own uncertainty, below which an error says nothing. Point at a marker for its setting."
     )
     return picture(f"front_{file_name(scene)}", caption, draw, (7.6, 5.0))
+
+
+def _title(rows: pd.DataFrame, family: str) -> str:
+    """Of a panel: the element, where there are beams."""
+    return "No beams" if _beamless(rows) else ELEMENT_TITLES[family]
+
+
+def _beamless(rows: pd.DataFrame) -> bool:
+    return bool((rows["elements"] == NO_BEAMS).all())
 
 
 def _styled(sound: pd.DataFrame) -> pd.DataFrame:
@@ -148,9 +156,11 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
         panels = figure.subplots(len(families), 1, squeeze=False, sharex=True, height_ratios=tall)[:, 0]
         for axes, family in zip(panels, families, strict=True):
             _map(axes, rows[rows["family"] == family], steps, norm)
-            mine = rows[rows["family"] == family].iloc[0]
-            rule = "" if mine["quadrature"] in ("-", "full") else f", {mine['quadrature']}"
-            axes.set_title(f"{ELEMENT_TITLES[family]}{rule}")
+            mine = rows[rows["family"] == family]
+            rule = mine["quadrature"].iloc[0]
+            axes.set_title(
+                _title(mine, family) + ("" if rule in ("-", "full") or _beamless(mine) else f", {rule}")
+            )
         panels[-1].set_xlabel("time step (ms)")
         shades = mpl.cm.ScalarMappable(norm, COLOURS)
         bar = figure.colorbar(shades, ax=list(panels), fraction=0.05, pad=0.02)
@@ -158,11 +168,16 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
         bar.ax.minorticks_off()
         bar.outline.set_visible(False)  # type: ignore[operator]
 
-    caption = (
-        f"{scene}: error of implicit ANC–TMM (Newton to 1e-7) over mesh and step, and below it the CPU time in ms. "
-        "m: from the mesh (refine it), s: from the step (shorten it), =: from both. "
-        "Empty: not tried. The cheapest way to an error is where m meets s."
+    where = "the step" if _beamless(rows) else "mesh and step"
+    source = (
+        "m: from the mesh (refine it), s: from the step (shorten it), =: from both. Empty: not tried. The cheapest way "
+        "to an error is where m meets s."
     )
+    caption = (
+        f"{scene}: error of implicit ANC–TMM (Newton to 1e-7) over {where}, and below it the CPU time in ms."
+    )
+    if not _beamless(rows):
+        caption = f"{caption} {source}"
     return picture(f"mesh_step_{file_name(scene)}", caption, draw, (7.6, height))
 
 
@@ -184,7 +199,7 @@ def _map(axes: Axes, rows: pd.DataFrame, steps: list[float], norm: LogNorm) -> N
         axes.text(x, y - 0.16, f"{words} {sign}", ha="center", va="center", fontsize=7.5, color=ink)
         axes.text(x, y + 0.22, _ms(line["cpu_s"]), ha="center", va="center", fontsize=7, color=ink)
     axes.set_xticks(np.arange(len(steps)) + 0.5, [f"{1e3 * s:g}" for s in steps])
-    axes.set_yticks(np.arange(len(meshes)) + 0.5, meshes)
+    axes.set_yticks(np.arange(len(meshes)) + 0.5, ["" if mesh == NO_BEAMS else mesh for mesh in meshes])
     axes.set_ylabel("elements" if len(meshes) > 1 else "")
     axes.grid(False)
     axes.invert_yaxis()  # as a table: finer downwards, shorter to the right
