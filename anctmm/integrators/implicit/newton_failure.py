@@ -51,7 +51,7 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> 
             f"and residuals {in_short(residuals)} N"
         )
     advice = advice_at(chain, state.q_before, t) or (
-        f"a smaller dt than {chain.run.dt:g} s or a finer mesh may help"
+        f"a smaller dt than {chain.run.dt:g} s, steps controlled by `tolerance`, or another mesh may help"
     )
     return Status(
         "diverged",
