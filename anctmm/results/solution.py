@@ -265,7 +265,7 @@ class Solution:
         For a driven clamp the moment is the torque of its drive. Joints that hang together are solved at once: those
         that follow cost nothing. See `anctmm.results.internal_forces.reactions.Reactions.of`.
         """
-        return self._reactions.of(cast(Joint, joint))
+        return self._reactions.of(self, cast(Joint, joint))
 
     def tension(self, connector: ConnectorKind) -> Array:
         """Tension of a spring, N, or the moment of a rotational spring against its angle, N m, (n,).

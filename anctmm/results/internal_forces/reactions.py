@@ -5,8 +5,7 @@ The total force on an end of a flexible beam is known (`section_forces`); that o
 together, once for all of them (`reaction_equations`).
 """
 
-from collections.abc import Iterator
-from functools import cached_property
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,9 @@ Array = NDArray[np.float64]
 
 
 class Reactions:
-    """Reactions of the joints of a solution, those of joints that hang together found at once.
+    """Reactions of the joints of one solution, those of joints that hang together found at once.
+
+    It does not hold the solution, which holds it: its memory is free as soon as nobody needs it.
 
     Parameters
     ----------
@@ -30,15 +31,19 @@ class Reactions:
     """
 
     def __init__(self, solution: Any) -> None:
-        self.solution = solution
-        self._numbers = {id(joint): k for k, joint in enumerate(solution.scene.joints)}
+        joints = solution.scene.joints
+        self._numbers = {id(joint): k for k, joint in enumerate(joints)}
+        self._holders = [list(_holders(solution, joint)) for joint in joints]
+        self._together = _together(self._holders)
         self._found: dict[int, JointForces] = {}
 
-    def of(self, joint: Joint) -> Array:
+    def of(self, solution: Any, joint: Joint) -> Array:
         """What a joint exerts on its first place, (n, 3): N, N, N m, in fixed axes.
 
         Parameters
         ----------
+        solution : Solution
+            The same.
         joint : Pin, Weld, Clamp, Slider or Prismatic
             Of the scene.
 
@@ -55,11 +60,14 @@ class Reactions:
             If the solution does not have what reactions are found from, or the joints repeat each other among rigid
             bodies, so that equilibrium alone does not determine their forces.
         """
-        number = self._number(joint)
-        together = self._together[number]
-        if together[0] not in self._found:
-            self._found[together[0]] = joint_forces(self.solution, self._holders, together)
-        found = self._found[together[0]]
+        number = self._numbers.get(id(joint))
+        if number is None:
+            number = _equal(solution.scene, joint)
+        if number not in self._found:
+            together = self._together[number]
+            found = joint_forces(solution, self._holders, together)
+            self._found |= dict.fromkeys(together, found)
+        found = self._found[number]
         at = found.first[number]
         if found.unknown[:, at : at + 3].any():
             raise ResultError(
@@ -68,37 +76,29 @@ class Reactions:
             )
         return found.forces[:, at : at + 3].copy()
 
-    def _number(self, joint: Joint) -> int:
-        """Number of a joint of the scene: of this one, or else of one that is equal."""
-        scene = self.solution.scene
-        known = self._numbers.get(id(joint))
-        if known is not None:
-            return known
-        if joint not in scene.joints:
-            raise UnknownNameError(
-                f"joint {shown(joint)} is not in scene {scene.name!r}; one of `scene.joints` is needed, which has "
-                f"{len(scene.joints)}"
-            )
-        return scene.joints.index(joint)  # type: ignore[no-any-return]
 
-    @cached_property
-    def _holders(self) -> list[list[tuple[str, Any]]]:
-        """Of each joint the places of beams that bend, and whole rigid bodies, that it acts on."""
-        return [list(_holders(self.solution, joint)) for joint in self.solution.scene.joints]
+def _equal(scene: Any, joint: Joint) -> int:
+    """Number of the joint of a scene that is equal to one."""
+    if joint not in scene.joints:
+        raise UnknownNameError(
+            f"joint {shown(joint)} is not in scene {scene.name!r}; one of `scene.joints` is needed, which has "
+            f"{len(scene.joints)}"
+        )
+    return scene.joints.index(joint)  # type: ignore[no-any-return]
 
-    @cached_property
-    def _together(self) -> dict[int, list[int]]:
-        """Of each joint those that share a place or a rigid body with it, directly or through others."""
-        sets = Sets[tuple[str, Any]]()
-        for k, holders in enumerate(self._holders):
-            for holder in holders:
-                sets.unite(("joint", k), holder)
-        joints = [("joint", k) for k in range(len(self._holders))]
-        return {k: [k for _, k in group] for group in sets.among(joints) for _, k in group}
+
+def _together(holders: Sequence[Sequence[tuple[str, Any]]]) -> dict[int, list[int]]:
+    """Of each joint those that share a place or a rigid body with it, directly or through others."""
+    sets = Sets[tuple[str, Any]]()
+    for k, held in enumerate(holders):
+        for holder in held:
+            sets.unite(("joint", k), holder)
+    groups = sets.among([("joint", k) for k in range(len(holders))])
+    return {k: [n for _, n in group] for group in groups for _, k in group}
 
 
 def _holders(solution: Any, joint: Joint) -> Iterator[tuple[str, Any]]:
-    """The same of one joint."""
+    """Places of beams that bend, and whole rigid bodies, that a joint acts on."""
     for place in map(solution.scene.place, joint.ends):
         yield (place.body.name, "") if is_rigid(solution, place.body) else place.end
     if isinstance(joint, Guide) and joint.body is not None:
