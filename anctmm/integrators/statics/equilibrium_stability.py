@@ -28,6 +28,8 @@ ROUNDING, TRIALS = 4.0 * EPS, 4
 SINGULAR = 0.5
 #: Unknowns up to which all motions are looked at, and the lowest of more; real or imaginary part that is no rounding.
 DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
+#: Shifts that may pass by a zero pivot, of the square of the highest frequency; how far answers beside it may differ.
+BESIDE, SAME = 10.0 ** np.arange(-1, -14, -1.0), 1e-2
 #: Part of the largest below which a square is that of motions that repeat others; against division by zero.
 APART, TINY = 1e-12, 1e-300
 #: Softness, relative to the largest, below which no motion is looked at.
@@ -68,12 +70,13 @@ def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
     if _forceless(system, q, factor):
         return Stability("singular", 0, lowest_mode(system, q, factor)[1])
     motion, singular = _softest(system, q, factor)
-    negative = system.factorize(q, factor)
-    if singular:
-        return Stability("singular", negative, motion)
+    shift = _past_zero_pivot(system, q, factor) if singular else 0.0
+    if shift is None:
+        return Stability("singular", system.factorize(q, factor), motion)
     damping = Damping(system, q, factor)
+    negative = system.factorize(q, factor, shift)
     if not system.conservative or (damping.feeds and not negative):
-        return _by_motions(system, damping, motion)
+        return _by_motions(system, damping, motion, shift)
     return Stability("unstable" if negative else "stable", negative, motion)
 
 
@@ -101,15 +104,37 @@ def _forceless(system: StaticSystem, q: Array, factor: float) -> bool:
     return not (springs or element_bound(system.chain) > 0.0 or system.applied(q, factor).any())
 
 
-def _by_motions(system: StaticSystem, damping: Damping, motion: Array) -> Stability:
-    """Stability by small motions M ẍ + C ẋ + K x = 0, with the tangent K factored last.
+def _past_zero_pivot(system: StaticSystem, q: Array, factor: float) -> float | None:
+    """A shift, 1/s², with which the elimination passes a pivot that is zero by chance; None if K_T itself is singular.
+
+    Without exchange of rows a pivot may vanish though K_T is regular, as where a load of round numbers just balances
+    a spring. With K_T + μ M and K_T − μ M it does not. For a μ much smaller than all eigenvalues both
+    have nearly the same answer; the largest such μ leaves the least rounding. A motion that needs no force answers with
+    opposite signs.
+    """
+    force = system.inertia(_noise(system, np.random.default_rng(0)))
+    for shift in BESIDE * largest_square(system):
+        answers, negative = [], []
+        for sign in (1.0, -1.0):
+            negative.append(system.factorize(q, factor, sign * shift))
+            answers.append(system.solve(force))
+        sizes = [system.size(x) for x in (answers[0] - answers[1], *answers)]
+        alike = negative[0] == negative[1] or not system.conservative
+        if alike and np.isfinite(sizes).all() and sizes[0] <= SAME * max(sizes[1:]):
+            return float(shift)
+    return None
+
+
+def _by_motions(system: StaticSystem, damping: Damping, motion: Array, shift: float) -> Stability:
+    """Stability by small motions M ẍ + C ẋ + K x = 0, with K + shift · M factored last.
 
     So where forces have no potential, or feed motions. Without damping motions do not grow where the eigenvalues λ = ω²
     of K x = λ M x are positive: a negative one is a motion that leaves without swinging; a complex pair is two
     frequencies that have become one (flutter). With damping, which may make a scene flutter far earlier (Ziegler),
     the rates λ of the quadratic problem decide. Both begin at low frequencies: the lowest few are found.
     """
-    rates, shapes = _lowest_damped(system, damping) if damping.there else _lowest_undamped(system)
+    found = _lowest_damped(system, damping, shift) if damping.there else _lowest_undamped(system, shift)
+    rates, shapes = found
     grows = rates.real > COMPLEX * np.abs(rates)
     if not grows.any():
         return Stability("stable", 0, motion)
@@ -120,22 +145,21 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array) -> Stabil
     return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
 
 
-def _lowest_undamped(system: StaticSystem) -> tuple[Complex, Complex]:
+def _lowest_undamped(system: StaticSystem, shift: float) -> tuple[Complex, Complex]:
     """Rates √−λ of the lowest small motions without damping, one of each pair ±, and their unknowns."""
-    inverse, shapes = _softest_shapes(system, Joined(system.chain), LOWEST)
-    values = 1.0 / inverse
+    values, shapes = _softest_shapes(system, Joined(system.chain), LOWEST, shift)
     values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
     return np.sqrt(-values.astype(complex)), shapes
 
 
-def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Complex]:
+def _lowest_damped(system: StaticSystem, damping: Damping, shift: float) -> tuple[Complex, Complex]:
     """Rates of the lowest small motions, and their unknowns: λ z = A z with z = (x, λ x).
 
     In the space of the lowest motions without damping, x, and of what its forces displace, K⁻¹ C x: a Krylov space of A
     does not find them beside the many rates −1/τ that a strong Kelvin-Voigt damping gives.
     """
     joined = Joined(system.chain)
-    inverse, shapes = _softest_shapes(system, joined, LOWEST)
+    values, shapes = _softest_shapes(system, joined, LOWEST, shift)
 
     def damped(x: Array) -> Array:
         return joined.gather(damping.forces(joined.spread(x)))
@@ -143,8 +167,8 @@ def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Com
     def heavy(x: Array) -> Array:
         return joined.gather(system.inertia(joined.spread(x)))
 
-    # K x = M x / inverse
-    held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) / inverse
+    # K x = λ M x
+    held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) * values
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
     lost = np.stack([damped(one) for one in x.T], axis=1)
     x = np.concatenate(
@@ -164,8 +188,10 @@ def _lowest_damped(system: StaticSystem, damping: Damping) -> tuple[Complex, Com
     return rates.astype(complex), basis @ vectors[:n]
 
 
-def _softest_shapes(system: StaticSystem, joined: Joined, count: int) -> tuple[Complex, Complex]:
-    """Largest 1/λ of K x = λ M x, all of them if there are few, and x, with the tangent factored last."""
+def _softest_shapes(
+    system: StaticSystem, joined: Joined, count: int, shift: float
+) -> tuple[Complex, Complex]:
+    """Lowest λ of K x = λ M x, all of them if there are few, and x, with K + shift · M factored last."""
     n = joined.size
 
     def soften(x: Array) -> Array:
@@ -178,7 +204,7 @@ def _softest_shapes(system: StaticSystem, joined: Joined, count: int) -> tuple[C
         start = np.random.default_rng(0).standard_normal(n)
         inverse, shapes = scipy.sparse.linalg.eigs(operator, count, which="LM", v0=start)
     soft = np.abs(inverse) > STIFF * np.abs(inverse).max()  # the others are rounding, as of held directions
-    return inverse[soft].astype(complex), shapes[:, soft].astype(complex)
+    return 1.0 / inverse[soft].astype(complex) - shift, shapes[:, soft].astype(complex)
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
