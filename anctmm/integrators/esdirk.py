@@ -152,22 +152,17 @@ def advance(
     """From step `begin` to step `end`; the step in which Newton's iteration failed, or −1.
 
     The two tables hold the values of drives and of loads at the times of `stage_times`, row after row.
-    Step −1 finds the accelerations at t = 0, with the coefficients `NO_STEP`.
+    Step −1 finds the accelerations at t = 0.
     """
     steps, stride, h, table, _ = numbers
-    c = of_stages(numbers.coefficients, room.projected)
-    state, tables, _, factors, clamps, loads, newton, damping = system
+    state, tables, _, factors, clamps, loads, newton, _ = system
     q, v, w = state.q, state.v, state.w
-    flat_q, flat_v, _, flat_w, was, had = state.flat
+    flat_q, flat_v, _, _, _, _ = state.flat
     count, row = len(table.c), 0
     for step in range(begin, end):
         if step < 0:
-            copy(flat_q, was)
-            copy(flat_w, had)
             move_drives(factors, clamps, clamp_table[0])
-            solve_stage(2, system, c, load_table[0], newton.tolerance)
-            copy(flat_w, room.w[count - 1])
-            room.power[count - 1] = stage_power(state, tables, factors, clamps, loads, load_table[0], damping)
+            _balance(room, system, load_table[0])
             break
         count_turns(q, out.turns)
         if step % stride == 0 or step == steps:
@@ -181,24 +176,61 @@ def advance(
         copy(flat_v, room.v)
         copy(room.w[count - 1], room.w[0])
         room.power[0] = room.power[count - 1]
-        out.work[0] += h * table.A[count - 1, 0] * room.power[0]
-        solved = True
-        for i in range(1, count):
-            room.at[0] = i
-            begin_stage(i, h, c.h, table, room, state.flat)
-            move_drives(factors, clamps, clamp_table[row])
-            solved = solve_stage(2, system, c, load_table[row], newton.tolerance)
-            if not solved:
-                break
-            for k in range(len(flat_v)):
-                flat_v[k] += c.h * flat_w[k]
-            copy(flat_w, room.w[i])
-            room.power[i] = stage_power(state, tables, factors, clamps, loads, load_table[row], damping)
-            out.work[0] += h * table.A[count - 1, i] * room.power[i]
-            row += 1
+        solved = _find_stages(False, numbers, row, room, system, clamp_table, load_table)
+        again = not solved and room.projected is not None
+        if again:
+            copy(room.q, flat_q)
+            copy(room.v, flat_v)
+            solved = _find_stages(True, numbers, row, room, system, clamp_table, load_table)
+        row += count - 1
         if not end_step(solved, room, system, clamp_table[row - 1]):
             return step + 1
+        for i in range(count):
+            out.work[0] += h * table.A[count - 1, i] * room.power[i]
+        if again:  # w of such stages is not that of the end of the step
+            _balance(room, system, load_table[row - 1])
     return -1
+
+
+@shared
+def _find_stages(places, numbers, row, room, system, clamp_table, load_table):  # type: ignore[no-untyped-def]
+    """Find the stages of a step, with all constraints kept as positions if `places`; False if one is not found.
+
+    Near a singular position accelerations do not keep a linkage together: an error in a direction that it is about to
+    be free in grows as the inverse square of what holds it there. Positions, which bring less order, do.
+    """
+    h, table = numbers.h, numbers.stages
+    c = of_stages(numbers.coefficients, room.projected, places)
+    state, tables, _, factors, clamps, loads, newton, damping = system
+    _, flat_v, _, flat_w, _, _ = state.flat
+    for i in range(1, len(table.c)):
+        room.at[0] = i
+        begin_stage(i, h, c.h, table, room, state.flat)
+        move_drives(factors, clamps, clamp_table[row])
+        if not solve_stage(2, system, c, load_table[row], newton.tolerance):
+            return False
+        for k in range(len(flat_v)):
+            flat_v[k] += c.h * flat_w[k]
+        copy(flat_w, room.w[i])
+        room.power[i] = stage_power(state, tables, factors, clamps, loads, load_table[row], damping)
+        row += 1
+    return True
+
+
+@embedded
+def _balance(room, system, values):  # type: ignore[no-untyped-def]
+    """Accelerations and power of the present state, with which the next step begins: a step of no length finds them."""
+    state, tables, _, factors, clamps, loads, newton, damping = system
+    flat_q, _, _, flat_w, was, had = state.flat
+    c = Coefficients(0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 2.0)
+    last = len(room.w) - 1
+    copy(flat_q, was)
+    copy(flat_w, had)
+    newton.counts[2] = 1
+    solve_stage(2, system, c, values, newton.tolerance)
+    copy(flat_w, room.w[last])
+    room.power[last] = stage_power(state, tables, factors, clamps, loads, values, damping)
+    newton.counts[2] = 1
 
 
 @embedded

@@ -6,6 +6,11 @@ Kept as positions, they are of index 3, and the order falls to 2. What truncatio
 taken off at its end, by the nearest positions and velocities in the metric of Newton's matrix (Eich 1993, SIAM J.
 Numer. Anal. 30: coordinate projection keeps the order).
 
+Near a singular position, as where bars come to lie on one line, accelerations do not keep a linkage together. There
+g = ε φ + c φ² in a direction φ that J hardly holds: g̈ = 0 lets its rate grow as 1/ε², and Newton's iteration, whose
+matrix has J alone, diverges where ε̇ h is more than ε. Stages of such a step keep positions instead, which brings less
+order to this step; w at its end is then found as at t = 0.
+
 Constraints that are linear and constant, pins above all, stages keep as positions: that is the same for them, and
 nothing is to be projected.
 """
@@ -35,11 +40,11 @@ def projected(chain: Chain) -> Array | None:
 
 
 @embedded
-def of_stages(c, scratch):  # type: ignore[no-untyped-def]
-    """Coefficients with which a stage keeps the constraints of a scene."""
+def of_stages(c, scratch, places=False):  # type: ignore[no-untyped-def]
+    """Coefficients with which a stage keeps constraints: as accelerations, or, with `places`, all as positions."""
     if scratch is None:
         return c
-    return Coefficients(c.h, c.alpha_m, c.alpha_f, c.beta, c.gamma, c.to_w, c.to_q, 2.0)
+    return Coefficients(c.h, c.alpha_m, c.alpha_f, c.beta, c.gamma, c.to_w, c.to_q, 0.0 if places else 2.0)
 
 
 @embedded

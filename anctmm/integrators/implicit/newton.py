@@ -42,6 +42,8 @@ Array = NDArray[np.float64]
 SLOW = 0.5
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
+#: Growth of corrections over the smallest, and over what is no rounding, at which accelerations cannot be kept.
+GROWN, LEAST = 10.0, 1e-10
 #: Corrections in a step above which the matrix is renewed before the next one.
 MANY = 5
 
@@ -83,7 +85,8 @@ def iterate(
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
     scale, _, counts, history, expected = newton
-    last, stalls = 0.0, 0
+    last, stalls, least = 0.0, 0, np.inf
+    by_rates = coefficients.level * coefficients.to_q != 0.0
     history[:] = 0.0
     begin_newton(factors.loops)
     for iteration in range(ITERATIONS):
@@ -104,8 +107,9 @@ def iterate(
         size = correct_step(loads.border, arrived, q, w, coefficients, scale, size, factors)
         history[iteration] = size
         counts[0] += 1
-        if size == np.inf:
+        if size == np.inf or (by_rates and size > GROWN * max(least, LEAST)):
             break
+        least = min(least, size)
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else _expected(expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
