@@ -10,7 +10,7 @@ from anctmm.errors import DegenerateBodyError, PropertyError, UnknownKindError, 
 from anctmm.model.accepted import BodyKind, PairLike
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.sections import Section
-from anctmm.model.velocities import Point, size_of, slope_of
+from anctmm.model.velocities import PartVelocity, Point, size_of, slope_of
 from anctmm.validation import LONGEST, SHORTEST, answer_of, not_negative, positive, text, vector, within
 
 #: Error of a velocity's slope, of the velocity, from which on it has none.
@@ -181,6 +181,8 @@ class Beam(BodyKind):
         """
         if self.velocity is None:
             return (0.0, 0.0)
+        if isinstance(self.velocity, PartVelocity):
+            return self.velocity(fraction)
         name = f"beam {self.name!r} velocity"
         return vector(
             f"{name} at fraction {fraction!r} (m/s)",
@@ -199,8 +201,13 @@ class Beam(BodyKind):
             return (0.0, 0.0)
         slope, error = slope_of(self.velocity_at, fraction, self.speed)
         if not error <= UNSURE * max(self.speed, abs(slope[0]), abs(slope[1])):
+            beam, at = self.name, fraction
+            if isinstance(self.velocity, PartVelocity):
+                beam, at = self.velocity.beam.name, self.velocity.whole(fraction)
+                part = self.velocity.last - self.velocity.first
+                slope, error = (slope[0] / part, slope[1] / part), error / part
             raise PropertyError(
-                f"beam {self.name!r} velocity has no slope at fraction {fraction!r} (differences give {slope!r} m/s, "
+                f"beam {beam!r} velocity has no slope at fraction {at!r} (differences give {slope!r} m/s, "
                 f"known to {error:.2g}); a smooth function is needed"
             )
         return slope

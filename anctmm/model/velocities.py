@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,36 @@ class RigidVelocity:
             for a, b, c in zip(self.start, self.end, self.center, strict=True)
         )
         return self.velocity[0] - self.spin * y, self.velocity[1] + self.spin * x
+
+
+class HasVelocity(Protocol):
+    """The part of a beam that this module needs."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        ...
+
+    def velocity_at(self, fraction: float) -> Point:
+        """Initial velocity at a fraction of the length, m/s."""
+        ...
+
+
+@dataclass(frozen=True)
+class PartVelocity:
+    """Initial velocity of a part of a beam between two fractions of its length."""
+
+    beam: HasVelocity
+    first: float
+    last: float
+
+    def __call__(self, fraction: float) -> Point:
+        """Velocity at a fraction of the part's length, m/s."""
+        return self.beam.velocity_at(self.whole(fraction))
+
+    def whole(self, fraction: float) -> float:
+        """Fraction of the beam's length at one of the part's."""
+        return (1.0 - fraction) * self.first + fraction * self.last
 
 
 def size_of(velocity: Callable[[float], Point]) -> float:

@@ -17,12 +17,13 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.junctions.as_written import Names, at_places, name_parts, places_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import MeshError, listed, shown
-from anctmm.model.bodies import Beam, Body, Point
+from anctmm.model.bodies import Beam, Body
 from anctmm.model.joints import Joint, Weld
 from anctmm.model.kept import alike
 from anctmm.model.loads import LineLoad, Load
 from anctmm.model.places import SIDES, Place, Written
 from anctmm.model.scene import Scene, unchecked_scene
+from anctmm.model.velocities import PartVelocity
 
 Array = NDArray[np.float64]
 
@@ -186,19 +187,6 @@ class Segments:
                     found[f"{part.name}.{side}"] = ends.get(edge, (name, edge / n))
         found |= {self._place(place): place for place in places_of(self.whole)}
         return Names(found, {part: name for part, (name, _) in self._owners.items()})
-
-
-@dataclass(frozen=True)
-class PartVelocity:
-    """Initial velocity of a part of a beam between two fractions of its length."""
-
-    beam: Beam
-    first: float
-    last: float
-
-    def __call__(self, fraction: float) -> Point:
-        """Velocity at a fraction of the part's length, m/s."""
-        return self.beam.velocity_at((1.0 - fraction) * self.first + fraction * self.last)
 
 
 @alike
