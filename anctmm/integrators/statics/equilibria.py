@@ -159,7 +159,10 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
         stable.append(against is None)
         doubt = doubt or against
         kept = k + 1
-    status = _with_notes(status or search.precision(), search.notes)
+    free = (
+        doubt is not None and doubt.code == "singular"
+    )  # its displacements are those of one equilibrium of many
+    status = _with_notes(status or (Status() if free else search.precision()), search.notes)
     if doubt is not None:
         status = doubt if status.ok else replace(status, message=f"{status.message}; {doubt.message}")
     found = record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
@@ -343,6 +346,7 @@ def _is_singular_on_any_mesh(search: LoadPath, factor: float) -> bool:
 
 def _store(search: LoadPath, record: Record, place: int) -> None:
     """Keep the equilibrium reached; its turns are those counted, too, where a path has gone on."""
+    search.fewest = min(search.fewest, search.digits)
     search.system.accept_again(search.turns)
     record.q[place] = search.q
     if record.turned is None:

@@ -5,6 +5,8 @@ K_T is positive definite on the motions that the joints allow. The elimination o
 pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -210,8 +212,9 @@ def _softest_shapes(
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
     """Answer to random forces, and whether it is singular: no more than rounding.
 
-    Coordinates changed by a few roundings give another answer, by the condition of the tangent times rounding. A bound
-    from the highest frequency would call slender beams and fine meshes singular that still have all their digits.
+    Coordinates and springs changed by a few roundings give another answer, by the condition of the tangent times
+    rounding. The stiffness of springs along an axis does not depend on coordinates. A bound from the highest frequency
+    would call slender beams and fine meshes singular that still have all their digits.
     """
     if system.chain.prescribed.all():
         return np.zeros_like(q), False
@@ -220,13 +223,29 @@ def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool
     system.factorize(q, factor)
     first, largest = system.solve(force), 0.0
     for _ in range(TRIALS):
-        system.factorize(q * (1.0 + ROUNDING * rng.uniform(-1.0, 1.0, q.shape)), factor)
+        with _rounded_springs(system, rng):
+            system.factorize(q * (1.0 + ROUNDING * rng.uniform(-1.0, 1.0, q.shape)), factor)
         other = system.solve(force)
         sizes = [system.size(x) for x in (other - first, first, other)]
         if not np.isfinite(sizes).all():
             return lowest_mode(system, q, factor)[1], True
         largest = max(largest, sizes[0] / max(sizes[1], sizes[2]))
     return first, largest >= SINGULAR
+
+
+@contextmanager
+def _rounded_springs(system: StaticSystem, rng: np.random.Generator) -> Iterator[None]:
+    """Stiffnesses of springs that differ by a few roundings from those of the scene, as long as it is entered."""
+    c = system.loads.connectors
+    if c is None:
+        yield
+        return
+    kept = c.numbers.copy()
+    c.numbers[:, 0] *= 1.0 + ROUNDING * rng.uniform(-1.0, 1.0, len(kept))
+    try:
+        yield
+    finally:
+        c.numbers[:] = kept
 
 
 def lowest_mode(system: StaticSystem, q: Array, factor: float) -> tuple[float, Array]:

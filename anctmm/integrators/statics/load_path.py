@@ -32,6 +32,11 @@ MANY = 1_000
 #: Errors of this size are the rounding of coordinates: no digit is lost to them.
 COORDINATES = 1e-13
 COARSER = "rounding grows with the fourth power of the number of elements; a coarser mesh is needed"
+#: What may leave few digits on meshes of fewer nodes.
+UNLIKE = (
+    "the scene is far from the origin, or its parts are too unlike in stiffness; a place closer to the origin, or a "
+    "rigid body in the place of the stiffest part, may help"
+)
 #: Relative error of a solve from which on Newton's iteration may not correct it, and from which on it does not.
 DOUBTFUL, HOPELESS = 0.1, 0.9
 
@@ -55,7 +60,9 @@ class LoadPath:
         #: Those at the equilibrium reached.
         self.turns = self.system.turns()
         self.before: tuple[float, Array] | None = None
-        self.factor, self.iterations, self.floor, self.digits = 0.0, 0, 0.0, np.inf
+        self.factor, self.iterations, self.floor = 0.0, 0, 0.0
+        #: Of the displacements, at the equilibrium reached and the fewest of those that are kept.
+        self.digits = self.fewest = np.inf
         self.size = np.zeros(self.chain.bodies.nodes)
         #: What the user should know of how equilibria were found.
         self.notes: list[str] = []
@@ -120,8 +127,8 @@ class LoadPath:
     def _trust(self, left: float) -> None:
         """Count the digits of the displacements that an error of this size leaves."""
         moved = self.system.size(self.q - self.system.reference)
-        if left > COORDINATES:
-            self.digits = min(self.digits, max(0.0, float(np.log10(moved / left))))
+        known = left > COORDINATES and moved > 0.0
+        self.digits = max(0.0, float(np.log10(moved / left))) if known else np.inf
 
     @cached_property
     def blur(self) -> float:
@@ -151,10 +158,9 @@ class LoadPath:
 
     def precision(self) -> Status:
         """Status of a search that came to its end: what rounding has left."""
-        if self.digits < DIGITS:
-            return Status(
-                "imprecise", f"{_digits(self.digits)} of the displacements can be trusted: {COARSER}"
-            )
+        if self.fewest < DIGITS:
+            why = COARSER if self.chain.bodies.nodes >= MANY else UNLIKE
+            return Status("imprecise", f"{_digits(self.fewest)} of the displacements can be trusted: {why}")
         if self.floor > self.chain.run.newton_tolerance:
             return Status(
                 "ok", f"corrections do not decrease below {self.floor:.1e}, the round-off level of this scene"

@@ -1,4 +1,5 @@
-"""Equilibria where a pivot of the elimination vanishes though the tangent is regular, as round numbers give.
+"""Equilibria where a pivot of the elimination vanishes though the tangent is regular, as round numbers give, and others
+whose tangent is singular though no rounding shows it.
 
 Two bars of 1 m in one line on springs, a force along them that keeps its direction or follows the second bar.
 """
@@ -53,3 +54,50 @@ def test_a_following_load_that_balances_one_spring_is_judged_by_small_motions(da
         assert rest.status.code == wanted, (load, springs, rest.status)
         seen.add(wanted)
     assert seen == {"ok", "unstable"}
+
+
+@pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (3.0, 4.0)])
+@pytest.mark.parametrize("count", [2, 3])
+def test_masses_that_slide_together_on_one_line_are_singular_along_an_axis_too(direction, count):
+    """Their stiffness along an axis does not depend on coordinates: rounding of these changes no answer."""
+    masses = [at.PointMass(f"m{n}", 1.0, (n * direction[0], n * direction[1])) for n in range(count)]
+    guides = [at.Slider(f"{mass.name}.center", direction) for mass in masses]
+    springs = [
+        at.Spring(f"m{n}.center", f"m{n + 1}.center", stiffness=100.0, length=0.7 * np.hypot(*direction))
+        for n in range(count - 1)
+    ]
+    free = at.solve_static(at.Scene("free", masses, guides, connectors=springs))
+    assert free.status.code == "singular", free.status
+    assert not free.stable.any()
+    held = at.solve_static(at.Scene("held", masses, [*guides[1:], at.Pin("m0.center")], connectors=springs))
+    assert held.status.ok, held.status
+    assert held.stable.all()
+
+
+def test_bodies_that_float_on_springs_are_singular_and_not_imprecise():
+    """Free motions take no force: rounding along them leaves few digits of displacements, and means nothing."""
+    bodies = [
+        at.RigidBody(
+            f"b{n}", 1.0 + n, 0.1 * (n + 1), (n, 0.3 * n * n),
+            {"a": (n + 0.3, 0.3 * n * n), "c": (n - 0.3, 0.3 * n * n + 0.1)},
+        )
+        for n in range(3)
+    ]  # fmt: skip
+    springs = [
+        at.Spring("b0.a", "b1.c", stiffness=100.0),
+        at.Spring("b1.a", "b2.c", stiffness=50.0, length=0.2),
+        at.Spring("b0.c", "b2.a", stiffness=10.0),
+        at.Spring("b0.center", "b1.a", stiffness=30.0),
+        at.Spring("b1.center", "b2.center", stiffness=30.0, length=0.5),
+        at.RotationalSpring("b0.center", "b1.center", stiffness=3.0),
+        at.RotationalSpring("b1.center", "b2.center", stiffness=2.0),
+    ]
+    rest = at.solve_static(at.Scene("float", bodies, connectors=springs))
+    assert rest.status.code == "singular", rest.status
+    assert "mesh" not in rest.status.message
+    pull = np.zeros(2)
+    for spring in springs[:5]:  # all of those on b1, in equilibrium
+        ends = [rest.position(place)[-1] for place in (spring.first, spring.second)]
+        along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0])) * rest.tension(spring)[-1]
+        pull += along * (spring.first.startswith("b1")) - along * (spring.second.startswith("b1"))
+    assert pull == pytest.approx(0.0, abs=1e-6)
