@@ -37,8 +37,10 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> Status:
-    """What is known of the step that ended a run; t: where in it the iteration failed, s."""
+def stalled(
+    chain: Chain, step: int, state: State, newton: Newton, t: float, jump: str | None = None
+) -> Status:
+    """What is known of the step that ended a run; t: where in it the iteration failed, s; what a jump there advises."""
     residuals: tuple[float, ...] = ()
     if not newton.history.any():  # the step was found, and is none that can be
         body, element = worst_element(chain, gradient_size(state.q))
@@ -50,8 +52,10 @@ def stalled(chain: Chain, step: int, state: State, newton: Newton, t: float) -> 
             f"Newton's iteration failed at t = {t:.6g} s (step {step}), with corrections {in_short(newton.history)} "
             f"and residuals {in_short(residuals)} N"
         )
-    advice = advice_at(chain, state.q_before, t) or (
-        f"a smaller dt than {chain.run.dt:g} s, steps controlled by `tolerance`, or another mesh may help"
+    advice = (
+        jump
+        or advice_at(chain, state.q_before, t)
+        or f"a smaller dt than {chain.run.dt:g} s, steps controlled by `tolerance`, or another mesh may help"
     )
     return Status(
         "diverged",

@@ -26,6 +26,7 @@ from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.newton_failure import stalled
 from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
+from anctmm.integrators.jumping_law import advice_on_jump
 from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
@@ -109,10 +110,16 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
         when = steps.failed_at(failed)
         if steps.look is not None:
             steps.look(when)
+        last = float(newton.history[newton.history != 0.0][-1:].sum())
+        jump = advice_on_jump(chain, system.loads.connectors, last, c, when)
         status = (
-            locked(chain, system.state.q, rows_in(system.factors.loops), when, failed)
+            (
+                locked(chain, system.state.q, rows_in(system.factors.loops), when, failed)
+                if jump is None
+                else None
+            )
             or broken_law(chain, system.loads.connectors, when, failed)
-            or stalled(chain, failed, system.state, newton, when)
+            or stalled(chain, failed, system.state, newton, when, jump)
         )
     if steps.again is not None:  # after the look at where it failed: it writes the state
         settle(chain, system, record, kept, partial(steps.again, advance))

@@ -50,7 +50,9 @@ class Reactions:
         Returns
         -------
         ndarray, shape (n, 3)
-            Force along x and y, and the moment, counter-clockwise.
+            Force along x and y, and the moment, counter-clockwise. Of a joint of several places that is grounded it is
+            what the ground and the other places exert together; a pin of its own at one of these places tells the
+            support's.
 
         Raises
         ------
