@@ -3,6 +3,7 @@
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
 from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.scene import Scene
+from anctmm.results.load_work import with_load_work
 from anctmm.results.solution import Solution
 from reference.global_dae import mechanisms
 from reference.global_dae.explicit import Zhai
@@ -41,8 +42,8 @@ def motion(scene: Scene, run: Discretisation, *, dense: bool, projected: bool, s
 def rest(scene: Scene, run: Discretisation, load_steps: int, solver: str) -> Solution:
     """Equilibria of a scene; errors as of `reference.global_dae.solve_static`."""
     if mechanisms.is_mechanism(scene, run):
-        return mechanisms.rest(scene, run, load_steps, solver)
-    return equilibria(Model.of(scene, run), load_steps, solver)
+        return with_load_work(mechanisms.rest(scene, run, load_steps, solver))
+    return with_load_work(equilibria(Model.of(scene, run), load_steps, solver))
 
 
 def _marcher(model: Model, dense: bool, projected: bool) -> Marcher:

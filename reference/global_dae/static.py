@@ -190,10 +190,10 @@ def equilibria(model: Model, load_steps: int, solver: str) -> Solution:
 
 
 def _energies(model: Model, e: Equilibrium) -> Array:
-    """Kinetic, strain, potential, work; the last is not followed along the load steps where it is not zero."""
-    parts, work = model.parts, np.nan if e.factor > 0.0 and len(model.loads.place) else 0.0
+    """Kinetic, strain, potential; the work of loads is found where all equilibria are known."""
+    parts = model.parts
     strain = strain_energy(parts.formulations, e.q, parts.first, parts.kinds, parts.constants)
-    return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), work])
+    return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), 0.0])
 
 
 def _doubt(model: Model, now: Equilibrium, before: float) -> Status:

@@ -18,7 +18,6 @@ from anctmm.integrators.output import Record, worst_element
 from anctmm.integrators.statics.arc_length import ArcPath, Point
 from anctmm.integrators.statics.equilibrium_stability import Stability, lowest_mode, stability_of
 from anctmm.integrators.statics.load_path import MANY, LoadPath
-from anctmm.integrators.statics.load_work import with_work
 from anctmm.integrators.statics.stable_branch import downhill, settled, stable_path
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
@@ -27,6 +26,7 @@ from anctmm.results.checks.divergence import inside_out
 from anctmm.results.checks.finding import part
 from anctmm.results.checks.stability import singular, unstable
 from anctmm.results.ended_early import Interrupted, interruption_of_load
+from anctmm.results.load_work import with_load_work
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.validation import one_of
@@ -166,7 +166,7 @@ def _solution(search: LoadPath, advance: Advance, factors: Array) -> Solution:
     if doubt is not None:
         status = doubt if status.ok else replace(status, message=f"{status.message}; {doubt.message}")
     found = record.solution(kept, status, kept - 1, search.iterations, search.iterations, t=factors[:kept])
-    found = with_work(found, search.system, record.q)
+    found = with_load_work(found)
     return _whole(replace(found, stable=np.array(stable)[: len(found.t)]))
 
 
@@ -259,7 +259,7 @@ def _along_path(search: LoadPath, first: float) -> Solution:
     found = record.solution(
         len(t), _with_notes(status, notes), len(t) - 1, arc.iterations, arc.iterations, t=t
     )
-    found = with_work(found, search.system, record.q)
+    found = with_load_work(found)
     return _whole(replace(found, stable=stable[: len(found.t)]))
 
 

@@ -188,6 +188,5 @@ def equilibria(system: System, load_steps: int, solver: str) -> Solution:
 
 
 def _energies(system: System, e: Equilibrium) -> Array:
-    """Kinetic, strain, potential, work; the last is not followed where it is not zero."""
-    found = system.energies(e.q, system.still, 0.0, np.nan if e.factor > 0.0 and system.loads else 0.0)
-    return found
+    """Kinetic, strain, potential; the work of loads is found where all equilibria are known."""
+    return system.energies(e.q, system.still, 0.0, 0.0)

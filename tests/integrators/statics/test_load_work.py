@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from reference import exact
+from reference import exact, global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1000.0)
 BEAM = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)
@@ -27,6 +27,26 @@ def test_a_moment_that_winds_up_a_beam_by_one_and_a_half_turns():
         assert getattr(found, name)[-1] == pytest.approx(getattr(same, name)[-1], rel=0.03, abs=1e-12)
 
 
+def test_the_global_equations_have_the_same_work_of_moments():
+    """On flexible bodies alone, and with rigid ones, which other equations solve."""
+    plate = at.RigidBody("p", 1.0, 0.1, (1.2, 0.0), {"a": (1.0, 0.0), "b": (1.4, 0.0)})
+    moments = [at.Torque("b.end", 0.1 * BENDING), at.Torque(("b", 0.5), -0.02 * BENDING)]
+    for scene in (
+        clamped(moments[:1]),
+        at.Scene(
+            "s",
+            [BEAM, plate],
+            [at.Clamp("b.start"), at.Weld("b.end", "p.a")],
+            [*moments, at.Torque("p.b", 0.3)],
+        ),
+    ):
+        ours, theirs = (
+            solve(scene, mesh=4, load_steps=2).energy for solve in (at.solve_static, global_dae.solve_static)
+        )
+        assert ours.work[-1] > 0.0
+        np.testing.assert_allclose(theirs.work, ours.work, rtol=1e-9)
+
+
 def test_points_of_a_path_have_it_too():
     scene = clamped([at.Torque("b.end", 0.1 * BENDING)])
     found = at.solve_static(scene, mesh=2, load_steps=2, path="arclength")
@@ -34,14 +54,15 @@ def test_points_of_a_path_have_it_too():
     assert found.energy.work[-1] == pytest.approx(0.01 * BENDING, rel=1e-4)
 
 
+@pytest.mark.parametrize("solve_static", [at.solve_static, global_dae.solve_static], ids=["anctmm", "dae"])
 @pytest.mark.parametrize("joints", [(), (at.Slider(("b", 0.5), (0.0, 1.0)),)], ids=["whole", "cut"])
-def test_forces_that_vary_in_time_work_as_constant_ones_lose_potential(joints):
+def test_forces_that_vary_in_time_work_as_constant_ones_lose_potential(joints, solve_static):
     def acting(kind, place, value):
         return [kind(place, value)], [kind(place, lambda t: (value[0] + t, value[1] - t))]
 
     for kind, place in ((at.Force, ("b", 0.8)), (at.LineLoad, "b")):
         constant, varying = (
-            at.solve_static(clamped(loads, joints=joints), mesh=4, load_steps=2).energy
+            solve_static(clamped(loads, joints=joints), mesh=4, load_steps=2).energy
             for loads in acting(kind, place, (0.1, -0.4))
         )
         np.testing.assert_allclose(varying.work, -constant.potential, rtol=1e-9)
@@ -66,8 +87,9 @@ def test_the_energies_of_an_equilibrium_are_stationary_under_the_whole_loads():
     ],
     ids=["follower", "law"],
 )
-def test_work_that_depends_on_the_path_is_not_told(scene):
-    found = at.solve_static(scene, mesh=4)
+@pytest.mark.parametrize("solve_static", [at.solve_static, global_dae.solve_static], ids=["anctmm", "dae"])
+def test_work_that_depends_on_the_path_is_not_told(scene, solve_static):
+    found = solve_static(scene, mesh=4)
     assert found.status.ok
     assert found.energy.work[0] == 0.0
     assert np.isnan(found.energy.work[1])

@@ -1,0 +1,67 @@
+"""Work of the loads at equilibria, where it follows from these alone."""
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.mesh import varying_loads
+from anctmm.errors import unknown_kind
+from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, tabulated
+from anctmm.results.solution import Solution
+
+Array = NDArray[np.float64]
+
+#: Gauss points of an element with which the displacement of every kind of element is integrated exactly.
+POINTS = 4
+
+
+def with_load_work(found: Solution) -> Solution:
+    """Equilibria with the work of what acts beside constant forces, whose potential they have.
+
+    Parameters
+    ----------
+    found : Solution
+        Of statics, by any solver that has fields of all bodies.
+
+    Returns
+    -------
+    Solution
+        Its `energy.work` is that of the whole loads, as its `energy.potential` is: moments times angles, forces that
+        vary in time times displacements. Forces that turn with their place, and laws, have no work that the equilibrium
+        alone tells: it is NaN at all but the first.
+    """
+    scene, work = found.scene, np.zeros(len(found.t))
+    follows = any(isinstance(load, Force) and load.follower for load in scene.loads)
+    if follows or any(c.law is not None for c in scene.connectors):
+        work[1:] = np.nan
+    else:
+        for load in varying_loads(scene):
+            work += _work(found, load)
+    return replace(found, energy=replace(found.energy, work=work))
+
+
+def _work(found: Solution, load: Load) -> Array:
+    """Work of a load that varies, J, (outputs,)."""
+    value = tabulated([load], np.zeros(1))[0, 0]
+    match load:
+        case Torque():
+            return np.asarray(value[0] * found.angle(load.end))
+        case Force():
+            return np.asarray(found.displacement(load.end) @ value)
+        case LineLoad():
+            return np.asarray(found.scene.beam(load.body).length * (_mean(found, load.body) @ value))
+        case _:
+            raise unknown_kind("load", load, LOADS)
+
+
+def _mean(found: Solution, name: str) -> Array:
+    """Mean displacement of a beam, (outputs, 2), m."""
+    assert found.run is not None  # statics have one
+    elements = found.run.of(found.scene)[name][0]
+    points, weights = np.polynomial.legendre.leggauss(POINTS)
+    fractions = (np.arange(elements)[:, None] + 0.5 * (points + 1.0)) / elements
+    path = cast(Array, found.position(name, fractions.ravel()))
+    mean = np.tensordot(path, np.tile(weights, elements) / (2.0 * elements), axes=(1, 0))
+    return np.asarray(mean - mean[:1])
