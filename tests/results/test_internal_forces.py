@@ -248,3 +248,23 @@ def test_what_a_light_body_bears_is_not_lost_beside_a_heavy_one(integrator):
     found = at.solve(scene, t_end=1.0, output_dt=0.1, tolerance=1e-3, integrator=integrator)
     pull = -(3.0**2) * (found.position("tool.center") - found.position("hub.center"))
     np.testing.assert_allclose(found.reaction(scene.joints[0])[:, :2], pull, atol=0.02 * 9.0 * 1.3)
+
+
+@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk", "zhai"])
+def test_a_spring_of_no_length_has_a_tension_and_no_direction(integrator):
+    """A mass is driven through the point that a spring and damper is fixed to, and is there at an output."""
+    mass = at.PointMass("m", 2.0, (1.0, 0.0), velocity=(-1.0, 0.0))
+    guide = at.Slider("m.center", position=lambda t: (-t, -1.0 + 0.0 * t, 0.0 * t))
+    spring = at.Spring("m.center", (0.0, 0.0), stiffness=3.0, damping=2.0, length=0.5)
+    s = at.solve(
+        at.Scene("through", [mass], [guide], connectors=[spring]), dt=0.125, t_end=2.0, integrator=integrator
+    )
+    x = 1.0 - s.t
+    np.testing.assert_allclose(s.position("m.center")[:, 0], x, atol=1e-12)
+    assert x[8] == 0.0
+    expected = 3.0 * (np.abs(x) - 0.5) - 2.0 * np.sign(x)
+    apart = np.arange(17) != 8
+    np.testing.assert_allclose(s.tension(spring)[apart], expected[apart], atol=1e-9)
+    np.testing.assert_allclose(s.reaction(guide)[apart, 0], (np.sign(x) * expected)[apart], atol=1e-9)
+    assert abs(s.tension(spring)[8] - expected[8]) < 2.1  # rounding decides on which side it is
+    assert np.isfinite(s.reaction(guide)).all()

@@ -127,7 +127,10 @@ def _of_connector(solution: Any, connector: Connector) -> Iterator[Action]:
 
 
 def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
-    """Distance of a spring's places, its rate, and the direction from the first to the second."""
+    """Distance of a spring's places, its rate, and the direction from the first to the second.
+
+    At distance 0 there is no direction, and no rate: it jumps there from −v to v. The solver has the same.
+    """
     here, speed = _motion(solution, spring.first)
     if spring.ground is not None:
         there, faster = np.asarray(spring.ground), np.zeros_like(speed)
@@ -135,7 +138,7 @@ def _line(solution: Any, spring: Spring) -> tuple[Array, Array, Array]:
         there, faster = _motion(solution, spring.second)
     apart = there - here
     distance = np.hypot(*apart.T)
-    direction = apart / distance[:, None]
+    direction = np.divide(apart, distance[:, None], out=np.zeros_like(apart), where=distance[:, None] > 0.0)
     return distance, np.einsum("nc,nc->n", direction, faster - speed), direction
 
 
