@@ -52,7 +52,8 @@ class GeneralizedAlpha:
     ----------
     spectral_radius : float
         ρ∞ in [0, 1]: 1 conserves the energy of high frequencies, 0 removes them in one step. With rigid bodies, guides
-        and driven hinges use 0.9 or less: closer to 1, errors of the constraint forces remain in the steps or grow.
+        and driven hinges use 0.9 or less: closer to 1, errors of the constraint forces remain in the steps or grow;
+        they grow, too, where a body turns by more than about 0.7 (1 − ρ∞) rad in a step.
         Accelerations at outputs, and therefore reactions, are free of them.
 
     Raises
