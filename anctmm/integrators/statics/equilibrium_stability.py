@@ -26,14 +26,17 @@ Complex = NDArray[np.complex128]
 EPS = float(np.finfo(np.float64).eps)
 #: Relative change of coordinates, a few roundings, with which a solve is repeated, and how often.
 ROUNDING, TRIALS = 4.0 * EPS, 4
-#: Relative change of its answer above which the tangent is singular within double precision.
-SINGULAR = 0.5
+#: Relative change of its answer above which the tangent may be singular within double precision; without elastic
+#: bodies, softness over that of the highest frequency above which it may be.
+DOUBTFUL, SOFT = 1e-2, 1e12
 #: Unknowns up to which all motions are looked at, and the lowest of more; real or imaginary part that is no rounding.
 DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
 #: Shifts that may pass by a zero pivot, of the square of the highest frequency; how far answers beside it may differ.
 BESIDE, SAME = 10.0 ** np.arange(-1, -14, -1.0), 1e-2
 #: Part of the largest below which a square is that of motions that repeat others; against division by zero.
 APART, TINY = 1e-12, 1e-300
+#: Damping ratio of a motion below which what its damping displaces is rounding, as of a damper between welded bodies.
+FELT = 1e-9
 #: Softness, relative to the largest, below which no motion is looked at.
 STIFF = 1e-9
 #: Shift, of the square of the highest frequency, that outweighs all stiffness, and answer that is none.
@@ -71,8 +74,8 @@ def stability_of(system: StaticSystem, q: Array, factor: float) -> Stability:
         return Stability("stable", 0, np.zeros_like(q))
     if _forceless(system, q, factor):
         return Stability("singular", 0, lowest_mode(system, q, factor)[1])
-    motion, singular = _softest(system, q, factor)
-    shift = _past_zero_pivot(system, q, factor) if singular else 0.0
+    motion, doubtful = _softest(system, q, factor)
+    shift = _past_zero_pivot(system, q, factor) if doubtful else 0.0
     if shift is None:
         return Stability("singular", system.factorize(q, factor), motion)
     damping = Damping(system, q, factor)
@@ -173,10 +176,11 @@ def _lowest_damped(system: StaticSystem, damping: Damping, shift: float) -> tupl
     held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) * values
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
     lost = np.stack([damped(one) for one in x.T], axis=1)
-    x = np.concatenate(
-        [x, np.stack([joined.unknowns(system.solve(joined.load(f))) for f in lost.T], axis=1)], axis=1
-    )
-    forces = np.concatenate([forces, lost], axis=1)
+    displaced = np.stack([joined.unknowns(system.solve(joined.load(f))) for f in lost.T], axis=1)
+    ratios = np.sqrt(np.abs(np.tile(values, 2))) * np.abs(displaced).max(axis=0)
+    felt = ratios > FELT * np.abs(x).max(axis=0)
+    x = np.concatenate([x, displaced[:, felt]], axis=1)
+    forces = np.concatenate([forces, lost[:, felt]], axis=1)
     size = np.maximum(np.abs(x).max(axis=0), TINY)
     x, forces = x / size, forces / size
     squares, turn = np.linalg.eigh(x.T @ np.stack([heavy(one) for one in x.T], axis=1))
@@ -210,16 +214,17 @@ def _softest_shapes(
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
-    """Answer to random forces, and whether it is singular: no more than rounding.
+    """Answer to random forces, and whether the tangent may be singular: whether the answer is much more than rounding.
 
     Coordinates and springs changed by a few roundings give another answer, by the condition of the tangent times
     rounding. The stiffness of springs along an axis does not depend on coordinates. A bound from the highest frequency
-    would call slender beams and fine meshes singular that still have all their digits.
+    would call slender beams and fine meshes singular that still have all their digits: rigid bodies alone have one.
     """
     if system.chain.prescribed.all():
         return np.zeros_like(q), False
     rng = np.random.default_rng(0)
-    force = system.inertia(_noise(system, rng))
+    noise = _noise(system, rng)
+    force = system.inertia(noise)
     system.factorize(q, factor)
     first, largest = system.solve(force), 0.0
     for _ in range(TRIALS):
@@ -230,7 +235,10 @@ def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool
         if not np.isfinite(sizes).all():
             return lowest_mode(system, q, factor)[1], True
         largest = max(largest, sizes[0] / max(sizes[1], sizes[2]))
-    return first, largest >= SINGULAR
+    soft = element_bound(system.chain) == 0.0 and (
+        system.size(first) * largest_square(system) >= SOFT * system.size(noise)
+    )
+    return first, largest >= DOUBTFUL or soft
 
 
 @contextmanager

@@ -101,3 +101,52 @@ def test_bodies_that_float_on_springs_are_singular_and_not_imprecise():
         along = (ends[1] - ends[0]) / np.hypot(*(ends[1] - ends[0])) * rest.tension(spring)[-1]
         pull += along * (spring.first.startswith("b1")) - along * (spring.second.startswith("b1"))
     assert pull == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 110, 147])
+def test_bodies_that_slide_freely_are_singular_however_rounding_falls(seed):
+    """Nothing holds them along the first guide: a pivot is rounding there, of either sign, and may seem a number."""
+    rng = np.random.default_rng(seed)
+    turn = rng.uniform(0.0, 6.28)
+    center, spot, other = rng.normal(size=2) * 0.1, rng.normal(size=2) * 0.1, rng.normal(size=2) * 0.3
+    bodies = [
+        at.RigidBody("one", 1.07, 0.136, center, {"p": (0.0, 0.0), "q": spot}),
+        at.RigidBody("two", 0.56, 0.03, other),
+    ]
+    guides = [
+        at.Slider("one.p", (np.cos(turn), np.sin(turn))),
+        at.Slider("two.center", rng.normal(size=2), body="one"),
+    ]
+    springs = [
+        at.RotationalSpring("one.q", stiffness=2.15, angle=0.45),
+        at.RotationalSpring("two.center", stiffness=1.0),
+        at.Spring("two.center", "one.q", stiffness=17.8, length=0.5),
+    ]
+    rest = at.solve_static(at.Scene("free", bodies, guides, connectors=springs))
+    assert rest.status.code == "singular", rest.status
+    assert not rest.stable.any()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_damper_between_welded_bodies_makes_nothing_unstable(seed):
+    """The following force has a constant moment about the pin, 0.9 N m, and the springs hold all that moves."""
+    rng = np.random.default_rng(seed)
+    turn, stiffness = rng.uniform(0.0, 6.28), rng.uniform(40.0, 90.0)
+    e = np.array([np.cos(turn), np.sin(turn)])
+    q = 1.7 * e + 0.3 * np.array([-e[1], e[0]])
+    bodies = [
+        at.RigidBody("a", rng.uniform(1.0, 3.0), rng.uniform(0.1, 0.5), 0.5 * e, {"p": (0.0, 0.0), "q": e}),
+        at.RigidBody("b", rng.uniform(1.0, 3.0), rng.uniform(0.1, 0.5), 1.5 * e, {"p": e, "q": q}),
+        at.RigidBody("c", 1.0, 0.1, q + 0.3 * e, {"p": q}),
+    ]
+    joints = [at.Pin("a.p"), at.Weld("a.q", "b.p"), at.Pin("b.q", "c.p")]
+    springs = [
+        at.RotationalSpring("a.p", stiffness=stiffness),
+        at.RotationalSpring("a.p", "b.q", stiffness=rng.uniform(5.0, 9.0), damping=0.7),
+        at.RotationalSpring("b.q", "c.p", stiffness=9.0),
+    ]
+    force = at.Force("b.q", -3.0 * e, follower=True)
+    rest = at.solve_static(at.Scene("welded", bodies, joints, [force], connectors=springs))
+    assert rest.status.ok, rest.status
+    assert rest.stable[-1]
+    assert rest.angle("a")[-1] == pytest.approx(0.9 / stiffness)
