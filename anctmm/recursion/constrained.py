@@ -242,6 +242,25 @@ def ask_correction(loops, c, q, v, w):  # type: ignore[no-untyped-def]
 
 
 @embedded
+def ask_velocities(loops, q, v):  # type: ignore[no-untyped-def]
+    """Ask the next solution for the change that brings velocities back to the constraints; the largest of these."""
+    rows, largest = loops.rows, 0.0
+    gather(rows, 0, q)
+    gather(rows, 1, v)
+    largest = evaluate(rows, 1)
+    ask(rows, loops.load)
+    return largest
+
+
+@embedded
+def forget_asked(loops):  # type: ignore[no-untyped-def]
+    """Ask nothing of the solutions that follow."""
+    rows = loops.rows
+    for k in range(len(rows.number)):
+        loops.load[rows.number[k]] = 0.0
+
+
+@embedded
 def take_correction(loops):  # type: ignore[no-untyped-def]
     """Add to the multipliers what the solution for a correction has found."""
     if loops is not None:

@@ -302,6 +302,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
     drives, histories = len(turns), len(actions.pieces.steady)
     return Control(
         allowed=np.inf,
+        tolerance=float(chain.run.tolerance or 0.0),
         t_end=chain.run.t_end,
         reach=np.where(turns, chain.length, 1.0),
         small=SMALL,
@@ -309,6 +310,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         times=np.zeros(1),
         counts=np.zeros(2),
         scale=np.zeros(1),
+        fastest=np.zeros(1),
         load=np.zeros_like(start),
         x=np.zeros_like(start),
         angles=np.zeros((places, drives, 3)),
@@ -360,7 +362,7 @@ def _march(
     begin_turns(control.turns, look, run.t_end)
     begin_returning(control.returning, state.q)
     begin_kinks(control.kinks)
-    control.scale[0] = scale
+    control.scale[0], control.fastest[0] = scale, 0.0
     out.work[0] = 0.0
     begin_count(state.q, out.turns)
     turned = np.zeros_like(state.q[0]) if chain.start is None else chain.start.turned

@@ -88,6 +88,7 @@ from anctmm.integrators.adaptive.step_control import (
     stiffen,
 )
 from anctmm.integrators.adaptive.step_error import measure_motion
+from anctmm.integrators.adaptive.velocity_error import measure_speed
 from anctmm.integrators.esdirk import (
     Room,
     begin_stage,
@@ -270,11 +271,11 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
     error, inside = np.inf, control.times[int(progress[KEPT])] < end_of(h, stop, progress) - CLOSE * h
     if solved:
         to_w = _stage_of(part * progress[FACTORED] / h).to_w
-        error, between = stage_error(progress[TIME], h, to_w, system, control, track)
+        error, between, rates = stage_error(progress[TIME], h, to_w, system, control, track)
         error *= grown(control.kinks, progress[TIME], control.t_end)
         if not guess:
             turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
-            error = max(error, turned)
+            error = max(error, turned, allowed * rates)
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)
@@ -440,6 +441,7 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
     pass_stops(control)
     count_turns(system.state.q, out.turns)
     measure_motion(system.state.q, control)
+    measure_speed(system.state.v, control)
     follow_turns(system.state.q, progress[TIME], control.t_end, control.turns)
     follow_returning(system.state.q, control)
 

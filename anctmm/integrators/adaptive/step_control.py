@@ -68,12 +68,13 @@ DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
 
 @by_address
 class Control(NamedTuple):
-    """Step control: sum of local errors that is allowed, and run length (s).
+    """Step control: sum of local errors that is allowed, tolerance, and run length (s).
 
     reach: length that each drive moves by a unit, m. small: part of the largest displacement to which errors of nodes
     that move less are relative. rounding: what Newton's iteration leaves at least. times: of the outputs, s. counts:
-    accepted and rejected steps. scale: largest displacement, assumed or until now, m, (1,). load and x: scratch, (rows,
-    nodes). angles, values: of drives and loads at the places where a step sees them, from its start to its end,
+    accepted and rejected steps. scale: largest displacement, assumed or until now, m, (1,). fastest: largest velocity
+    until now, m/s, (1,). load and x: scratch, (rows, nodes). angles, values: of drives and loads at the places where a
+    step sees them, from its start to its end,
     (places, drives, 3) and (places, loads, 2). missed: scratch, (2,). reference: coordinates at the start. bulge:
     largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved: displacement of each
     node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate
@@ -88,6 +89,7 @@ class Control(NamedTuple):
     """
 
     allowed: float
+    tolerance: float
     t_end: float
     reach: Array
     small: float
@@ -95,6 +97,7 @@ class Control(NamedTuple):
     times: Array
     counts: Array
     scale: Array
+    fastest: Array
     load: Array
     x: Array
     angles: Array

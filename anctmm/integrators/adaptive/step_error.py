@@ -46,7 +46,7 @@ def largest_error(x, turned, weighed, control):  # type: ignore[no-untyped-def]
     for i in range(x.shape[1]):
         known = max(control.moved[0, i], control.moved[1, i])
         growth = control.turns.growth[i] if weighed else 1.0
-        largest = max(largest, growth * _size(x, i, control.bulge) / max(known, least))
+        largest = max(largest, growth * size_of(x, i, control.bulge) / max(known, least))
     return largest + turned / control.scale[0] if control.scale[0] > 0.0 else 0.0
 
 
@@ -86,12 +86,12 @@ def measure_motion(q, control):  # type: ignore[no-untyped-def]
         for i in range(q.shape[1]):
             control.x[k, i] = q[k, i] - control.reference[k, i]
     for i in range(q.shape[1]):
-        control.moved[0, i] = max(control.moved[0, i], _size(control.x, i, control.bulge))
+        control.moved[0, i] = max(control.moved[0, i], size_of(control.x, i, control.bulge))
         control.scale[0] = max(control.scale[0], control.moved[0, i])
 
 
 @inlined
-def _size(x, i, bulge):  # type: ignore[no-untyped-def]
+def size_of(x, i, bulge):  # type: ignore[no-untyped-def]
     """Displacement that changes of coordinates make at a node, or by its gradient beside it, m."""
     here = x[0, i] * x[0, i] + x[1, i] * x[1, i]
     beside = (x[2, i] * x[2, i] + x[3, i] * x[3, i]) * bulge[i] * bulge[i]

@@ -26,7 +26,7 @@ def begin_step(unfinished, flat, c):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _shares(c):  # type: ignore[no-untyped-def]
+def shares(c):  # type: ignore[no-untyped-def]
     """Of w, the old w and the old a, the last taken off, in a at the end of the step."""
     r = 1.0 / (1.0 - c.alpha_m)
     return (1.0 - c.alpha_f) * r, c.alpha_f * r, c.alpha_m * r
@@ -35,7 +35,7 @@ def _shares(c):  # type: ignore[no-untyped-def]
 @inlined
 def finish(v, a, w, w_before, c):  # type: ignore[no-untyped-def]
     """v and a at the end of the step, from w there."""
-    now, then, old = _shares(c)
+    now, then, old = shares(c)
     for i in range(len(v)):
         new = now * w[i] + then * w_before[i] - old * a[i]
         v[i] += c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)
@@ -62,7 +62,7 @@ def predict(q, v, a, w, q_before, w_before, c):  # type: ignore[no-untyped-def]
 @inlined
 def velocities_at_end(v, a, w, w_before, c, out):  # type: ignore[no-untyped-def]
     """Velocities that `finish` would give."""
-    now, then, old = _shares(c)
+    now, then, old = shares(c)
     for i in range(len(v)):
         new = now * w[i] + then * w_before[i] - old * a[i]
         out[i] = v[i] + c.h * ((1.0 - c.gamma) * a[i] + c.gamma * new)

@@ -35,10 +35,6 @@ NOWHERE = 0.85
 #: Of a thousand random runs those of more than 0.1 had errors of 0.1 and more; the base scenes' at the coarsest steps
 #: that Newton's iteration bears have 0.03.
 INACCURATE = 0.1
-#: The same of rigid bodies that drives move, by steps with a tolerance: so many times that, but no less than LEAST.
-#: Nothing vibrates there; 0.4 to 4 times are usual. Joints may leave positions no error while a drive is steady, so
-#: that no estimate shortens the steps: velocities and work may then be wrong whatever the tolerance.
-OF_TOLERANCE, LEAST = 30.0, 1e-3
 #: How many times the energy there ever was may seem to have come from nowhere and gone to dampers and laws, whose work
 #: is summed over long times. An explicit run above the limit of its step made 6e5 times it, and a law took that.
 ABSORBED = 100.0
@@ -133,13 +129,13 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     run, energy = solution.run, solution.energy
     if run is None or solution.t.size < 2:
         return
-    scene, limit = solution.scene, _limit(solution)
     with np.errstate(invalid="ignore"):  # an upper bound of what is looked for: nearly always there is none
-        large = np.abs(energy.balance) > limit * np.maximum.accumulate(all_energy(energy))
+        large = np.abs(energy.balance) > INACCURATE * np.maximum.accumulate(all_energy(energy))
     if not large.any():
         return
     explicit = run.explicit
-    vibrates = _vibrates(scene, run)
+    scene = solution.scene
+    vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else _keeps_energy(run)
     damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
         c.damping > 0.0 or c.law is not None for c in scene.connectors
@@ -158,23 +154,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     if not explicit:
         wrong |= dissipated(energy, least) & (np.abs(energy.balance) > known_to)
     wrong[:-1] &= wrong[1:]  # what is gone at the next output was a start that the step does not resolve
-    if limit < INACCURATE:
-        wrong |= large & (np.abs(energy.balance) > known_to)
     if wrong.any():
         yield _finding(solution, int(wrong.argmax()), "inaccurate")
-
-
-def _limit(solution: Solution) -> float:
-    """Part of all energy that may have come from nowhere, or vanished, before anything else is asked."""
-    run, scene = solution.run, solution.scene
-    if run is None or run.tolerance is None or not _driven(scene) or _vibrates(scene, run):
-        return INACCURATE
-    return min(INACCURATE, max(OF_TOLERANCE * run.tolerance, LEAST))
-
-
-def _vibrates(scene: Scene, run: Discretisation) -> bool:
-    """Whether a scene has anything but rigid bodies."""
-    return bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
 
 
 def _allowed(solution: Solution) -> float:
