@@ -60,8 +60,8 @@ SLOW = {
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
     "statics": ["static_start", "statics"],
-    "adaptive": ["adaptive", "driven_mechanisms", "first_step", "free_turns", "impacts", "stage_control",
-                 "stage_outputs", "step_choice"],
+    "adaptive": ["adaptive", "driven_mechanisms", "first_step", "free_turns", "held_structures", "impacts",
+                 "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 #: Modules whose kernels Python runs: a few steps of a few elements each, but of so many kinds of scenes that compiling
@@ -78,7 +78,7 @@ INTERPRETED = {
     "recursion": ["constrained", "kept_motions", "kept_places", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "load_work", "static_start"],
-    "adaptive": ["driven_mechanisms", "free_turns", "stage_control", "stage_outputs", "step_choice"],
+    "adaptive": ["driven_mechanisms", "free_turns", "held_structures", "stage_control", "stage_outputs", "step_choice"],
 }  # fmt: skip
 
 

@@ -17,6 +17,9 @@ from anctmm.model.velocities import Point, RigidVelocity
 
 Array = NDArray[np.float64]
 
+#: Bodies of which the rank of the joints' equations is found, at most: its cost grows with their cube.
+FEW = 30
+
 
 def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     """The scene with initial velocities of rigid motions that satisfy its joints and drives.
@@ -72,6 +75,25 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
         _moved(body, (vx, vy), spin) for body, (vx, vy, spin) in zip(scene.bodies, motions, strict=True)
     )
     return replace(scene, bodies=bodies)
+
+
+def mobile(scene: Scene) -> bool:
+    """Whether joints leave the bodies of a scene a motion if all are rigid and all drives stand still.
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    bool
+        True, too, of more than `FEW` bodies, whose equations are not looked at.
+    """
+    if len(scene.bodies) > FEW:
+        return True
+    rows, _ = _rigid_constraints(scene)
+    scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
+    return bool(np.linalg.matrix_rank(rows / scale) < 3 * len(scene.bodies))
 
 
 def _moved(body: Body, velocity: Point, spin: float) -> Body:

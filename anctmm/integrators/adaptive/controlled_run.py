@@ -34,7 +34,7 @@ from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
 from anctmm.integrators.adaptive.free_turns import ANEW, begin_turns, know_turns, new_turns
 from anctmm.integrators.adaptive.law_kinks import begin_kinks, know_kinks, new_kinks
-from anctmm.integrators.adaptive.returning import begin_returning, know_returning, new_returning
+from anctmm.integrators.adaptive.returning import begin_returning, know_returning, new_returning, restrained
 from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
@@ -320,6 +320,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         bulge=np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
+        restrained=restrained(chain),
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
         turns=new_turns(chain),

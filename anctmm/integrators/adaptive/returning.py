@@ -12,6 +12,10 @@ and fro for a shorter time has the steps that it had: a stricter iteration costs
 A spring whose vibrations no step resolves asks for a stricter iteration from the start: of its force, which is large,
 a part is left in a direction that turns with the motion. A mass on a spring of 1e8 N/m missed by 25 times the tolerance
 within 1 s, by 290 within 5 s.
+
+A structure that joints hold, such as a frame, takes errors of its speed back by its stiffness: there the iteration may
+leave 15 times as much by steps of second order, and 3 times by those of fourth (`restrained`). Errors of 22 random
+structures, soft and stiff, on supports and clamps, were those of a strict iteration to 0.1 times the tolerance.
 """
 
 from collections.abc import Mapping
@@ -27,8 +31,10 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, free_of, law_value, name_of
+from anctmm.model.joints import drive_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
+from anctmm.model.rigid_start import mobile
 from anctmm.model.velocities import Point
 
 Array = NDArray[np.float64]
@@ -64,6 +70,16 @@ def new_returning(chain: Chain) -> Returning:
     elastic = bool(chain.parts.connectors) or any(beam.name not in chain.rigid for beam in chain.parts.beams)
     resolved = RESOLVED / fastest if fastest > 0.0 else inf
     return Returning(np.zeros(nodes), np.zeros((2, nodes)), np.zeros(2, np.bool_), resolved, elastic)
+
+
+def restrained(chain: Chain) -> bool:
+    """Whether all motion is that of elastic bodies between joints that leave no other, without drives and connectors.
+
+    What Newton's iteration leaves of forces moves such a structure by an elastic displacement, and no further.
+    """
+    scene = chain.scene
+    driven = any(drive_of(joint) is not None for joint in scene.joints)
+    return not (driven or scene.connectors or mobile(scene))
 
 
 def _fastest(chain: Chain) -> float:

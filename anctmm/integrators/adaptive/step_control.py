@@ -41,6 +41,11 @@ SHORTER, LONGER = 0.87, 1.15
 #: Part of the run over which the mean of the errors is taken, and steps at most: what is over, as a start that dies out
 #: fast, would hold back the steps of all that part.
 MEMORY, RECENT = 0.05, 100
+#: Cost of a renewal of the matrix, in corrections; weight of the last step in the mean of what steps take lately.
+RENEWAL, LAST_ONE = 2.0, 0.25
+#: Times the contraction in proportion to the age of the matrix that is expected, and the age, over that at which it was
+#: seen, up to which it is.
+SAFE, AGAIN = 2.0, 2.0
 #: Length to which steps are fitted between two stops, of the one aimed at, at most.
 FITTED = 1.15
 #: How a call of `advance` ended: at the end of the run, for good before it, because it took all steps it may, or as
@@ -63,7 +68,12 @@ DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
     CAP,
     WITHIN,
     REPEATED,
-) = PROGRESS = range(15)
+    AGE,
+    EXTRA,
+    LATELY,
+    SEEN,
+    SEEN_AT,
+) = PROGRESS = range(20)
 
 
 @by_address
@@ -74,18 +84,19 @@ class Control(NamedTuple):
     that move less are relative. rounding: what Newton's iteration leaves at least. times: of the outputs, s. counts:
     accepted and rejected steps. scale: largest displacement, assumed or until now, m, (1,). fastest: largest velocity
     until now, m/s, (1,). load and x: scratch, (rows, nodes). angles, values: of drives and loads at the places where a
-    step sees them, from its start to its end,
-    (places, drives, 3) and (places, loads, 2). missed: scratch, (2,). reference: coordinates at the start. bulge:
-    largest displacement beside each node that a unit of its gradient makes, m, (nodes,). moved: displacement of each
-    node until now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate
-    adds to them, (2, bodies, ...). progress: where the run stands. actions: what acts in time.
-    turns: see `free_turns`. returning: see `returning`. kinks: see `law_kinks`.
+    step sees them, from its start to its end, (places, drives, 3) and (places, loads, 2). missed: scratch, (2,).
+    reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
+    m, (nodes,). moved: displacement of each node until now, and the one assumed, m, (2, nodes). elastic: constants of
+    the elements, and what damping times rate adds to them, (2, bodies, ...). progress: where the run stands. actions:
+    what acts in time. restrained, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
     estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs within it are not
-    good enough, s; part of the last change of the accelerations that the next step is expected to repeat.
+    good enough, s; part of the last change of the accelerations that the next step is expected to repeat. Of the matrix
+    its age, in steps; corrections beyond one per step since its renewal, and those that steps take lately; the last
+    contraction seen with it, and the age then, 0 if none was.
     """
 
     allowed: float
@@ -107,6 +118,7 @@ class Control(NamedTuple):
     bulge: Array
     moved: Array
     elastic: Array
+    restrained: bool
     progress: Array
     actions: Timeline
     turns: Turns
@@ -224,6 +236,40 @@ def expect(h, stale, newton, progress):  # type: ignore[no-untyped-def]
         newton.counts[2] = 1
     else:
         newton.expected[0] = max(newton.expected[0], abs(1.0 - (h / progress[FACTORED]) ** 2))
+
+
+@inlined
+def expect_aged(found, forgets, slow, renewed, newton, progress):  # type: ignore[no-untyped-def]
+    """As `expect_next`, but no more than in proportion to the age of the matrix, where steps with it have shown one.
+
+    What it had in its own step tells nothing: that is the square of a correction.
+    """
+    expect_next(found, forgets, slow, newton)
+    if renewed:
+        progress[AGE], progress[SEEN_AT] = 0.0, 0.0
+    else:
+        progress[AGE] += 1.0
+        if found > 0.0:
+            progress[SEEN], progress[SEEN_AT] = found, progress[AGE]
+    known = progress[SEEN_AT]
+    if known > 0.0 and progress[AGE] < AGAIN * known:
+        newton.expected[0] = min(newton.expected[0], SAFE * progress[SEEN] * (progress[AGE] + 1.0) / known)
+
+
+@inlined
+def renew_if_worn(more, renewed, newton, progress):  # type: ignore[no-untyped-def]
+    """After a step with so many corrections more than one: renew a matrix that costs more than it has on the average.
+
+    As it gets older steps take more corrections: the mean cost per step, that of its renewal included, is smallest if
+    it is renewed when steps take more than that mean.
+    """
+    if renewed:
+        progress[EXTRA], progress[LATELY] = 0.0, 0.0
+    else:
+        progress[LATELY] += LAST_ONE * (more - progress[LATELY])
+    progress[EXTRA] += more
+    if progress[LATELY] * (progress[AGE] + 1.0) > RENEWAL + progress[EXTRA]:
+        newton.counts[2] = 1
 
 
 @inlined

@@ -32,7 +32,7 @@ def test_where_newtons_iteration_stops_does_not_choose_the_steps(make, t_end, bo
         np.abs(one.fields[b.name].coordinates - two.fields[b.name].coordinates).max() for b in scene.beams
     ]
     # what single corrections leave below the bound adds up over the steps
-    assert max(apart) < 1e-6 * max(np.abs(one.displacement(f"{b.name}.end")).max() for b in scene.beams), (
+    assert max(apart) < 5e-6 * max(np.abs(one.displacement(f"{b.name}.end")).max() for b in scene.beams), (
         apart
     )
 
