@@ -304,7 +304,7 @@ def _relaxation(search: LoadPath) -> Advance:
             here, ahead = ahead, next(path, None)
         search.system.accept_again(here.turns)
         q = here.q if here.factor == target else downhill(search.system, here.q, target)
-        return search.stuck(here.factor) if q is None else search.adopt(target, q)
+        return search.stuck(here.factor, stable=True) if q is None else search.adopt(target, q)
 
     return advance
 

@@ -198,8 +198,8 @@ class LoadPath:
         self.system.accept(self.q, factor)
         self.turns = self.system.turns()
 
-    def stuck(self, factor: float) -> Status:
-        """Status of a search that finds no equilibrium beyond a load factor."""
+    def stuck(self, factor: float, stable: bool = False) -> Status:
+        """Status of a search that finds no equilibrium, or no stable one, beyond a load factor."""
         self.system.accept_again(self.turns)
         found = stability_of(self.system, self.q, self.factor)
         if found.kind == "singular":
@@ -208,10 +208,10 @@ class LoadPath:
         else:
             body, element = worst_element(self.chain, self.size)
             why = "the scene may be free to move, or buckle there: hold it, add load_steps, refine the mesh"
+        kind, else_ = ("stable ", "") if stable else ("", ", or ask for branch='stable'")
         return Status(
             "diverged",
-            f"no equilibrium found beyond {factor:.6g} of the load, worst in {part(body, element)}; "
-            f"{why}, or ask for branch='stable'",
+            f"no {kind}equilibrium found beyond {factor:.6g} of the load, worst in {part(body, element)}; {why}{else_}",
             time=factor,
             body=body,
             element=element,

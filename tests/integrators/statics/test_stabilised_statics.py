@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
+import anctmm as at
 from anctmm.integrators.statics import solve_static
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene
 from anctmm.model.sections import Rectangle
@@ -108,3 +109,12 @@ def test_a_catenary_is_that_of_its_equations():
         exact.Catenary((-1.0, 0.0), 2.0, 1.0, 1.0)
     with pytest.raises(exact.catenary.PropertyError, match=r"catenary weight \(N/m\) is 0.0"):
         exact.Catenary((1.0, 0.0), 2.0, 0.0, 1.0)
+
+
+def test_who_asked_for_the_stable_branch_is_not_told_to_ask_for_it():
+    fallen = at.Scene("fallen", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
+    asked, not_asked = (at.solve_static(fallen, branch=branch).status for branch in ("stable", "path"))
+    assert asked.code == not_asked.code == "diverged"
+    assert "no stable equilibrium found beyond 0 of the load" in asked.message
+    assert "branch" not in asked.message
+    assert "or ask for branch='stable'" in not_asked.message
