@@ -12,7 +12,7 @@ ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
 
 
 def swing():
-    """A beam, a plate on two cranks, a guided mass and a follower force, coupled by springs that damp and turn."""
+    """A driven beam, a plate on two cranks, a guided mass and a follower force, coupled by springs that damp and turn."""
     beam = at.Beam("beam", (0.0, 0.0), (0.6, 0.0), ROD, RUBBER)
     plate = at.RigidBody("plate", 0.4, 2e-3, (0.3, 0.4), points={"a": (0.2, 0.4), "b": (0.4, 0.4)})
     cranks = [
@@ -21,7 +21,7 @@ def swing():
     ]
     bob = at.PointMass("bob", 0.2, (0.8, 0.2))
     joints = [
-        at.Clamp("beam.start"),
+        at.Clamp("beam.start", angle=at.Quintic(0.2, 0.05)),
         *(at.Pin(f"crank{k}.top") for k in (0, 1)),
         *(at.Pin(f"crank{k}.low", f"plate.{p}") for k, p in enumerate("ab")),
         at.Slider("bob.center", direction=(0.2, 1.0)),

@@ -74,12 +74,14 @@ def _across(loops, system, control):  # type: ignore[no-untyped-def]
     if loops is None:
         return 0.0
     x, largest = control.x, 0.0
-    if ask_velocities(loops, system.state.q, x) > 0.0:
+    missed = ask_velocities(loops, system.state.q, x)
+    if missed > 0.0:
         control.load[:] = 0.0
         sweep(system.factors, control.load, x)
-        correct(system.loads.border, x)
-        largest = largest_of(x, control)
     forget_asked(loops)
+    if missed > 0.0:
+        correct(system.loads.border, x, system.factors)
+        largest = largest_of(x, control)
     return largest
 
 
