@@ -12,7 +12,7 @@ ROD, RUBBER = at.Rectangle(0.02, 0.02), at.Material(E=5e6, density=1100.0)
 
 
 def swing():
-    """A driven beam, a plate on two cranks, a guided mass and a follower force, coupled by springs that damp and turn."""
+    """A driven beam, a plate on two cranks, a guided mass, a follower force; springs that damp and turn couple them."""
     beam = at.Beam("beam", (0.0, 0.0), (0.6, 0.0), ROD, RUBBER)
     plate = at.RigidBody("plate", 0.4, 2e-3, (0.3, 0.4), points={"a": (0.2, 0.4), "b": (0.4, 0.4)})
     cranks = [
