@@ -152,7 +152,7 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
         return
     wrong = from_nowhere(energy, INACCURATE, least, lost=keeps and not damped, damped=damped) & beyond
     if not explicit:
-        wrong |= dissipated(energy, least) & (np.abs(energy.balance) > known_to)
+        wrong |= dissipated(energy, least, vibrates=vibrates) & (np.abs(energy.balance) > known_to)
     wrong[:-1] &= wrong[1:]  # what is gone at the next output was a start that the step does not resolve
     if wrong.any():
         yield _finding(solution, int(wrong.argmax()), "inaccurate")
@@ -169,7 +169,7 @@ def _allowed(solution: Solution) -> float:
     return float(tolerance * known.max()) if tolerance is not None and known.size else 0.0
 
 
-def dissipated(energy: Energy, least: float = 0.0) -> Mask:
+def dissipated(energy: Energy, least: float = 0.0, *, vibrates: bool = True) -> Mask:
     """Whether more energy until an output, (n,), has vanished there than damping and vibrations after loads explain.
 
     What damping takes within a step is known badly, but it is counted too large: this sees less then, not more.
@@ -179,13 +179,16 @@ def dissipated(energy: Energy, least: float = 0.0) -> Mask:
     energy : Energy
     least : float
         All energy, and that exchanged with loads, weight and drives, are no less than this, J.
+    vibrates : bool
+        Whether anything can: rigid bodies alone have no vibration that loads leave.
     """
+    settled = SETTLED if vibrates else 0.0
     with np.errstate(invalid="ignore"):
         present, exchanged = (
             np.maximum(np.maximum.accumulate(e), least)
             for e in (all_energy(energy), np.abs(energy.potential) + np.abs(energy.work))
         )
-        return -energy.balance > INACCURATE * present + SETTLED * exchanged  # type: ignore[no-any-return]
+        return -energy.balance > INACCURATE * present + settled * exchanged  # type: ignore[no-any-return]
 
 
 def _finding(solution: Solution, k: int, code: str) -> Finding:
