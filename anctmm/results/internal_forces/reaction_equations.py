@@ -110,16 +110,15 @@ class _System:
         count = int(start[-1])
         row, column, factor, right = self._matrix(states, start)
         scale = np.array([r.weight for r in self.rows])
-        forces = np.empty((self.outputs, self.size))
-        unknown = np.zeros((self.outputs, self.size), dtype=bool)
+        factors, unknown = np.empty((self.outputs, count)), np.zeros((self.outputs, self.size), dtype=bool)
         solve = _sparse if count >= MANY else _dense
         for n in range(self.outputs):
             A = scipy.sparse.csr_array((factor[:, n], (row, column)), shape=(len(self.rows), count))
-            x, free = solve(A, scale, right[:, n])
-            spread = self._spread(states, start, n)
-            forces[n] = spread @ x
+            factors[n], free = solve(A, scale, right[:, n])
             if len(free):
-                unknown[n] = (np.abs(spread @ free.T) > UNKNOWN).any(axis=1)
+                here = [found[n:][:1] if len(found) > 1 else found for found in states]
+                unknown[n] = (np.abs(_spread(here, start, free)) > UNKNOWN).any(axis=0)
+        forces = _spread(states, start, factors)
         forces[:, 2::3] *= self.length
         return JointForces(forces, unknown, self.first)
 
@@ -129,11 +128,10 @@ class _System:
         return states, np.cumsum([0, *(found.shape[2] for found in states)]).astype(np.int64)
 
     def _states_of(self, joint: Joint) -> Array:
-        """What a joint can exert: that which its conditions, each a row, leave."""
+        """What a joint can exert: that which its conditions, independent rows, leave."""
         conditions = self._conditions(joint)
-        _, sizes, V = np.linalg.svd(conditions)
-        rank = int((sizes[0] > NONE * max(sizes[0].max(initial=0.0), 1e-300)).sum()) if sizes.size else 0
-        return np.asarray(V[:, rank:].swapaxes(1, 2))
+        _, _, V = np.linalg.svd(conditions)
+        return np.asarray(V[:, conditions.shape[1] :].swapaxes(1, 2))
 
     def _conditions(self, joint: Joint) -> Array:
         """What a joint leaves free, and that it keeps nothing for itself, (outputs or 1, conditions, 3 places)."""
@@ -186,11 +184,6 @@ class _System:
         values = np.array(factors).reshape(-1, self.outputs)
         return np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64), values, right
 
-    def _spread(self, states: Sequence[Array], start: NDArray[np.int64], n: int) -> "scipy.sparse.csr_array":
-        """Forces from factors of states at an output."""
-        blocks = [found[n if len(found) > 1 else 0] for found in states]
-        return scipy.sparse.csr_array(scipy.sparse.block_diag(blocks))
-
     def _sum(self, pairs: Sequence[tuple[int, int]], component: int, value: Any, weight: float) -> None:
         terms = [(self.first[k] + 3 * p + component, 1.0) for k, p in pairs]
         self.rows.append(_Row(terms, value, weight))
@@ -234,6 +227,15 @@ class _System:
         if moment is not None:  # joints exert none on a point mass
             weight = self.length * inertia_of(body) ** -0.5
             self.rows.append(_Row(terms[2], moment / self.length, weight))
+
+
+def _spread(states: Sequence[Array], start: NDArray[np.int64], factors: Array) -> Array:
+    """Forces, (n, 3 places), from factors of the states of all joints, (n, states)."""
+    parts = [
+        (found @ factors[:, first:last, None])[:, :, 0]
+        for found, first, last in zip(states, start[:-1], start[1:], strict=True)
+    ]
+    return np.concatenate(parts, axis=1)
 
 
 def _dense(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple[Array, Array]:
