@@ -27,12 +27,10 @@ from studies.engine.measuring.timing import in_turn, least, undisturbed
 from studies.engine.pareto_front import NEAR, cost_at, excess, front
 from studies.engine.running.trial import Mesh, mesh_label
 from studies.engine.tables import BUILD, Table
-from studies.scenes import BaseScene, cantilever_fall, four_bar
+from studies.scenes import STEPS, BaseScene, cantilever_fall, four_bar
 
 #: Errors at which costs are compared.
 TARGETS = (1e-2, 1e-3, 1e-4, 1e-5)
-#: Steps tried, s: whole parts of the scenes' output_dt, close enough for a front without large gaps.
-STEPS = tuple(1e-2 / n for n in (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 40))
 #: An explicit run is tried where elements times steps do not exceed this, some 30 ms of ANC-TMM.
 MOST_EXPLICIT = 1e6
 #: Settings tried with Exudyn: those predicted to cost up to this much more than the cheapest of the same error.

@@ -13,12 +13,12 @@ from studies.engine.choices import choices_of
 from studies.engine.measuring.setting import stable_step
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import Mesh
-from studies.scenes import cantilever_fall, four_bar
+from studies.scenes import STEPS, cantilever_fall, four_bar
 
 #: Target errors of the built-in scenes; of a quick run.
 TARGETS, QUICK_TARGETS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7), (1e-2, 1e-3, 1e-4, 1e-5)
-#: Steps that every solver tries, s; of a quick run.
-STEPS, QUICK_STEPS = (1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2.5e-4), (5e-3, 2e-3, 1e-3)
+#: Steps of a quick run, s.
+QUICK_STEPS = (5e-3, 2e-3, 1e-3)
 #: Newton's tolerances of single schemes: one that stops as soon as the step's error allows, and one near rounding.
 LOOSE, TIGHT = NEWTON_TOLERANCES[-1], NEWTON_TOLERANCES[0]
 #: Tolerances of the error-controlled steps; of a quick run.
