@@ -19,9 +19,13 @@ Ints = NDArray[np.int64]
 #: Indices of the hot loops: as they cannot be negative, the compiler need not look for indices counted from the end.
 Index = NDArray[np.uint32]
 Matrix = sparse.csc_array
+Order = Literal["MMD_AT_PLUS_A", "COLAMD", "NATURAL"]
 
 #: Pivots are taken from the diagonal where these fractions of their column's largest entry let them be.
 THRESHOLDS = (1e-3, 1.0)
+#: Unknowns above which two orders are tried instead of four: minimum degree and the natural order take minutes for the
+#: matrices of long ladders, and on chains, trees and ladders one of the other two has always had the least fill.
+LARGE = 10_000
 #: Entry of L above which the pivots of a refactorisation count as bad.
 GROWTH = 1e8
 
@@ -57,17 +61,14 @@ class Pattern(NamedTuple):
 def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
     """Factors of A with the least fill, and for each place in L and U the row and the column of A that stand there.
 
-    Tried: the natural order along the bodies, reverse Cuthill-McKee, minimum degree and COLAMD, each with pivots
-    from the diagonal where they are not small, and with partial pivoting.
+    Tried: COLAMD, reverse Cuthill-McKee and, up to `LARGE` unknowns, minimum degree and the natural order along the
+    bodies, each with pivots from the diagonal where they are not small, and with partial pivoting.
     """
     natural = np.arange(A.shape[0])
     band = np.asarray(reverse_cuthill_mckee(sparse.csr_matrix(abs(A)), symmetric_mode=True), dtype=np.int64)
-    orders: list[tuple[Ints, Literal["MMD_AT_PLUS_A", "COLAMD", "NATURAL"]]] = [
-        (natural, "MMD_AT_PLUS_A"),
-        (natural, "COLAMD"),
-        (natural, "NATURAL"),
-        (band, "NATURAL"),
-    ]
+    orders: list[tuple[Ints, Order]] = [(natural, "COLAMD"), (band, "NATURAL")]
+    if len(natural) <= LARGE:
+        orders += [(natural, "MMD_AT_PLUS_A"), (natural, "NATURAL")]
     best: tuple[SuperLU, Ints, Ints] | None = None
     for before, spec in orders:
         B = Matrix(A[before][:, before])

@@ -10,7 +10,7 @@ from studies.benchmark.calls import AGAIN, MOST_BUILD
 from studies.benchmark.first import EMPTY, LIST
 from studies.benchmark.length import BASE
 from studies.benchmark.peers import DENSE, OURS, SPARSE
-from studies.benchmark.topology import LADDER, MOST_DAE
+from studies.benchmark.topology import LADDER
 from studies.engine.measuring.clock import records
 from studies.engine.tables import Table
 
@@ -132,9 +132,8 @@ def _topology(frame: pd.DataFrame) -> list[dict[str, Any]]:
         if r["integrator"] != "zhai":
             of_correction = f"time of an element and correction / a chain's: {which}"
             lines.append(_line(of_correction, r["ratio_iteration"], most, 1.0, "at most", status))
-        if r["elements"] <= MOST_DAE:
-            beside = f"time of a step / that of {SPARSE}: {which}"
-            lines.append(_line(beside, 1.0 / r["ratio_dae"], 1.0, nothing, "at most", status))
+        beside = f"time of a step / that of {SPARSE}: {which}"
+        lines.append(_line(beside, 1.0 / r["ratio_dae"], 1.0, nothing, "at most", status))
     return lines + _lengths_of_ladders(frame[frame["scene"] == LADDER])
 
 

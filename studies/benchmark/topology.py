@@ -40,11 +40,8 @@ RUNGS, QUICK_RUNGS = (10, 100, 1000), (10, 100)
 IMPLICIT_DT = 1e-3
 JOINTS: Mapping[str, Callable[..., Joint]] = {"hinged": Pin, "welded": Weld}
 CHAIN, TREES, LADDER = "chain", "tree", "ladder"
-#: Rounds in which the global solver takes part, and elements from which on it has one and a quarter of the implicit
-#: steps: each of its runs orders and factors its matrix anew, which takes up to half a minute.
-ROUNDS, QUICK_ROUNDS, MANY = 3, 1, 1000
-#: Elements up to which it takes part: it takes minutes to factor the matrix of the longest ladder.
-MOST_DAE = 5000
+#: Rounds in which the global solver takes part: each of its runs orders and factors its matrix anew, in seconds.
+ROUNDS, QUICK_ROUNDS = 3, 1
 OPTIONS: dict[str, Any] = {"element": "cable"}
 
 
@@ -121,8 +118,7 @@ def topology_costs(effort: Effort, samples: Samples) -> Table:
         "Newton's corrections are not the same in all motions: ratio_iteration and ratio_length_iteration are those "
         "of an element and correction, factorizations included.",
         f"ns_dae: of the global solver (linear_algebra={SPARSE!r}); ratio_dae: its time over ANC-TMM's, in a contest "
-        f"of these two with steps of their own; none above {MOST_DAE} elements, where it takes minutes to factor its "
-        "matrix.",
+        "of these two.",
     )
     title = "Trees and ladders beside chains and the global solver"
     return Table("topology", title, pd.DataFrame(rows), notes)
@@ -167,13 +163,7 @@ def _beside_the_global_solver(
     runs: dict[str, list[Solution]] = {OURS: [], SPARSE: []}
     theirs = partial(global_dae.solve, linear_algebra=SPARSE)
     bad = [f"{s.solver} {s.status}" for s in ended if not s.status.ok]
-    if f.elements > MOST_DAE:
-        names = ("ns_dae", "spread_dae", "newton_dae", "ratio_dae")
-        return {**dict.fromkeys(names, np.nan), "repeats_dae": 0, "status": bad[0] if bad else "ok"}
-    steps = _steps(f, integrator)
-    if integrator != "zhai" and f.elements >= MANY:
-        steps = max(1, steps // 4)
-    rounds = QUICK_ROUNDS if effort.quick or f.elements >= MANY else ROUNDS
+    steps, rounds = _steps(f, integrator), QUICK_ROUNDS if effort.quick else ROUNDS
     samplers = {
         name: between(f.runner(solver, integrator), steps, f.elements, runs[name], _again(f, integrator))
         for name, solver in ((OURS, solve), (SPARSE, theirs))
