@@ -166,8 +166,9 @@ def _of_rows(
     known = np.zeros((3, rows.x.shape[1], n))
     known[0, -1] = 1.0  # the last place stands for the number 1
     known[:, rows.used] = series[:, :, *rows.homes[:, rows.used]].swapaxes(1, 2)
-    (xi, vi, ai), (xj, vj, aj) = known[:, rows.one], known[:, rows.two]
-    terms = np.array([ai * xj, xi * aj, 2.0 * vi * vj])
+    (xi, vi, _), (xj, vj, _) = one, two = known[:, rows.one], known[:, rows.two]
+    terms = one * two[::-1]  # (x_i x_j)'' = x_i a_j + 2 v_i v_j + a_i x_j
+    terms[1] *= 2.0
     if len(rows.turns):
         signals = np.zeros((*rows.signals.shape, n))
         signals[0, 0] = 1.0
