@@ -46,7 +46,7 @@ SLOW = {
     "checks": ["precision_check"],
     "compiler": ["kernel_files", "second_process", "separate"],
     "discretise": ["kept_chains", "structure"],
-    "elements": ["kinds", "quintic"],
+    "elements": ["kinds", "quintic", "vector_instructions"],
     "engine": ["processes"],
     "files": ["one_compiler"],
     "forces": ["acting", "histories", "laws"],

@@ -18,7 +18,7 @@ from anctmm.elements.tangent_blocks import (
     place,
     placement,
 )
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.jit.compiling import inlined, kernel, vectorized
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def _weighted(k, f, c):  # type: ignore[no-untyped-def]
     return P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
 
 
-@kernel
+@vectorized
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 

@@ -63,6 +63,13 @@ class CalleeLibrary(JITCodeLibrary):  # type: ignore[misc]
         self._finalize_final_module()
 
 
+class OptimizedLibrary(CalleeLibrary):
+    """The same, optimised before it is linked: numba's vectorisation of a loop comes before it is inlined."""
+
+    def _optimize_final_module(self) -> None:
+        JITCodeLibrary._optimize_final_module(self)
+
+
 @register_pass(mutates_CFG=False, analysis_only=True)
 class _Callable(AnalysisPass):  # type: ignore[misc]
     """Tell the compiler how callers find a function that has no entry."""
@@ -106,6 +113,8 @@ class KernelFlags(Flags):  # type: ignore[misc]
 class KernelCompiler(CompilerBase):  # type: ignore[misc]
     """numba's compiler, which stops before machine code where a caller is compiled."""
 
+    callee: type[CalleeLibrary] = CalleeLibrary
+
     def _compile_core(self) -> Any:
         self.state.flags = KernelFlags(self.state.flags)
         with shortcuts():
@@ -120,11 +129,17 @@ class KernelCompiler(CompilerBase):  # type: ignore[misc]
             state.library.enable_object_caching()
             return [_passes(state)]
         state.flags.no_cpython_wrapper = state.flags.no_compile = True
-        state.library = CalleeLibrary(codegen, name)
+        state.library = self.callee(codegen, name)
         passes = _passes(state)
         passes.add_pass_after(_Callable, NativeLowering)
         passes.finalize()
         return [passes]
+
+
+class VectorizingCompiler(KernelCompiler):
+    """The same, which optimises what it links."""
+
+    callee = OptimizedLibrary
 
 
 def _passes(state: Any) -> PassManager:
@@ -147,9 +162,10 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
     """
 
     _cache: Any
+    pipeline: ClassVar[type[KernelCompiler]] = KernelCompiler
 
     def __init__(self, py_func: Callable[..., Any], locals: Any = None, targetoptions: Any = None) -> None:
-        super().__init__(py_func, locals or {}, targetoptions, pipeline_class=KernelCompiler)
+        super().__init__(py_func, locals or {}, targetoptions, pipeline_class=self.pipeline)
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
         """What a caller that is compiled needs to know.
@@ -201,6 +217,12 @@ class Kernel(CPUDispatcher):  # type: ignore[misc]
             self.add_overload(whole)
         self._cache.save_overload(callee.signature, whole)
         return entry
+
+
+class VectorizedKernel(Kernel):
+    """The same, optimised before it is linked into its callers."""
+
+    pipeline = VectorizingCompiler
 
 
 def compile_for_callers(kernel: Kernel, types: tuple[Any, ...]) -> None:

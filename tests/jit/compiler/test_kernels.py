@@ -6,7 +6,7 @@ from numba.core import config
 
 from anctmm.jit.compiler import kernel_files
 from anctmm.jit.compiler.kernels import is_callee
-from anctmm.jit.compiling import embedded, kernel, uncompiled
+from anctmm.jit.compiling import embedded, kernel, uncompiled, vectorized
 
 pytestmark = pytest.mark.skipif(config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -133,3 +133,19 @@ def test_one_code_serves_all_numbers_that_callers_write():
 def test_types_of_local_variables_are_a_mapping():
     """The oldest numba that is allowed inlines nothing without one."""
     assert kernel(lambda x: x).locals == {}
+
+
+def test_a_kernel_that_is_optimised_by_itself_has_files_of_its_own():
+    """Old files were taken for the new kernel, whose loop stayed scalar."""
+
+    def double(x, y):
+        for i in range(len(x)):
+            y[i] = 2.0 * x[i]
+
+    x, y = arrays()
+    kinds = kernel(double), vectorized(double)
+    for one in kinds:
+        one(x, y)
+        np.testing.assert_array_equal(y, 2.0 * x)
+    (types,) = kinds[0].overloads
+    assert len({one._cache.file_of(types) for one in kinds}) == 2
