@@ -10,6 +10,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
 from anctmm.model.drives import value_at
+from anctmm.model.least_norm import MANY, least_norm
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -32,13 +33,22 @@ def fitting_velocity(chain: Chain) -> Array:
         return v
     joined = Joined(chain)
     T, J = joined.matrix, J @ joined.matrix
-    mass = scipy.sparse.linalg.splu((T.T @ mass_matrix(chain.bodies) @ T).tocsc())
-    answers = mass.solve(J.T.toarray())
+    mass = scipy.sparse.csc_array(T.T @ mass_matrix(chain.bodies) @ T)
+    change = _least_change(mass, scipy.sparse.csr_array(J), missed)
+    return v - joined.spread(change)
+
+
+def _least_change(mass: "scipy.sparse.csc_array", J: "scipy.sparse.csr_array", missed: Array) -> Array:
+    """The change of velocities, least in kinetic energy, by which constraints are kept as far as they can be."""
+    found = least_norm(mass, J, missed) if len(missed) >= MANY else None
+    if found is not None:
+        return found.x
+    answers = scipy.sparse.linalg.splu(mass).solve(J.T.toarray())
     S = J @ answers
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(S), np.finfo(float).tiny))
     S = S * np.outer(scale, scale)
     multipliers = scale * (np.linalg.pinv(S, rcond=VOID, hermitian=True) @ (scale * missed))
-    return v - joined.spread(answers @ multipliers)
+    return np.asarray(answers @ multipliers)
 
 
 def constraint_rates(chain: Chain, v: Array) -> "tuple[scipy.sparse.csr_array, Array]":

@@ -96,8 +96,7 @@ class Place:
         """The same for all points of a rigid body that coincide: its first one there."""
         if not isinstance(self.body, RigidBody):
             return self.end
-        key = next(k for k in self.body.keys if self.body.position_at(k) == self.position)
-        return self.body.name, key
+        return self.body.name, self.body.first_at[self.position]
 
     def __str__(self) -> str:
         return place_text(self.end)
@@ -111,4 +110,4 @@ def place_in(body: Body, key: Any) -> Key | None:
                 return SIDES.index(key) if key in SIDES else None
             return int(key) if key in (0.0, 1.0) else key
         case RigidBody() | PointMass():
-            return key if isinstance(key, str) and key in body.keys else None
+            return key if isinstance(key, str) and body.has(key) else None

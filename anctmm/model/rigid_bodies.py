@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import hypot
 from typing import TYPE_CHECKING, Any, final
 
@@ -74,7 +75,7 @@ class RigidBody(BodyKind):
         set_(self, "velocity", vector(f"{what} velocity (m/s)", self.velocity))
         set_(self, "spin", number(f"{what} spin (rad/s)", self.spin))
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """Largest distance of a point from the centre, m; 0 if there is none."""
         return max((hypot(*self.arm(key)) for key in self.points), default=0.0)
@@ -83,6 +84,15 @@ class RigidBody(BodyKind):
     def keys(self) -> tuple[str, ...]:
         """Names of all points, "center" first."""
         return (CENTER, *self.points)
+
+    def has(self, key: str) -> bool:
+        """Whether there is a point of this name."""
+        return key == CENTER or key in self.points
+
+    @cached_property
+    def first_at(self) -> Mapping[Point, str]:
+        """First of the points at each position, which stands for all that coincide there."""
+        return {self.position_at(key): key for key in reversed(self.keys)}
 
     def position_at(self, key: str) -> Point:
         """Place of a point in the reference, m."""
@@ -163,6 +173,10 @@ class PointMass(BodyKind):
     def keys(self) -> tuple[str, ...]:
         """The name of its one place."""
         return (CENTER,)
+
+    def has(self, key: str) -> bool:
+        """Whether there is a point of this name."""
+        return key == CENTER
 
     def position_at(self, key: str) -> Point:
         """Its place in the reference, m."""

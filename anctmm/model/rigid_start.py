@@ -1,21 +1,26 @@
 """Initial velocities of rigid motions that satisfy joints and drives, with the least kinetic energy."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 from anctmm.errors import JointGapError, SceneError, listed, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.least_norm import MANY, least_norm
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start
 from anctmm.model.velocities import Point, RigidVelocity
 
 Array = NDArray[np.float64]
+Row = dict[int, float]
+"""Factors of an equation by the numbers of what they multiply: vx, vy of the centre and spin, of each body."""
 
 #: Bodies of which the rank of the joints' equations is found, at most: its cost grows with their cube.
 FEW = 30
@@ -61,10 +66,7 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
         scene = scene_that_does_not_start(**parts)
     scene = checked_scene(scene)
     rows, rates = _rigid_constraints(scene)
-    scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
-    # least norm of the motion times the root of its inertia: least kinetic energy
-    motion = np.linalg.lstsq(rows / scale, rates, rcond=None)[0] / scale
-    missed = float(np.abs(rows @ motion - rates).max(initial=0.0))
+    motion, missed = _least_motion(rows, rates, _scales(scene))
     if missed > EQUAL * float(np.abs(rates).max(initial=0.0)):
         raise JointGapError(
             f"scene {scene.name!r} has no velocities of rigid bodies that fit its joints and drives: the best "
@@ -92,8 +94,44 @@ def mobile(scene: Scene) -> bool:
     if len(scene.bodies) > FEW:
         return True
     rows, _ = _rigid_constraints(scene)
-    scale = np.concatenate([_root_inertias(body) for body in scene.bodies])
-    return bool(np.linalg.matrix_rank(rows / scale) < 3 * len(scene.bodies))
+    scale = _scales(scene)
+    return bool(np.linalg.matrix_rank(_dense(rows, len(scale)) / scale) < len(scale))
+
+
+def _least_motion(rows: Sequence[Row], rates: Array, scale: Array) -> tuple[Array, float]:
+    """The motion of least kinetic energy that misses the rates least, and by how much, m/s."""
+    sparse = _sparsely(rows, rates, scale) if len(rows) >= MANY else None
+    if sparse is not None:
+        return sparse
+    A = _dense(rows, len(scale))
+    # least norm of the motion times the root of its inertia: least kinetic energy
+    motion = np.linalg.lstsq(A / scale, rates, rcond=None)[0] / scale
+    return motion, float(np.abs(A @ motion - rates).max(initial=0.0))
+
+
+def _sparsely(rows: Sequence[Row], rates: Array, scale: Array) -> tuple[Array, float] | None:
+    """The same of many equations; None where these nearly depend on each other."""
+    if not rates.any():
+        return np.zeros(len(scale)), 0.0
+    counts = [len(row) for row in rows]
+    values = np.array([value for row in rows for value in row.values()])
+    columns = np.array([column for row in rows for column in row], dtype=np.int64)
+    at = np.repeat(np.arange(len(rows)), counts), columns
+    A = scipy.sparse.csr_array((values, at), shape=(len(rows), len(scale)))
+    mass = scipy.sparse.csc_array(scipy.sparse.diags_array(scale**2))
+    found = least_norm(mass, A, rates)
+    if found is not None and np.abs(found.left).max() > EQUAL * np.abs(rates).max():
+        found = least_norm(mass, A, rates, scaled=False)  # equations count as they are written
+    return None if found is None else (found.x, float(np.abs(found.left).max()))
+
+
+def _dense(rows: Sequence[Row], size: int) -> Array:
+    """Equations with their zeros: where they are few, they are there much sooner."""
+    found = np.zeros((len(rows), size))
+    for number, row in enumerate(rows):
+        for column, value in row.items():
+            found[number, column] = value
+    return found
 
 
 def _moved(body: Body, velocity: Point, spin: float) -> Body:
@@ -136,22 +174,24 @@ def _root_inertias(body: Body) -> Array:
     return np.sqrt([body.mass, body.mass, inertia])
 
 
+def _scales(scene: Scene) -> Array:
+    """The same of all bodies."""
+    return np.concatenate([_root_inertias(body) for body in scene.bodies])
+
+
 class _Rows:
-    """Rows of the velocities of places, by the motions (vx, vy of the centre, spin) of all bodies."""
+    """Rows of the velocities of places, by the motions of all bodies."""
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.size = scene, 3 * len(scene.bodies)
+        self.scene = scene
         self.first = {body.name: 3 * i for i, body in enumerate(scene.bodies)}
 
-    def at(self, body: Body, point: Point) -> Array:
-        """(3, size): velocity of a body at a point of the plane, and its spin."""
-        (cx, cy), rows, i = _center(body), np.zeros((3, self.size)), self.first[body.name]
-        rows[0, i], rows[0, i + 2] = 1.0, cy - point[1]
-        rows[1, i + 1], rows[1, i + 2] = 1.0, point[0] - cx
-        rows[2, i + 2] = 1.0
-        return rows
+    def at(self, body: Body, point: Point) -> tuple[Row, Row, Row]:
+        """Velocity of a body at a point of the plane, and its spin."""
+        (cx, cy), i = _center(body), self.first[body.name]
+        return {i: 1.0, i + 2: cy - point[1]}, {i + 1: 1.0, i + 2: point[0] - cx}, {i + 2: 1.0}
 
-    def of(self, written: Written) -> Array:
+    def of(self, written: Written) -> tuple[Row, Row, Row]:
         """The same of a place."""
         place = self.scene.place(written)
         return self.at(place.body, place.position)
@@ -161,41 +201,54 @@ class _Rows:
         extents = [self.scene.place(place).body.extent for place in places]
         return min((extent for extent in extents if extent > 0.0), default=1.0)
 
-    def guided(self, guide: Guide) -> list[tuple[Array, float]]:
+    def guided(self, guide: Guide) -> list[tuple[Row, float]]:
         """Equations of a guide."""
         place, (x, y) = self.scene.place(guide.place), guide.direction
         rows = self.of(guide.place)
         if guide.body is not None:
-            rows = rows - self.at(self.scene.body(guide.body), place.position)
-        found = [(x * rows[1] - y * rows[0], 0.0)]
+            carried = self.at(self.scene.body(guide.body), place.position)
+            rows = _less(rows[0], carried[0]), _less(rows[1], carried[1]), _less(rows[2], carried[2])
+        found = [(_less(_times(x, rows[1]), _times(y, rows[0])), 0.0)]
         if guide.position is not None:
-            found.append((x * rows[0] + y * rows[1], drive_rate(guide)))
+            found.append((_less(_times(x, rows[0]), _times(-y, rows[1])), drive_rate(guide)))
         if guide.holds_direction:
-            found.append((self.extent(guide.place) * rows[2], 0.0))
+            found.append((_times(self.extent(guide.place), rows[2]), 0.0))
         return found
 
 
-def _rigid_constraints(scene: Scene) -> tuple[Array, Array]:
+def _times(factor: float, row: Row) -> Row:
+    return {column: factor * value for column, value in row.items()}
+
+
+def _less(row: Row, other: Row) -> Row:
+    found = dict(row)
+    for column, value in other.items():
+        found[column] = found.get(column, 0.0) - value
+    return found
+
+
+def _rigid_constraints(scene: Scene) -> tuple[list[Row], Array]:
     """Joints' equations for the velocities of rigid bodies (vx, vy of the centre, spin): rows and right sides, m/s."""
-    of, found = _Rows(scene), list[tuple[Array, float]]()
+    of, found = _Rows(scene), list[tuple[Row, float]]()
     for body in scene.bodies:
         if isinstance(body, PointMass):
             found.append((of.at(body, body.position)[2], 0.0))
     for joint in scene.joints:
         rows = [of.of(end) for end in joint.ends]
         length = of.extent(*joint.ends)
-        found += [(row, 0.0) for other in rows[1:] for row in other[:2] - rows[0][:2]]
+        found += [(_less(other[k], rows[0][k]), 0.0) for other in rows[1:] for k in (0, 1)]
         if joint.grounded:
             found += [(row, 0.0) for row in rows[0][:2]]
         match joint:
             case Pin():
                 pass
             case Weld():
-                found += [(length * (row[2] - rows[0][2]), length * drive_rate(joint)) for row in rows[1:]]
+                rate = length * drive_rate(joint)
+                found += [(_times(length, _less(row[2], rows[0][2])), rate) for row in rows[1:]]
             case Clamp():
-                found.append((length * rows[0][2], length * drive_rate(joint)))
+                found.append((_times(length, rows[0][2]), length * drive_rate(joint)))
             case Slider() | Prismatic():
                 found += of.guided(joint)
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
-    return np.array([row for row, _ in found]).reshape(-1, of.size), np.array([rate for _, rate in found])
+    return [row for row, _ in found], np.array([rate for _, rate in found])

@@ -1,6 +1,6 @@
 """Whether the joints of a scene are compatible with each other and its bodies."""
 
-from collections import deque
+from collections import Counter, deque
 from math import hypot
 
 import numpy as np
@@ -67,10 +67,11 @@ def _check_ends(scene: Graph, joint: Joint) -> None:
                 f"{shown(joint)} holds the direction of the point mass {place.body.name!r}, which has none; "
                 f"a {'Slider' if joint.on_line else 'Pin'} does the same there"
             )
+    times = Counter(known)
     for name, end in zip(joint.ends, known, strict=True):
-        if known.count(end) > 1:
+        if times[end] > 1:
             raise EndJoinedTwiceError(
-                f"{shown(joint)} names end {shown(name)} {known.count(end)} times; an end may be in several joints, "
+                f"{shown(joint)} names end {shown(name)} {times[end]} times; an end may be in several joints, "
                 f"but in each of them once"
             )
 
