@@ -83,19 +83,41 @@ def contained() -> Iterator[None]:
     ------
     ProcessExit
         In the place of SystemExit and of `os._exit`, which would pass for a run that went well, and of whatever else
-        is no Exception. KeyboardInterrupt is the user's and passes.
+        is no Exception.
+    KeyboardInterrupt
+        The user's, which passes; in the place of an error that compiled code made of it, too.
     """
     before = _process.enter()
     try:
         yield
     except SystemExit as error:
         raise ProcessExit(f"it calls sys.exit({error.code!r})") from error
-    except (Exception, KeyboardInterrupt):
+    except KeyboardInterrupt:
+        raise
+    except Exception as error:
+        raise_interruption(error)
         raise
     except BaseException as error:
         raise ProcessExit(f"it raises {type(error).__name__}: {error}") from error
     finally:
         _process.leave(before)
+
+
+def raise_interruption(error: BaseException) -> None:
+    """Raise KeyboardInterrupt in the place of an error that compiled code made of one; return where there was none.
+
+    A function in C that returns although Ctrl-C has raised KeyboardInterrupt ends with a SystemError, "returned a
+    result with an exception set", that is caused by it.
+    """
+    while isinstance(error, Exception):
+        before = error.__cause__
+        if before is None and isinstance(error, SystemError):
+            before = error.__context__
+        if isinstance(before, KeyboardInterrupt):
+            raise KeyboardInterrupt from error
+        if before is None:
+            return
+        error = before
 
 
 def told(value: Any, length: int = 200) -> str:

@@ -41,6 +41,7 @@ from anctmm.results.ended_early import nothing
 from anctmm.results.fields import Field
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
+from anctmm.solvers.foreign_code import raise_interruption
 from anctmm.validation import is_pair, one_of, positive
 from reference.exudyn.histories import FAILED
 from reference.exudyn.mechanisms import reference_of, rigid_field
@@ -279,6 +280,7 @@ def _timed(exu: Any, solve: Callable[[Any], Any], settings: Any) -> tuple[str | 
     try:
         solve(settings)
     except Exception as error:
+        raise_interruption(error)
         if FAILED:
             raise FAILED[0] from error
         if not isinstance(error, exu.SolverError):

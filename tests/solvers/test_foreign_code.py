@@ -1,11 +1,13 @@
 """Code of others leaves nothing behind in the process, whichever threads run it at the same time."""
 
 import os
+import signal
 import sys
 from threading import Event, Thread
 
 import pytest
 
+import anctmm as at
 from anctmm.solvers.foreign_code import ProcessExit, contained
 
 LIMIT = 60.0
@@ -72,3 +74,58 @@ def test_a_process_that_code_of_others_starts_ends_as_it_likes():
         if child == 0:
             os._exit(7)
         assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+
+
+def in_compiled_code(*_):
+    """What is left of Ctrl-C where a function in C returns although it has raised."""
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt as error:
+        raise SystemError("<built-in method SolveSystem> returned a result with an exception set") from error
+
+
+def after_it(*_):
+    """An error of one's own while an interruption is looked at."""
+    try:
+        raise KeyboardInterrupt
+    except KeyboardInterrupt:
+        raise ValueError("no file")  # noqa: B904
+
+
+def test_ctrl_c_in_compiled_code_is_ctrl_c():
+    with pytest.raises(KeyboardInterrupt), contained():
+        in_compiled_code()
+    with pytest.raises(ValueError, match="no file"), contained():
+        after_it()
+    with pytest.raises(SystemError, match="of its own"), contained():
+        raise SystemError("of its own")
+
+
+def test_ctrl_c_in_exudyn_is_ctrl_c(monkeypatch):
+    """As its solver ends then in a function of C; and where it calls a force of the user."""
+    exu = pytest.importorskip("exudyn")
+    import reference.exudyn.run as exudyn_run
+    from reference import exudyn_cable
+
+    with pytest.raises(KeyboardInterrupt):
+        exudyn_run._timed(exu, in_compiled_code, None)
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    solving, timed = [], exudyn_run._timed
+
+    def marked(exu, solve, settings):
+        solving.append(True)
+        return timed(exu, solve, settings)
+
+    def force(t):
+        if solving:
+            os.kill(os.getpid(), signal.SIGINT)
+        return (0.0, -0.1)
+
+    monkeypatch.setattr(exudyn_run, "_timed", marked)
+    beam = at.Beam("beam", (0, 0), (1, 0), at.Rectangle(0.02, 0.02), at.Material(E=1e7, density=1000.0))
+    scene = at.Scene("pulled", [beam], [at.Clamp("beam.start")], [at.Force("beam.end", force)])
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            exudyn_cable.solve(scene, at.Discretisation(mesh=2, dt=1e-3, t_end=1.0))
+    finally:
+        signal.signal(signal.SIGINT, handler)
