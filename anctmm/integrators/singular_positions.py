@@ -14,6 +14,7 @@ from anctmm.discretise.fitting import constraint_matrix
 from anctmm.discretise.junctions.as_written import body_as_written
 from anctmm.discretise.junctions.constraints import Constraints
 from anctmm.discretise.junctions.dependence import NONE
+from anctmm.integrators.locking import loosely_closed
 from anctmm.model.drives import value_at
 
 Array = NDArray[np.float64]
@@ -68,7 +69,7 @@ def advice_at(chain: Chain, q: Array, t: float) -> str | None:
     return (
         f"{which} near a singular position there, as where a linkage locks or bars lie on one line (the last output "
         f"shows it: `s.plot()`): joints and drives do not determine the motion beyond, and no step is short enough; "
-        f"other lengths, another drive, or a flexible body may help"
+        f"other lengths, another drive, or a flexible body may help{loosely_closed(chain)}"
     )
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import anctmm as at
 from anctmm.discretise.chain import Chain
+from anctmm.integrators.locking import loosely_closed
 from anctmm.integrators.singular_positions import advice_at, singular_at
 
 pytestmark = pytest.mark.interpreted
@@ -86,3 +87,41 @@ def test_a_run_that_ends_there_says_so():
     assert any(w in found.status.message for w in ("near a singular position there", "a linkage locks"))
     assert "load that does not jump" not in found.status.message
     assert found.status.time == pytest.approx(0.1 / (2.0 * pi), rel=0.05)
+
+
+def three_cranks(angle):
+    """A parallelogram of three cranks, whose pins repeat each other, that gravity sets in motion."""
+    x, y = cos(angle), sin(angle)
+    bodies = [at.RigidBody("table", 1.0, 0.3, (1.0 + x, y), {f"p{i}": (i + x, y) for i in range(3)})]
+    joints = []
+    for i in range(3):
+        points = {"foot": (float(i), 0.0), "top": (i + x, y)}
+        bodies.append(at.RigidBody(f"crank {i}", 1.0, 0.1, (i + 0.5 * x, 0.5 * y), points))
+        joints += [at.Pin(f"crank {i}.foot"), at.Pin(f"table.p{i}", f"crank {i}.top")]
+    return at.Scene("cranks", bodies, joints, gravity=(0.0, -9.81))
+
+
+def test_a_linkage_that_a_loose_tolerance_stops_says_so():
+    """Its change point is passed with the default tolerance; with a loose one, steps leave joints apart that no
+    correction closes.
+    """
+    steps = {"dt": 1e-2, "t_end": 0.5}
+    assert at.solve(three_cranks(0.4), **steps).status.ok
+    found = at.solve(three_cranks(0.4), newton_tolerance=1e-3, **steps)
+    assert found.status.code == "failed"
+    assert (
+        "joints are closed only to newton_tolerance 0.001, and the linkage may pass" in found.status.message
+    )
+
+
+@pytest.mark.parametrize(
+    ("options", "said"), [({}, False), ({"newton_tolerance": 1e-6}, True), ({"tolerance": 1e-4}, False)]
+)
+def test_the_tolerance_is_named_where_it_is_loose(options, said):
+    chain = Chain(four_bar(1.0), at.Discretisation(mesh=1, element="rigid", t_end=0.1, **options))
+    assert bool(loosely_closed(chain, 1e-6)) == said
+    assert not loosely_closed(chain, 1e-3)
+    explicit = at.Discretisation(
+        mesh=1, element="rigid", dt=1e-5, t_end=0.1, integrator="zhai", newton_tolerance=1e-6
+    )
+    assert not loosely_closed(Chain(four_bar(1.0), explicit))
