@@ -25,6 +25,7 @@ from anctmm.results.accounting import accounted
 from anctmm.results.checks.divergence import inside_out
 from anctmm.results.checks.finding import part
 from anctmm.results.checks.stability import singular, unstable
+from anctmm.results.checks.unbalanced import never_balanced
 from anctmm.results.ended_early import Interrupted, interruption_of_load
 from anctmm.results.load_work import with_load_work
 from anctmm.results.solution import Solution
@@ -100,7 +101,7 @@ def solve_static(
       is, and the message names the limit points.
     - "unstable": from some load factor on the potential energy has no minimum.
     - "singular": some motion needs no force there (a mechanism, a free body, the limit of stability).
-    - "diverged": no equilibrium was found.
+    - "diverged": no equilibrium was found; at once where a body is free to move for ever and the loads pull it there.
     - "imprecise": rounding leaves fewer than four digits, as on very fine meshes.
 
     Raises
@@ -131,6 +132,8 @@ def solve_static(
     search.newton(0.0)  # compiles
     stability_of(search.system, search.q, 0.0)
     search.reset()
+    if (never := never_balanced(scene)) is not None:
+        return _solution(search, lambda _: never, np.array([0.0, 1.0]))
     if path == "arclength":
         return _along_path(search, FIRST if steps is None else 1.0 / steps)
     advance = _stabilised(search) if branch == "path" else _relaxation(search)

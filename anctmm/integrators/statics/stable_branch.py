@@ -115,6 +115,9 @@ def downhill(system: StaticSystem, start: Array, factor: float, motion: float = 
                 return q
             q, shift = _left(system, q, factor), 0.0
             continue
+        if _is_rounding(system, q, x, force, factor, shift):
+            shift = max(4.0 * shift, least)
+            continue
         new = system.projected(q + x, factor, shift) if size <= REACH else None
         sure = shift == 0.0 and size <= NEAR
         gain = 1.0 if new is None or sure else _gain(system, q, new, x, force, factor, shift)
@@ -190,9 +193,25 @@ def _gain(
 
     Roundings of the energy are no fall.
     """
-    predicted = 0.5 * (float((force * x).sum()) + shift * float((x * system.inertia(x)).sum()))
-    noise = ROUNDING * system.strain_energy(q, factor) + float(np.finfo(float).tiny)
+    predicted, noise = _predicted(system, x, force, shift), _noise(system, q, factor)
     return (noise - system.potential_change(q, new, factor)) / (predicted + noise)
+
+
+def _is_rounding(system: StaticSystem, q: Array, x: Array, force: Array, factor: float, shift: float) -> bool:
+    """Whether a step x from q is a free motion that comes of the rounding of forces: the energy does not fall."""
+    if abs(_predicted(system, x, force, shift)) > _noise(system, q, factor):
+        return False
+    return stability_of(system, q, factor).kind == "singular"
+
+
+def _predicted(system: StaticSystem, x: Array, force: Array, shift: float) -> float:
+    """Fall of the energy in a step x that the tangent predicts, J."""
+    return 0.5 * (float((force * x).sum()) + shift * float((x * system.inertia(x)).sum()))
+
+
+def _noise(system: StaticSystem, q: Array, factor: float) -> float:
+    """Rounding of the energy at q, J."""
+    return ROUNDING * system.strain_energy(q, factor) + float(np.finfo(float).tiny)
 
 
 def _left(system: StaticSystem, q: Array, factor: float) -> Array:

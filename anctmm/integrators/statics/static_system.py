@@ -27,8 +27,9 @@ RATE = 1e-3
 #: Factor of the penalty of constraints: one of 1 would cancel −Ω² M of rigid bodies that spin, and the stiffness that
 #: the weight of one gives a joint below it.
 PENALTY = 7.3
-#: Corrections that bring coordinates onto the constraints, at most, the error that counts as none, and the longest way.
-PROJECTIONS, ROUNDED, NEAREST = 10, 1e-13, 0.3
+#: Corrections that bring coordinates onto the constraints, at most, the error that counts as none, that which rounding
+#: may leave, and the longest way.
+PROJECTIONS, ROUNDED, CLOSED, NEAREST = 10, 1e-13, 1e-9, 0.3
 
 
 class Turns(NamedTuple):
@@ -199,16 +200,21 @@ class StaticSystem:
         if self.loops is None:
             return q
         start, nothing = q, np.zeros_like(q)
+        off = self._missed(q)
         for _ in range(PROJECTIONS):
-            off = ask_equilibrium(self.loops, q)
-            if off > ROUNDED:
-                self.factorize(q, factor, shift)
-                off = ask_equilibrium(self.loops, q)
-                q = q + self.solve(nothing)
-            take_equilibrium(self.loops, True)
             if not off > ROUNDED:
                 break
-        return q if self.size(q - start) <= NEAREST else None
+            self.factorize(q, factor, shift)
+            ask_equilibrium(self.loops, q)
+            q = q + self.solve(nothing)
+            off = self._missed(q)
+        return q if off <= CLOSED and self.size(q - start) <= NEAREST else None
+
+    def _missed(self, q: Array) -> float:
+        """Largest error of a constraint at coordinates q; nothing is asked of the next solution."""
+        off = float(ask_equilibrium(self.loops, q))
+        take_equilibrium(self.loops, True)
+        return off
 
     def inertia(self, x: Array) -> Array:
         """Product of the mass matrix with x."""

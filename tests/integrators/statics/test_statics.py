@@ -166,10 +166,9 @@ def test_scene_that_cannot_stand_says_so_and_keeps_what_it_has(kind):
     status = rest.status
     assert status == "diverged"
     assert status.body == "bar"
-    assert status.element in range(3)
-    assert status.time < 1e-5
+    assert status.time == 0.0
     assert "no equilibrium found" in status.message
-    assert "free to move" in status.message
+    assert "body 'bar' is free to move along (0, -1) without end" in status.message
     assert rest.t.tolist() == [0.0]
     assert np.array_equal(rest.position("bar", 1.0), [[0.6, 0.8]])
 
@@ -188,4 +187,4 @@ def test_a_body_without_elements_is_named_alone():
     plate = at.RigidBody("plate", mass=2.0, inertia=0.1, center=(0.0, 0.0))
     found = at.solve_static(at.Scene("free", [plate], gravity=(0.0, -9.81)))
     assert (found.status.code, found.status.body, found.status.element) == ("diverged", "plate", None)
-    assert "worst in body 'plate'; the tangent stiffness is singular there" in found.status.message
+    assert "body 'plate' is free to move along (0, -1) without end" in found.status.message
