@@ -6,7 +6,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.kept_chains import chain_of, once
 from anctmm.discretise.lacking import LACKING
-from anctmm.discretise.memory import check_memory, couplings_of
+from anctmm.discretise.memory import NONE, check_memory, couplings_of
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
 from anctmm.integrators import esdirk, generalized_alpha, zhai
@@ -81,8 +81,9 @@ def _method(chain: Chain) -> Method:
 def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
     """A scene cut into elements, if ANC-TMM has what it needs, and the machine the memory."""
     refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
-    coupled = 0 if run.explicit else couplings_of(scene)
-    check_memory(scene, run, BYTES[run.method.name], coupled=coupled)
+    check_memory(
+        scene, run, BYTES[run.method.name], coupled=NONE if run.explicit else couplings_of(scene, run)
+    )
     check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
     for name, (_, kind) in run.of(scene).items():
         if kind_of(kind).rigid:

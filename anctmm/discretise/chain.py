@@ -106,8 +106,11 @@ class Chain:
 
     @cached_property
     def facts(self) -> Facts:
-        """What follows from the structure of the parts alone, and so is that of all chains alike."""
-        return facts_of(self.parts, self.segments.run)
+        """What follows from the structure of the parts alone, and so is that of all chains alike.
+
+        Where connectors are coupled, the plan follows from their places, too: the chain has its own.
+        """
+        return {} if self.segments.coupled else facts_of(self.parts, self.segments.run)
 
     def coarser(self, most: int) -> "Chain":
         """The same scene with so many elements of each body, or of each part of it, at most."""
@@ -123,7 +126,7 @@ class Chain:
     @shared
     def vertices(self) -> list[Vertex]:
         """Junctions, less what the ground holds apart."""
-        return vertices_of(self.parts, self.junctions, self.rigid)
+        return vertices_of(self.parts, self.junctions, self.rigid, self.segments.coupled_ends)
 
     @shared
     def plan(self) -> Plan:

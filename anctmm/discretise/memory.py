@@ -4,11 +4,13 @@ import os
 from contextlib import suppress
 from math import ceil
 from pathlib import Path
+from typing import NamedTuple
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.junctions.couplings import coupled_connectors, divided_at, rows_of
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import MemoryLimitError
-from anctmm.model.scene import Force, Scene, Spring
+from anctmm.model.scene import Force, Scene
 
 #: Bytes of a number, and of energies and time of an output.
 NUMBER, ENERGIES = 8, 64
@@ -16,8 +18,29 @@ NUMBER, ENERGIES = 8, 64
 HISTORIES = 3
 #: Runs that take less are not looked at: every machine has so much.
 SMALL = 1 << 26
+#: Bytes of a connector whose places are kept, and of each place where it divides a beam: as measured.
+KEPT, DIVIDED = 5e3, 11e3
 #: Part of the free memory that a run that is advised instead would take.
 ADVISED = 0.8
+
+
+class Couplings(NamedTuple):
+    """What couples distant nodes.
+
+    Parameters
+    ----------
+    rows : int
+        Rows of two square matrices, at most.
+    kept : float
+        Bytes that kept places take.
+    """
+
+    rows: int = 0
+    kept: float = 0.0
+
+
+#: Of explicit steps.
+NONE = Couplings()
 
 
 def check_memory(
@@ -27,7 +50,7 @@ def check_memory(
     pair: float = 0.0,
     outputs: int | None = None,
     kept_each: float = HISTORIES * NUMBER,
-    coupled: int = 0,
+    coupled: Couplings = NONE,
 ) -> None:
     """Refuse a run that takes more memory than is free.
 
@@ -41,8 +64,8 @@ def check_memory(
         States that are kept; those of the run without it.
     kept_each : float
         Bytes that are kept of each coordinate at an output.
-    coupled : int
-        Rows of two square matrices, for couplings of distant nodes (`couplings_of`).
+    coupled : Couplings
+        Of distant nodes.
 
     Raises
     ------
@@ -54,7 +77,7 @@ def check_memory(
     rows = coordinates_of_node(run, scene)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
     size = rows * nodes
-    border = 2 * NUMBER * coupled**2
+    border = 2 * NUMBER * coupled.rows**2 + coupled.kept
     system, output = size * (each + pair * size) + border, size * kept_each + ENERGIES
     total = system + kept * output
     if total <= SMALL:
@@ -83,11 +106,12 @@ def check_memory(
     )
 
 
-def couplings_of(scene: Scene) -> int:
-    """Couplings of distant nodes at most: two of a spring between bodies, one of another or of a follower force."""
-    apart = [c for c in scene.connectors if len(c.places) == 2]
+def couplings_of(scene: Scene, run: Discretisation) -> Couplings:
+    """Couplings of distant nodes: of connectors between bodies, and of forces that follow their place."""
+    kept = coupled_connectors(scene, run)
+    rows = sum(rows_of(connector) for n, connector in enumerate(scene.connectors) if n not in kept)
     followers = sum(isinstance(load, Force) and load.follower for load in scene.loads)
-    return sum(2 if isinstance(c, Spring) else 1 for c in apart) + followers
+    return Couplings(rows + followers, KEPT * len(kept) + DIVIDED * len(divided_at(scene, run, kept)))
 
 
 def coordinates_of_node(run: Discretisation, scene: Scene) -> int:

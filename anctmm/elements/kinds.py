@@ -19,6 +19,7 @@ they do.
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from types import ModuleType
 from typing import Any
 
@@ -123,7 +124,7 @@ class ElementKind:
         """First component of the vector that a torque turns."""
         return 2 * self.vectors.index(self.turned)
 
-    @property
+    @cached_property
     def held(self) -> tuple[str, ...]:
         """Vectors that joints can hold, the place first."""
         return tuple(vector for vector in self.vectors if VECTORS[vector].held)

@@ -1,5 +1,6 @@
 """Driven clamps, loads and connectors of a scene, tabulated in time for the kernels."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -72,11 +73,14 @@ class Actuation:
     bodies : Bodies
     start : Start, optional
         The equilibrium that a motion starts from: rotational springs have turned there.
+    coupled : collection of int
+        Connectors between kept nodes (`Segments.coupled`).
     """
 
     scene: Scene
     bodies: Bodies
     start: Start | None = None
+    coupled: Collection[int] = ()
 
     @cached_property
     def driven(self) -> list[tuple[End, Clamp]]:
@@ -119,7 +123,7 @@ class Actuation:
 
     def loads(self) -> Loads:
         """Varying loads and connectors for kernels, with a memory of their own."""
-        loads = loads_of(self.scene, self.bodies, varying_loads(self.scene))
+        loads = loads_of(self.scene, self.bodies, varying_loads(self.scene), self.coupled)
         if self.start is not None:
             count_turns(loads.connectors, *self.start)
         return loads

@@ -4,6 +4,7 @@ Each acts on a vector of the coordinates (`anctmm.discretise.maps`): a force on 
 all places of a beam; a moment on the direction that it rotates.
 """
 
+from collections.abc import Collection
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -74,8 +75,8 @@ class Loads(NamedTuple):
     border: Border | None
 
 
-def loads_of(scene: Scene, bodies: Bodies, varying: list[Load]) -> Loads:
-    """Loads and connectors of a scene for kernels, with a memory of their own."""
+def loads_of(scene: Scene, bodies: Bodies, varying: list[Load], coupled: Collection[int] = ()) -> Loads:
+    """Loads and connectors of a scene for kernels, with a memory of their own; `coupled`: as of `stiffness_of`."""
     if not varying and not scene.connectors:
         return no_loads(bodies)
     found = [_vectors(scene, bodies, load) for load in varying]
@@ -87,7 +88,7 @@ def loads_of(scene: Scene, bodies: Bodies, varying: list[Load]) -> Loads:
             rest[n] /= np.hypot(*rest[n])
     connectors = connectors_of(scene, bodies, len(varying))
     turning = [(n, kind == FOLLOWER, t, d) for n, (kind, t, d) in enumerate(found) if kind != DEAD]
-    local, border = stiffness_of(scene, bodies, turning, len(varying))
+    local, border = stiffness_of(scene, bodies, turning, len(varying), coupled)
     nodes = [targets.node, *((connectors.first.node, connectors.second.node) if connectors else ())]
     return Loads(
         np.unique(np.concatenate(nodes)).astype(np.int64),
@@ -111,11 +112,10 @@ def no_loads(bodies: Bodies) -> Loads:
 def _nothing(rows: int) -> Loads:
     """The same for so many components of a node: there is nothing in it that runs could write into."""
     nothing = maps([])
-    local = Local(np.empty(0, np.int64), np.empty((0, 2 * rows, 2 * rows)), *np.empty((2, 0), np.int64))
-    empty = np.empty(0, np.int64)
+    empty, blocks = np.empty(0, np.int64), np.empty((0, 2 * rows, 2 * rows))
+    local = Local(empty, blocks, empty, np.empty((2, 0), np.int64), np.empty(0, bool))
     return Loads(
-        empty, empty, nothing, nothing, np.empty((0, 2)), np.empty((2, 0, 2)), None,
-        local._replace(of_connector=np.empty((2, 0), np.int64)), None,
+        empty, empty, nothing, nothing, np.empty((0, 2)), np.empty((2, 0, 2)), None, local, None,
     )  # fmt: skip
 
 

@@ -10,15 +10,19 @@ its local part acts on both ends, so that the matrix of a mechanism which only c
 rest is a sum of c u uᵀ, one for each direction: `Border`, solved by the formula of Sherman, Morrison and Woodbury. A
 follower force has the unsymmetric matrix c u vᵀ. Newton's matrix therefore contains all forces, except the change of a
 damper's direction.
+
+Where connectors are many, their nodes are kept (`anctmm.discretise.junctions.couplings`), and −C is added to the matrix
+of the kept unknowns (`anctmm.recursion.coupled`); the local part is then C.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
+from anctmm.discretise.junctions.couplings import FEW
 from anctmm.discretise.maps import Map, rate_at, vector_at
 from anctmm.forces.connectors import (
     SPRING,
@@ -30,16 +34,13 @@ from anctmm.forces.connectors import (
     vectors_of,
 )
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded
+from anctmm.jit.compiling import embedded, inlined
 from anctmm.jit.copies import writes
 from anctmm.model.connectors import Spring
 from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-#: Terms c u vᵀ up to which all A⁻¹ u are kept: with more, another sweep takes less than the sum of them.
-FEW = 16
 
 
 @writes("blocks")
@@ -57,12 +58,15 @@ class Local(NamedTuple):
         Site of each moment, or −1.
     of_connector : ndarray of int, shape (2, connectors)
         Sites of both vectors of each connector, or −1 of the ground.
+    doubled : ndarray of bool, shape (connectors,)
+        Whether the rest of its matrix is in `Border`.
     """
 
     nodes: Ints
     blocks: Array
     of_load: Ints
     of_connector: Ints
+    doubled: NDArray[np.bool_]
 
 
 @writes("left", "right", "c", "Y", "product", "S", "order", "z", "load")
@@ -130,7 +134,11 @@ class Column(NamedTuple):
 
 
 def stiffness_of(
-    scene: Scene, bodies: Bodies, turning: Sequence[tuple[int, bool, Map, Map]], loads: int
+    scene: Scene,
+    bodies: Bodies,
+    turning: Sequence[tuple[int, bool, Map, Map]],
+    loads: int,
+    coupled: Collection[int],
 ) -> tuple[Local, Border | None]:
     """Room for the stiffness of what acts.
 
@@ -143,6 +151,8 @@ def stiffness_of(
         turns with.
     loads : int
         Number of all loads.
+    coupled : collection of int
+        Connectors between kept nodes.
     """
     ends = [vectors_of(scene, bodies, connector) for connector in scene.connectors]
     moments = {n: target for n, follows, target, _ in turning if not follows}
@@ -156,10 +166,15 @@ def stiffness_of(
         -1, 2
     )
     blocks = np.zeros((len(nodes), 2 * bodies.rows, 2 * bodies.rows))
-    local = Local(np.array(nodes, dtype=np.int64), blocks, of_load, of_connector.T.copy())
+    doubled = [
+        n not in coupled and bool(a.terms and b.terms) and a.site != b.site for n, (a, b) in enumerate(ends)
+    ]
+    local = Local(
+        np.array(nodes, dtype=np.int64), blocks, of_load, of_connector.T.copy(), np.array(doubled, dtype=bool)
+    )
     columns = [Column(n, -1, 0, target, direction) for n, follows, target, direction in turning if follows]
     for n, (connector, (a, b)) in enumerate(zip(scene.connectors, ends, strict=True)):
-        if a.terms and b.terms and a.site != b.site:
+        if doubled[n]:
             columns += [Column(-1, n, k, a, b) for k in range(2 if isinstance(connector, Spring) else 1)]
     return local, _border(columns, bodies)
 
@@ -252,8 +267,7 @@ def _fill_connectors(connectors, q, stiffness, local, values):  # type: ignore[n
         for n in range(len(connectors.kinds)):
             first, second = local.of_connector[0, n], local.of_connector[1, n]
             ax, ay, bx, by, force, k, across = tangent_of(connectors, n, q, stiffness, values)
-            apart = first >= 0 and second >= 0 and first != second
-            if apart:  # of what is positive, twice at either end
+            if local.doubled[n]:  # of what is positive, twice at either end
                 k, across = 2.0 * max(k, 0.0), 2.0 * max(across, 0.0)
             hxx, hxy, hyy, gxx, gxy, gyy = _second(connectors, n, q, bx, by, force, across)
             if first >= 0:
@@ -267,17 +281,31 @@ def _fill_connectors(connectors, q, stiffness, local, values):  # type: ignore[n
                     k * bx * bx + gxx, k * bx * by + gxy, k * bx * by + gxy, k * by * by + gyy,
                 )  # fmt: skip
             if first >= 0 and first == second:
-                if connectors.kinds[n] != SPRING:
-                    hxx = hxy = hyy = 0.0  # the second derivatives of two angles have no common part
                 B, i = local.blocks[first], local.nodes[first]
-                cxx, cxy, cyx, cyy = (
-                    k * ax * bx - hxx,
-                    k * ax * by - hxy,
-                    k * ay * bx - hxy,
-                    k * ay * by - hyy,
-                )
+                cxx, cxy, cyx, cyy = _mixed(connectors, n, ax, ay, bx, by, k, across)
                 add_block(B, i, one, n, two, n, cxx, cxy, cyx, cyy)
                 add_block(B, i, two, n, one, n, cxx, cyx, cxy, cyy)
+
+
+@inlined
+def _mixed(connectors, n, ax, ay, bx, by, k, across):  # type: ignore[no-untyped-def]
+    """Second derivatives of the energy by a and b, xx, xy, yx and yy: of two angles the measure's have no such part."""
+    xx, xy, yx, yy = k * ax * bx, k * ax * by, k * ay * bx, k * ay * by
+    if connectors.kinds[n] == SPRING:
+        xx, xy, yx, yy = (
+            xx - across * by * by,
+            xy + across * bx * by,
+            yx + across * bx * by,
+            yy - across * bx * bx,
+        )
+    return xx, xy, yx, yy
+
+
+@embedded
+def mixed_at(connectors, n, q, stiffness, values):  # type: ignore[no-untyped-def]
+    """The same at coordinates q, times `stiffness`, with damping as in `tangent_of`."""
+    ax, ay, bx, by, _, k, across = tangent_of(connectors, n, q, stiffness, values)
+    return _mixed(connectors, n, ax, ay, bx, by, k, across)
 
 
 @embedded

@@ -221,7 +221,7 @@ def _dofs(chain: Chain) -> int:
 
 def actuation_of(chain: Chain) -> Actuation:
     """What acts on a chain in time."""
-    return Actuation(chain.parts, chain.bodies, chain.start)
+    return Actuation(chain.parts, chain.bodies, chain.start, chain.segments.coupled)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:

@@ -27,6 +27,7 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.model.kept import of_arrays
 from anctmm.recursion.branches import Branches
+from anctmm.recursion.coupled import Coupled, coupled_of, entries_of
 from anctmm.recursion.rows import Rows, rows_of
 from anctmm.recursion.scratch import matrices, vectors
 from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse, with_room
@@ -71,6 +72,8 @@ class Loops(NamedTuple):
         Of the stretch: −Σ K b, or the kept unknowns at its start.
     coupling, condensed, passed : ndarray, shape (d, d)
         C of the node, S and C of the next node, in a factorization.
+    coupled : Coupled or None
+        What connectors couple.
     """
 
     K: Array
@@ -91,6 +94,7 @@ class Loops(NamedTuple):
     coupling: Array
     condensed: Array
     passed: Array
+    coupled: Coupled | None
 
 
 def loops(chain: Chain, branches: Branches) -> Loops | None:
@@ -106,7 +110,9 @@ def _loops(chain: Chain, branches: Branches) -> Loops:
     begin, end, start, ports = _ports(chain, branches)
     table = np.array([port.unknowns for port in ports]).reshape(-1, d)
     ends = np.stack([end, start])[:, (end >= 0) & (start >= 0)]
-    number, table, own, cross, matrix = _pattern(table, ends, kept.constraints.pairs, kept.dual, kept.blocks)
+    entries = entries_of(chain)
+    pairs = np.concatenate([kept.constraints.pairs, entries.pairs], axis=1)
+    number, table, own, cross, matrix = _pattern(table, ends, pairs, kept.dual, kept.blocks)
     matrix, dual = with_room(matrix), matrix.dual
     return Loops(
         np.zeros((nodes, d * d)), begin, end, start, table,
@@ -114,6 +120,7 @@ def _loops(chain: Chain, branches: Branches) -> Loops:
         own, cross, matrix, rows_of(kept, number, matrix),
         np.zeros(len(dual)), np.zeros(len(dual)), np.zeros(len(dual)),
         np.zeros(d), np.zeros((d, d)), np.zeros((d, d)), np.zeros((d, d)),
+        coupled_of(entries, number, matrix),
     )  # fmt: skip
 
 
@@ -130,7 +137,7 @@ def _pattern(
     ends : ndarray of int, shape (2, k)
         Ports at both ends of each stretch.
     pairs : ndarray of int, shape (2, pairs)
-        What constraints couple.
+        What constraints and connectors couple.
     dual, blocks
         Of `KeptUnknowns`.
     """

@@ -32,6 +32,7 @@ from anctmm.jit.compiling import embedded, inlined, kernel, separate
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
+from anctmm.recursion.coupled import add_coupled
 from anctmm.recursion.lines import Turned, turn_back_node, turn_node, turned
 from anctmm.recursion.loops import (
     Loops,
@@ -265,6 +266,8 @@ def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, l
                     line += 1
     if loops is not None:
         _pass_place(size, places, loops, place, work)
+        if stiffness is not None:
+            add_coupled(loops.coupled, loops.matrix, q, stiffness, loads.connectors, load_values)
         fill(loops.rows, loops.matrix, q, stiffness)
         negative += factorize_kept(loops.matrix)
     return negative

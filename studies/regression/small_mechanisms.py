@@ -149,6 +149,34 @@ def slack() -> at.Scene:
     return _mechanism("small-slack", bodies, [at.Clamp("one.start")], [], (0.6, -1.4), [hang])
 
 
+def lattice() -> at.Scene:
+    """Masses, a plate and a beam, with so many springs between them that their places are kept."""
+    masses = [
+        at.PointMass(
+            f"m{k}", 0.02 + 0.003 * k, (0.3 * (k % 3) + 0.02 * k, 0.25 * (k // 3)), (0.1 * k, -0.2 * k)
+        )
+        for k in range(5)
+    ]
+    plate = at.RigidBody("plate", 0.06, 3e-4, (0.9, 0.3), {"a": (0.8, 0.25), "b": (0.95, 0.42)})
+    pairs = [("m0", "m1"), ("m1", "m2"), ("m3", "m4"), ("m0", "m3"), ("m1", "m4"), ("m1", "m3"), ("m2", "m4")]
+    connectors: list[Connector] = [
+        *(
+            at.Spring(
+                f"{one}.center", f"{two}.center", stiffness=20.0 + 3.0 * k, damping=0.02 * k, preload=0.1
+            )
+            for k, (one, two) in enumerate(pairs)
+        ),
+        at.Spring("m4.center", "plate.a", stiffness=25.0, length=Drawn(0.1, 0.8, -3.0)),
+        at.Spring("m2.center", "one.end", stiffness=35.0, damping=0.1),
+        at.Spring("plate.b", "one.end", law=stiffening),
+        at.RotationalSpring("one.end", "plate.a", stiffness=0.3, damping=2e-3, angle=0.1),
+    ]
+    joints: list[Joint] = [at.Clamp("one.start"), at.Pin("m0.center"), at.Slider("m3.center", (1.0, -2.0))]
+    bodies: list[Body] = [*masses, plate, body("one", (1.3, 0.2), (0.95, 0.05))]
+    pull = at.Force("one.end", (0.2, 0.4), follower=True)
+    return _mechanism("small-lattice", bodies, joints, [pull], GRAVITY, connectors)
+
+
 def truss() -> at.Scene:
     """Two bars that snap through, and a spring that holds their hinge to one side."""
     bodies: list[Body] = [body("left", (-1.0, 0.0), (0.0, 0.3)), body("right", (0.0, 0.3), (1.0, 0.0), PLAIN)]

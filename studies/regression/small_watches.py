@@ -251,6 +251,7 @@ def _mechanisms() -> tuple[Watch, ...]:
         _watch(mechanisms.wheel(), moving),
         _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
+        _watch(mechanisms.lattice(), {"implicit": implicit(1, "cable")}),
         _watch(mechanisms.slack(), {"static": Static(1, load_steps=1)}),
         _watch(mechanisms.truss(), {"path": Static(1, load_steps=8, path=ARC_LENGTH)}),
     )

@@ -2,8 +2,10 @@
 
 A node between the ends of a beam becomes a weld of two parts, so a joint there is a joint of ends. The rest of the
 solver (plan, recursion, integrators) needs no special treatment; results are assembled for the whole beam again.
+Beams are divided, too, at nodes that connectors couple with distant ones (`couplings`).
 """
 
+from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,20 +17,20 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.junctions.as_written import Names, at_places, name_parts, places_of
+from anctmm.discretise.junctions.couplings import AT_NODE, coupled_connectors, nodes_at
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import MeshError, listed, shown
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.joints import Joint, Weld
 from anctmm.model.kept import alike
 from anctmm.model.loads import LineLoad, Load
-from anctmm.model.places import SIDES, Place, Written
-from anctmm.model.scene import Scene, unchecked_scene
+from anctmm.model.places import SIDES, End, Place, Written
+from anctmm.model.rigid_bodies import PointMass
+from anctmm.model.scene import Scene, Spring, unchecked_scene
 from anctmm.model.velocities import PartVelocity
 
 Array = NDArray[np.float64]
 
-#: Distance of a place from a node, in elements, at which it is the node.
-AT_NODE = 1e-9
 #: Elements up to which a mesh is looked for that has the nodes needed.
 SEARCHED = 10_000
 #: How many such meshes a message names.
@@ -45,7 +47,7 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Segments:
-    """A scene whose beams are cut at the joints between their ends.
+    """A scene whose beams are cut at the joints between their ends, and where coupled connectors act.
 
     Parameters
     ----------
@@ -62,18 +64,51 @@ class Segments:
     whole_run: Discretisation
 
     @cached_property
+    def coupled(self) -> frozenset[int]:
+        """Numbers of the connectors whose places are kept."""
+        return coupled_connectors(self.whole, self.whole_run)
+
+    @cached_property
+    def coupled_ends(self) -> dict[End, bool]:
+        """Ends of bodies where these act, as they are passed, and whether on the gradients there."""
+        found, cut = dict[End, bool](), self.run.of(self.scene)
+        for connector in (self.scene.connectors[n] for n in self.coupled):
+            for place in map(self.scene.place, connector.places):
+                name, at = place.body.name, nodes_at(place, cut)
+                if at is not None:
+                    turns = at[0] != at[1] or not isinstance(connector, Spring)
+                    for end in {(name, 0 if node == 0 else 1) for node in at}:
+                        found[end] = found.get(end, False) or turns
+                elif isinstance(place.body, PointMass):
+                    found[name, 1] = False
+        return found
+
+    def _cuts(self) -> dict[str, set[int]]:
+        """Nodes at which beams are cut, not all between their ends."""
+        inside = _inside(self.whole)
+        if not inside and not self.coupled:
+            return {}
+        meshes = self.whole_run.of(self.whole)
+        found = {
+            name: set(_nodes(self.whole.beam(name), meshes[name][0], places))
+            for name, places in inside.items()
+            if not kind_of(meshes[name][1]).rigid  # any of its places is one of a rigid body
+        }
+        for connector in (self.whole.connectors[n] for n in self.coupled):
+            for place in map(self.whole.place, connector.places):
+                found.setdefault(place.body.name, set()).update(nodes_at(place, meshes) or ())
+        return found
+
+    @cached_property
     def parts(self) -> Mapping[str, tuple[Part, ...]]:
         """Parts of each beam that is cut, from its start to its end."""
         found = dict[str, tuple[Part, ...]]()
-        if not _inside(self.whole):
-            return found
-        meshes = self.whole_run.of(self.whole)
         taken = {body.name for body in self.whole.bodies}
-        for name, places in _inside(self.whole).items():
-            elements, kind = meshes[name]
-            if kind_of(kind).rigid:
-                continue  # any of its places is one of a rigid body
-            edges = [0, *sorted(_nodes(self.whole.beam(name), elements, places)), elements]
+        for name, nodes in self._cuts().items():
+            elements, _ = self.whole_run.of(self.whole).get(name, (0, ""))
+            edges = [0, *sorted(nodes - {0, elements}), elements]
+            if len(edges) == 2:
+                continue
             found[name] = tuple(
                 Part(_unused(f"{name} from {a / elements:.6g} to {b / elements:.6g}", taken), a, b)
                 for a, b in pairwise(edges)
@@ -162,7 +197,7 @@ class Segments:
             return written
         along = float(place.key) * self._elements(place.body.name)
         parts = self.parts[place.body.name]
-        part = next(p for p in parts if along <= p.end + AT_NODE)
+        part = parts[bisect_left(parts, along - AT_NODE, key=lambda p: p.end)]
         inside = (along - part.first) / (part.end - part.first)
         for side, name in enumerate(SIDES):
             if abs(inside - side) * (part.end - part.first) <= AT_NODE:

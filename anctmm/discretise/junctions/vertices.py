@@ -5,7 +5,7 @@ vertex, and so is each clamped end. Ends joined to a rigid body, at any of its p
 of one node (a point mass or a rigid body) is at the vertex of its node, as its end 1.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from anctmm.model.bodies import Point
@@ -47,9 +47,24 @@ class Vertex(NamedTuple):
         return tuple(group for group in self.groups if len(group) > 1 or group in self.turning)
 
 
-def vertices_of(scene: Scene, junctions: Iterable[Junction], rigid: Iterable[str] = ()) -> list[Vertex]:
-    """Vertices of the graph of a scene's junctions; some of its bodies are rigid."""
-    found = _Vertices(scene, rigid)
+def vertices_of(
+    scene: Scene,
+    junctions: Iterable[Junction],
+    rigid: Iterable[str] = (),
+    coupled: Mapping[End, bool] | None = None,
+) -> list[Vertex]:
+    """Vertices of the graph of a scene's junctions.
+
+    Parameters
+    ----------
+    scene : Scene
+    junctions : iterable of Junction
+    rigid : iterable of str, optional
+        Bodies that are rigid.
+    coupled : mapping of End to bool, optional
+        Ends that connectors couple with distant ones, and whether by their gradients.
+    """
+    found = _Vertices(scene, rigid, coupled or {})
     for junction in junctions:
         found.add(junction)
     return found.whole()
@@ -58,8 +73,8 @@ def vertices_of(scene: Scene, junctions: Iterable[Junction], rigid: Iterable[str
 class _Vertices:
     """Vertices found junction by junction; what is joined to rigid bodies is gathered on the way."""
 
-    def __init__(self, scene: Scene, rigid: Iterable[str]) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, rigid: Iterable[str], coupled: Mapping[End, bool]) -> None:
+        self.scene, self.coupled = scene, coupled
         self.masses = {body.name for body in scene.bodies if isinstance(body, PointMass)}
         self.welded: dict[str, list[End]] = {name: [(name, 1)] for name in rigid}
         self.pinned: dict[str, list[End]] = {name: [] for name in self.welded}
@@ -75,7 +90,7 @@ class _Vertices:
             groups = tuple(map(self._passed, junction.groups))
             turning = tuple(self._passed(group) for group in junction.groups if self._turns(junction, group))
             line = None if turning else _line(junction)
-            forced = bool(turning or (junction.guides and line is None))
+            forced = bool(turning or (junction.guides and line is None)) or self._coupled(groups)
             self.found.append(Vertex(groups, False, None, forced, turning, line))
             return
         apart: list[tuple[End, ...]] = []
@@ -97,7 +112,7 @@ class _Vertices:
 
     def whole(self) -> list[Vertex]:
         """All vertices."""
-        alone = [Vertex((((name, 1),),), False) for name in self.free]
+        alone = [Vertex((((name, 1),),), False, None, (name, 1) in self.coupled) for name in self.free]
         bodies = [
             Vertex((tuple(ends), *((end,) for end in self.pinned[name])), False, name, True, (tuple(ends),))
             for name, ends in self.welded.items()
@@ -113,10 +128,15 @@ class _Vertices:
         )
 
     def _turns(self, junction: Junction, group: Sequence[End]) -> bool:
-        """Whether constraints act on the gradients of a group."""
+        """Whether constraints act on the gradients of a group, or connectors couple them with distant ones."""
         turned = [place for weld in junction.hinges for place in weld.ends]
         turned += [g.place for g in junction.guides if g.holds_direction and g.body is not None]
-        return any(end_of(self.scene, place) in group for place in turned)
+        return any(end_of(self.scene, place) in group for place in turned) or any(
+            self.coupled.get(end, False) for end in group
+        )
+
+    def _coupled(self, groups: tuple[tuple[End, ...], ...]) -> bool:
+        return any(end in self.coupled for group in groups for end in group)
 
 
 def _line(junction: Junction) -> Point | None:

@@ -82,7 +82,8 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     """
     if chain.plan.kept and chain.kept.constraints.names:
         return ()
-    bodies, joined, actuation = chain.bodies, Joined(chain), Actuation(chain.parts, chain.bodies)
+    bodies, joined = chain.bodies, Joined(chain)
+    actuation = Actuation(chain.parts, bodies, coupled=chain.segments.coupled)
     c = chain.run.coefficients
     now, clamps, loads = np.array([t]), actuation.clamps(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load

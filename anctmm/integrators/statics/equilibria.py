@@ -120,7 +120,7 @@ def solve_static(
         )
     refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
     run = discretise(run, options)
-    check_memory(scene, run, MEMORY, outputs=(steps or 1) + 1, coupled=couplings_of(scene))
+    check_memory(scene, run, MEMORY, outputs=(steps or 1) + 1, coupled=couplings_of(scene, run))
     chain = Chain(scene, run)
     check_kinds(chain.run.of(chain.scene), with_statics(), "statics")
     search = LoadPath(chain)

@@ -60,7 +60,8 @@ class StaticSystem:
     """
 
     def __init__(self, chain: Chain, time: float = 0.0) -> None:
-        bodies, actuation = chain.bodies, Actuation(chain.parts, chain.bodies)
+        bodies = chain.bodies
+        actuation = Actuation(chain.parts, bodies, coupled=chain.segments.coupled)
         self.chain = chain
         self.reference = bodies.reference()
         #: Turns of sections until the configuration followed last.
