@@ -75,7 +75,7 @@ INTERPRETED = {
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth"],
     "of_reference": ["acting_against_dae", "random_scenes"],
-    "recursion": ["constrained", "kept_motions", "kept_places", "low_rank", "tip_mass", "work_of_drives"],
+    "recursion": ["constrained", "coupled", "kept_motions", "kept_places", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "load_work", "static_start"],
     "adaptive": ["driven_mechanisms", "free_turns", "held_structures", "stage_control", "stage_outputs", "step_choice"],
