@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.junctions.couplings import FEW
 from anctmm.discretise.maps import Map, rate_at, vector_at
 from anctmm.forces.connectors import (
     SPRING,
@@ -41,6 +40,9 @@ from anctmm.model.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+#: Terms c u vᵀ up to which all A⁻¹ u are kept: with more, another sweep takes less than the sum of them.
+FEW = 16
 
 
 @writes("blocks")

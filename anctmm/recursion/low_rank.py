@@ -5,7 +5,8 @@ With U and V the columns u and v, Y = A⁻¹ U by one sweep each, and S = 1 + c 
     (A + U c Vᵀ)⁻¹ b = x − Y z = x − A⁻¹ U z,    x = A⁻¹ b,    z = S⁻¹ c Vᵀ x.
 
 Where the columns are few, Y is kept; with more of them the last form takes less, a sweep for each solution. Couplings
-of distant nodes have this form (`anctmm.forces.stiffness.Border`).
+of distant nodes have this form (`anctmm.forces.stiffness.Border`), unless they are many: their nodes are kept then
+(`anctmm.recursion.coupled`).
 """
 
 import numpy as np

@@ -15,9 +15,10 @@ from anctmm.model.connectors import Connector
 from anctmm.model.places import Place
 from anctmm.model.scene import LineLoad, Scene, Spring
 
-#: Rows of a low-rank change up to which it is used, without beams that would be divided, and with such: in steps of
-#: masses and of short beams kept places take 0.8 of the time from 16 rows on, but parts of one element take twice that
-#: of a row of elements, which are computed eight at a time, and pay from 96 on.
+#: Rows of a low-rank change up to which it is used, without beams that would be divided, and with such. Kept places
+#: take 0.8 of the time from 24 rows on in steps of masses and of short beams. Beams divided at each of their nodes take
+#: 1.9 times as long at 20 rows and 1.2 times at 64, as their elements are no longer computed eight at a time; from 96
+#: rows on they take less.
 FEW, DIVIDED = 16, 96
 #: Distance of a place from a node, in elements, at which it is the node.
 AT_NODE = 1e-9
@@ -42,15 +43,19 @@ def coupled_connectors(scene: Scene, run: Discretisation) -> frozenset[int]:
     }
     whole = {load.body for load in scene.loads if isinstance(load, LineLoad) and callable(load.value)}
     found = frozenset(n for n, pair in places.items() if _may_be_kept(pair, cut, whole))
+    divided = any(_inside(place, cut) for n in found for place in places[n])
     rows = sum(rows_of(scene.connectors[n]) for n in found)
-    return found if rows > (DIVIDED if divided_at(scene, run, found) else FEW) else frozenset()
+    return found if rows > (DIVIDED if divided else FEW) else frozenset()
 
 
 def divided_at(scene: Scene, run: Discretisation, connectors: Iterable[int]) -> set[tuple[str, int, int]]:
     """Beams, and nodes before and at or behind a place, where connectors act between the ends of these."""
-    cut = run.of(scene)
-    places = (scene.place(place) for n in connectors for place in scene.connectors[n].places)
-    return {(place.body.name, *(nodes_at(place, cut) or ())) for place in places if _inside(place, cut)}  # type: ignore[misc]
+    cut, found = run.of(scene), set[tuple[str, int, int]]()
+    for place in (scene.place(place) for n in connectors for place in scene.connectors[n].places):
+        nodes = nodes_at(place, cut)
+        if nodes is not None and _inside(place, cut):
+            found.add((place.body.name, *nodes))
+    return found
 
 
 def nodes_at(place: Place, cut: Mapping[str, tuple[int, str]]) -> tuple[int, int] | None:
