@@ -108,9 +108,17 @@ class Chain:
     def facts(self) -> Facts:
         """What follows from the structure of the parts alone, and so is that of all chains alike.
 
-        Where connectors are coupled, the plan follows from their places, too: the chain has its own.
+        Where connectors are coupled, the plan follows from their places, too: those of the last chain are kept.
         """
-        return {} if self.segments.coupled else facts_of(self.parts, self.segments.run)
+        found = facts_of(self.parts, self.segments.run)
+        if not self.segments.coupled:
+            return found
+        coupled = (self.parts.connectors[n] for n in sorted(self.segments.coupled))
+        places = tuple((type(connector), connector.places) for connector in coupled)
+        kept = found.get(Segments)
+        if kept is None or kept[0] != places:
+            kept = found[Segments] = places, {}
+        return kept[1]  # type: ignore[no-any-return]
 
     def coarser(self, most: int) -> "Chain":
         """The same scene with so many elements of each body, or of each part of it, at most."""
