@@ -28,22 +28,26 @@ with two: as it gets older they take two in place of one. The contraction expect
 
 What it costs, in Newton corrections and twice the factorizations, over the best fixed step of the same error, the best
 of 17 steps and 6 bounds of Newton's iteration, no error counted as smaller than with the tightest bound or with a step
-shorter by up to a half: on seventeen moving scenes with tolerances of 1e-2 … 1e-5 1.01 in the mean (1.04 with all
-errors as they are), and at most 1.3 in 57 of the 68 runs. More cost a gantry crane, 1.5 … 2.2, Andrews' squeezer, to
-2.0, a portal frame, 1.6 and 1.9, and single runs of a row of beams on three supports, 1.4, and a thrown triangle, 1.6.
+shorter by up to a half: on seventeen moving scenes with tolerances of 1e-2 … 1e-5 0.96 in the mean, and at most 1.3 in
+61 of the 68 runs. More cost a portal frame, 1.7 and 1.9, a gantry crane, 1.4 … 1.7, and single runs of Andrews'
+squeezer, 1.9, and of a row of beams on three supports, 1.4. That is no chance of the fixed steps: their errors are
+0.73, 30.5 and 450 over n² on the portal, the supports and the squeezer, to 3 %, with 60 … 1,000 steps. On the crane 960
+have a third of what 1,920 promise; where no error counts as smaller than four times that of half a step, it costs 1.6.
 
 There equal steps have smaller errors than as many chosen ones, by the square of their number: on the portal 0.73 of the
 error over n² as against 0.7 … 2.6. Local errors h³ w' of a vibration whose steps are equal cancel, as w comes back; the
-mean of errors over a longer part of the run, 0.15, made steps more equal, and 13 runs cost more than 1.3. On the
+mean of errors over a longer part of the run, 0.15, made steps more equal, and 13 runs cost more than 1.3; 0.3 and all
+of it where joints hold: the portal cost 1.85 and 2.5. An aim by what is left of the error allowed, as with stages: 14
+runs. Matrices that are renewed after 3 or 8 steps at the earliest: 4 and 5 runs more than with a larger SLOW. On the
 squeezer errors of the speed at the beginning, where w changes slowly, grow until the end: 413 steps are longer there
 than 225 equal ones. Corrections are no remedy: with a bound of Newton's iteration five times as loose for all scenes a
 four-bar with a moment cost 1.8 times, and the squeezer's error was 8 times the one asked for: what is left there has
 one sign, and grows with the square of the number of steps. In structures which joints hold it does not: see
 `returning.restrained`.
 
-The rms error was at most 0.84 of the tolerance, the squeezer's 2.5 times it. On 610 runs of 250 scenes drawn at random
-the peak of the error was above 3 times the tolerance in two, 4.2 and 3.6 times it at 1e-2, with tighter bounds of
-Newton's iteration, too.
+The rms error was at most 1.2 times the tolerance, the squeezer's 1.7 times it. On 610 runs of 250 scenes drawn at
+random, with the steps before `alpha_error` took the slow part of w, the peak of the error was above 3 times the
+tolerance in two, 4.2 and 3.6 times it at 1e-2, with tighter bounds of Newton's iteration, too.
 """
 
 from typing import NamedTuple
@@ -56,6 +60,15 @@ from anctmm.discretise.methods import Coefficients, GeneralizedAlpha
 from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
 from anctmm.forces.connectors import end_velocities
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.adaptive.alpha_error import (
+    ORDER,
+    PLACES,
+    alpha_error,
+    begin_anew,
+    follow,
+    looks,
+    remember,
+)
 from anctmm.integrators.adaptive.controlled_run import Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
@@ -95,6 +108,7 @@ from anctmm.integrators.adaptive.step_control import (
     end_of,
     expect,
     expect_aged,
+    goes_on,
     left_by_newton,
     length_of,
     pass_stops,
@@ -102,7 +116,7 @@ from anctmm.integrators.adaptive.step_control import (
     spend,
     stiffen,
 )
-from anctmm.integrators.adaptive.step_error import filtered_error, largest_error, measure_motion
+from anctmm.integrators.adaptive.step_error import measure_motion
 from anctmm.integrators.adaptive.velocity_error import drives_rigid, measure_speed, velocity_error
 from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import balance
@@ -128,8 +142,9 @@ GOES_ON = 0.08
 NEWTON_PART, HELD_PART = 0.01, 0.15
 #: Relative change of the step beyond which the iteration matrix is renewed.
 STALE = 0.15
-#: Contraction of Newton's corrections in a step above which the matrix is renewed before the next one.
-SLOW = 0.02
+#: Contraction of Newton's corrections in a step above which the matrix is renewed before the next one, and that where
+#: errors of the speed stay. With 0.02 for all a gantry crane renewed it in each third step, which saved nothing.
+SLOW, STAYS = 0.05, 0.02
 #: Power of the contraction in a step that is expected of the next one.
 FORGETS = 0.85
 #: Contraction that is expected at least of a matrix that was renewed in the step before, where drives move rigid
@@ -142,11 +157,6 @@ CLEAR = 100.0
 PEAK = 4.0
 #: Steps between two changes of the length.
 STEADY = 30
-#: Steps of equal length after which the error is estimated over several of them, where no load varies.
-ALIKE = 4
-#: Part of the error of a free coordinate that counts of a driven one: its velocity alone has it. With 1 a straight line
-#: took up to 1.7 times as many steps; with nothing velocities of a driven arm were wrong by 0.06 at 1e-2 and at 1e-3.
-DRIVEN = 0.25
 #: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
 HARD = 12
 #: Part of the last step below which the motion starts anew, where there are constraints.
@@ -155,21 +165,21 @@ MUCH_SHORTER = 0.5
 SHORT = 0.1
 #: Peano's kernel of the trapezoidal rule, at most: near an end of the step, times the way to it, and between.
 EDGE, MIDDLE = 0.5, 0.125
-#: Places at which a step sees what acts, parts of its length, and the rows of `Control.values` that stand for them.
-PLACES, ROWS = (0.0, 1.0), (0, 1)
 
 
 @by_address
 class Lag(NamedTuple):
     """What generalized-α adds to step control.
 
-    coefficient: of the error. method: αm, αf, β, γ. w: that at the last estimate, (rows, nodes). rate: that of w over
+    coefficient: of the error. method: αm, αf, β, γ. w: its slow part at the last estimate, (rows, nodes). slow: means
+    of w, the last of which is that part, (ORDER, rows, nodes), see `alpha_error`. rate: that of w over
     the last step, (rows × nodes,). taken: length of the last step since the motion started, (1,), s; 0 before.
     """
 
     coefficient: float
     method: tuple[float, float, float, float]
     w: Array
+    slow: Array
     rate: Array
     taken: Array
 
@@ -192,6 +202,7 @@ def integrate(chain: Chain) -> Solution:
         abs(1.0 / 6.0 - method.beta + 0.5 * (method.alpha_f - method.alpha_m)),
         (method.alpha_m, method.alpha_f, method.beta, method.gamma),
         np.zeros(shape),
+        np.zeros((ORDER, *shape)),
         np.zeros(shape[0] * shape[1]),
         np.zeros(1),
     )
@@ -254,7 +265,7 @@ def _start_anew(system, control, lag):  # type: ignore[no-untyped-def]
     progress[STARTS], progress[LAST], progress[REPEATED] = 0.0, 0.0, 0.0
     progress[FIRST_STEP] = 1.0
     lag.rate[:], lag.taken[0] = 0.0, 0.0
-    _remember(lag, system.state)
+    begin_anew(system.state, lag)
 
 
 @inlined
@@ -273,7 +284,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     solved = solve_step(system, c, control.values[1], left)
     renewed = newton.counts[1] != factored
     found = contraction(newton.history, CLEAR * control.rounding)
-    expect_aged(found, FORGETS, SLOW, renewed, newton, progress)
+    expect_aged(found, FORGETS, STAYS if goes_on(control) else SLOW, renewed, newton, progress)
     if renewed:
         progress[FACTORED] = h
         if drives_rigid(control):
@@ -282,10 +293,10 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         renew_if_worn(newton.counts[0] - corrected - 1, renewed, newton, progress)
     guess, error = control.allowed == np.inf, np.inf
     # an iteration that wandered may have found another motion
-    look = _looks(h, control, lag) or effort_of(newton.history) > HARD
+    look = looks(h, control, lag) or effort_of(newton.history) > HARD
     if solved and look:
         kept = _coefficients(progress[FACTORED], lag.method)
-        error = _error(progress[TIME], c.h, kept.to_w, system, control, lag)
+        error = alpha_error(progress[TIME], c.h, kept.to_w, system, control, lag)
         if not guess:
             turned = turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
             error = max(error, turned, allowed * velocity_error(c, system, control))
@@ -303,6 +314,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             h, state.flat[5], state.flat[3], lag.rate, newton.scale, state.q.shape[1]
         )
         _accept(h, stop, c, system, control, out)
+        follow(h, state, control, lag)
         lag.taken[0] = h
         if not crossing:
             progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
@@ -312,7 +324,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             measure_speed(state.v, control)
             follow_turns(state.q, progress[TIME], control.t_end, control.turns)
             follow_returning(state.q, control)
-            _remember(lag, state)
+            remember(lag)
             if aside:
                 spend(error, progress)
             else:
@@ -323,27 +335,6 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         _go_back_to_kink(missed, h, system, control, lag)
     else:
         _refuse(solved, h, error, allowed, system, control, lag)
-
-
-@inlined
-def _error(t, h, to_w, system, control, lag):  # type: ignore[no-untyped-def]
-    """Filtered estimate of the error in displacement since the last one, relative, the largest of the nodes."""
-    w, x, factor = system.state.w, control.x, lag.coefficient * h * h * to_w
-    for k in range(w.shape[0]):
-        for i in range(w.shape[1]):
-            x[k, i] = factor * (w[k, i] - lag.w[k, i])
-    turned = filtered_error(t, h, to_w, PLACES, ROWS, False, system, control)
-    return largest_error(x, max(turned, _of_drives(t, h, control, lag)), False, control)
-
-
-@inlined
-def _of_drives(t, h, control, lag):  # type: ignore[no-untyped-def]
-    """Part of the error that driven angles and positions would have since the last estimate if they were free, m."""
-    angles, change = control.angles, 0.0
-    if not drives_rigid(control):
-        for n in range(angles.shape[1]):
-            change = max(change, control.reach[n] * abs(angles[1, n, 2] - angles[0, n, 2]))
-    return DRIVEN * lag.coefficient * h * change * (t + h - control.progress[LOOKED])
 
 
 @embedded
@@ -357,26 +348,6 @@ def _missed(kinks, c, to_w, system, control):  # type: ignore[no-untyped-def]
             kinks, EDGE, MIDDLE, c.h, to_w, PLACES, state.q_before, state.v, connectors.v, system, control
         )
     return missed
-
-
-@inlined
-def _looks(h, control, lag):  # type: ignore[no-untyped-def]
-    """Whether the error is estimated: over several steps where they stay as they are and no load varies.
-
-    A vibration whose phase is lost over the run, c ω³ h² t_end of about 1, is wrong by its amplitude and not by more.
-    Over a time of 1/ω of that frequency, errors of faster ones cancel.
-    """
-    steady = int(control.progress[STEADY_STEPS])
-    span = max(1, int((0.5 * lag.coefficient * control.t_end / h) ** (1.0 / 3.0)))
-    return steady < ALIKE or steady % span == 0 or control.values.shape[1] > 0
-
-
-@inlined
-def _remember(lag, state):  # type: ignore[no-untyped-def]
-    """Keep w, from which the next estimate starts."""
-    for k in range(state.w.shape[0]):
-        for i in range(state.w.shape[1]):
-            lag.w[k, i] = state.w[k, i]
 
 
 @inlined
