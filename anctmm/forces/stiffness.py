@@ -12,7 +12,7 @@ follower force has the unsymmetric matrix c u vᵀ. Newton's matrix therefore co
 damper's direction.
 
 Where connectors are many, their nodes are kept (`anctmm.discretise.junctions.couplings`), and −C is added to the matrix
-of the kept unknowns (`anctmm.recursion.coupled`); the local part is then C.
+of the kept unknowns (`anctmm.recursion.kept.coupled`); the local part is then C.
 """
 
 from collections.abc import Collection, Sequence

@@ -7,8 +7,8 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import TIGHT
 from anctmm.discretise.junctions.as_written import body_as_written
 from anctmm.discretise.junctions.constraints import shape_of
-from anctmm.recursion.loops import Loops
-from anctmm.recursion.rows import KEPT, Rows
+from anctmm.recursion.kept.loops import Loops
+from anctmm.recursion.kept.rows import KEPT, Rows
 from anctmm.results.status import Status
 
 Array = NDArray[np.float64]

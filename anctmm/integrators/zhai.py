@@ -51,7 +51,8 @@ from anctmm.recursion.constrained import (
     constrain_motion,
     take_accelerations,
 )
-from anctmm.recursion.kept_motions import constrain_few
+from anctmm.recursion.kept.motions import constrain_few
+from anctmm.recursion.kept.rows import Rows, row_work
 from anctmm.recursion.riccati import (
     BlockFactors,
     block_factors,
@@ -60,7 +61,6 @@ from anctmm.recursion.riccati import (
     mass_factors,
     sweep,
 )
-from anctmm.recursion.rows import Rows, row_work
 from anctmm.recursion.split import SplitFactors, no_split_factors, split_factors
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part

@@ -12,8 +12,8 @@ from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.actuation import DrivenClamps, clamp_reactions
 from anctmm.jit.compiling import inlined, separate
-from anctmm.recursion.kept_motions import add_kept, find_kept
-from anctmm.recursion.kept_places import (
+from anctmm.recursion.kept.motions import add_kept, find_kept
+from anctmm.recursion.kept.places import (
     clear_places,
     enter_body,
     find_places,

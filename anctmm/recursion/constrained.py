@@ -6,9 +6,8 @@ factored for it; the rest of the scene follows in one backward sweep.
 """
 
 from anctmm.jit.compiling import embedded, kernel, shared
-from anctmm.recursion.loops import Loops
-from anctmm.recursion.riccati import BlockFactors, follow_unknowns, meet_inboard
-from anctmm.recursion.rows import (
+from anctmm.recursion.kept.loops import Loops
+from anctmm.recursion.kept.rows import (
     CORRECTIONS,
     ENOUGH,
     KEPT,
@@ -26,8 +25,9 @@ from anctmm.recursion.rows import (
     set_signals,
     take_multipliers,
 )
+from anctmm.recursion.kept.sparse import factorize_rows, solve_kept
+from anctmm.recursion.riccati import BlockFactors, follow_unknowns, meet_inboard
 from anctmm.recursion.scratch import vectors
-from anctmm.recursion.sparse import factorize_rows, solve_kept
 
 
 @kernel

@@ -6,7 +6,7 @@ With U and V the columns u and v, Y = A⁻¹ U by one sweep each, and S = 1 + c 
 
 Where the columns are few, Y is kept; with more of them the last form takes less, a sweep for each solution. Couplings
 of distant nodes have this form (`anctmm.forces.stiffness.Border`), unless they are many: their nodes are kept then
-(`anctmm.recursion.coupled`).
+(`anctmm.recursion.kept.coupled`).
 """
 
 import numpy as np

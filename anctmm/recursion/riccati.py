@@ -32,9 +32,8 @@ from anctmm.jit.compiling import embedded, inlined, kernel, separate
 from anctmm.jit.copies import writes
 from anctmm.jit.mixed_precision import WIDTH, in_double
 from anctmm.recursion.branches import Branches, branches, pass_branch
-from anctmm.recursion.coupled import add_coupled
-from anctmm.recursion.lines import Turned, turn_back_node, turn_node, turned
-from anctmm.recursion.loops import (
+from anctmm.recursion.kept.coupled import add_coupled
+from anctmm.recursion.kept.loops import (
     Loops,
     add_start,
     clear,
@@ -47,6 +46,9 @@ from anctmm.recursion.loops import (
     release_coupled,
     turn_coupled,
 )
+from anctmm.recursion.kept.rows import fill
+from anctmm.recursion.kept.sparse import factorize_kept, solve_kept
+from anctmm.recursion.lines import Turned, turn_back_node, turn_node, turned
 from anctmm.recursion.node_blocks import (
     add_block_beyond,
     add_element,
@@ -59,9 +61,7 @@ from anctmm.recursion.node_blocks import (
     store,
     turn_passed,
 )
-from anctmm.recursion.rows import fill
 from anctmm.recursion.scratch import matrices, new_scratch, vectors
-from anctmm.recursion.sparse import factorize_kept, solve_kept
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

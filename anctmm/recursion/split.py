@@ -16,8 +16,8 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import kernel
 from anctmm.jit.copies import writes
 from anctmm.recursion.branches import Branches, branches
-from anctmm.recursion.kept_motions import KeptMotions, kept_motions
-from anctmm.recursion.kept_places import KeptPlaces, kept_places
+from anctmm.recursion.kept.motions import KeptMotions, kept_motions
+from anctmm.recursion.kept.places import KeptPlaces, kept_places
 from anctmm.recursion.lines import Lines, lines
 
 Array = NDArray[np.float64]

@@ -21,7 +21,7 @@ from anctmm.model.kept import BODIES, PREFIX, facts_alike
 from anctmm.model.needs import features_of
 from anctmm.model.scene import unchecked_scene
 from anctmm.recursion.branches import branches
-from anctmm.recursion.loops import loops
+from anctmm.recursion.kept.loops import loops
 from anctmm.recursion.riccati import links
 from anctmm.results.checks.constraints import constraints_of
 from anctmm.results.checks.mechanisms import is_mechanism

@@ -15,7 +15,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.fitting import mass_matrix
 from anctmm.discretise.kept_chains import forget
 from anctmm.errors import DiscretisationError, UnsupportedError
-from anctmm.recursion import kept_motions
+from anctmm.recursion.kept import motions
 from anctmm.recursion.split import split_factors
 from reference import global_dae
 
@@ -242,7 +242,7 @@ def test_full_and_sparse_matrices_give_the_same_motions(name, monkeypatch):
     run = Discretisation(**cut(scene, **options), integrator="zhai", dt=1e-5, t_end=1e-4)
     found = []
     for dense in (0, 10_000):
-        monkeypatch.setattr(kept_motions, "DENSE", dense)
+        monkeypatch.setattr(motions, "DENSE", dense)
         found.append(split_factors(Chain(scene, run)).kept)
     for one, two in zip(found[0][:5], found[1][:5], strict=True):
         assert np.abs(one - two).max() <= 1e-9 * np.abs(two).max()

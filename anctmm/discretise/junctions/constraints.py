@@ -2,7 +2,7 @@
 
 All conditions of joints and bodies beyond linear maps have this form: |t|² = 1 of a rigid body, coincident points of
 rigid bodies, a line in the ground or in a rigid body, a direction. Coefficients depend on time by signals w of the
-drives: the cosine and the sine of an angle, or a position. One small kernel (`anctmm.recursion.rows`) therefore
+drives: the cosine and the sine of an angle, or a position. One small kernel (`anctmm.recursion.kept.rows`) therefore
 computes all values, time derivatives, the Jacobian J and its derivatives.
 
 Vectors in the plane are complex numbers here, x + iy, linear in the unknowns.

@@ -21,7 +21,7 @@ from anctmm.integrators.output import Output, Record, actuation_of, output_times
 from anctmm.integrators.static_start import turned_of_nodes
 from anctmm.jit.compiling import uncompiled
 from anctmm.model.drives import table_of
-from anctmm.recursion.rows import Rows, set_signals
+from anctmm.recursion.kept.rows import Rows, set_signals
 from anctmm.results.whole_turns import WholeTurns
 
 Array = NDArray[np.float64]

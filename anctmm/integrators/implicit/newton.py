@@ -22,6 +22,7 @@ from anctmm.integrators.implicit.system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined, separate
 from anctmm.jit.prefetching import AHEAD, LINE, LONG, prefetch_columns, prefetch_row
 from anctmm.recursion.constrained import ask_correction, begin_newton, end_newton, take_correction
+from anctmm.recursion.kept.rows import KEPT
 from anctmm.recursion.lines import hold_on_lines
 from anctmm.recursion.low_rank import correct_step, factor_border
 from anctmm.recursion.riccati import (
@@ -33,7 +34,6 @@ from anctmm.recursion.riccati import (
     start_sweep,
     turn_back,
 )
-from anctmm.recursion.rows import KEPT
 from anctmm.recursion.scratch import vectors
 
 Array = NDArray[np.float64]

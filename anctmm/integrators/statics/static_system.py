@@ -16,9 +16,9 @@ from anctmm.forces.loads import DEAD, FOLLOWER, set_loads
 from anctmm.forces.potentials import potential_change
 from anctmm.jit.compiling import uncompiled
 from anctmm.recursion.constrained import ask_equilibrium, take_equilibrium
+from anctmm.recursion.kept.rows import set_signals
 from anctmm.recursion.low_rank import correct, factor_border, negative_of
 from anctmm.recursion.riccati import block_factors, factorize, links, solve
-from anctmm.recursion.rows import set_signals
 
 Array = NDArray[np.float64]
 

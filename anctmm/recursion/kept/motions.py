@@ -29,7 +29,7 @@ from anctmm.discretise.kept_chains import of_masses
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel, shared, uncompiled
 from anctmm.jit.copies import writes
-from anctmm.recursion.rows import (
+from anctmm.recursion.kept.rows import (
     CORRECTIONS,
     ENOUGH,
     KEPT,
@@ -41,7 +41,7 @@ from anctmm.recursion.rows import (
     rows_alone,
     set_signals,
 )
-from anctmm.recursion.sparse import VOID
+from anctmm.recursion.kept.sparse import VOID
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ from anctmm.discretise.junctions.constraints import ONE, Constraints
 from anctmm.discretise.kept import KeptUnknowns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, shared
-from anctmm.recursion.sparse import Sparse, matrix_places
+from anctmm.recursion.kept.sparse import Sparse, matrix_places
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -21,7 +21,7 @@ from anctmm.discretise.plan import Kept
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel
 from anctmm.jit.copies import writes
-from anctmm.recursion.sparse import (
+from anctmm.recursion.kept.sparse import (
     Sparse,
     factorize_kept,
     matrix_places,

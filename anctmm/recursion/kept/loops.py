@@ -27,10 +27,10 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.model.kept import of_arrays
 from anctmm.recursion.branches import Branches
-from anctmm.recursion.coupled import Coupled, coupled_of, entries_of
-from anctmm.recursion.rows import Rows, rows_of
+from anctmm.recursion.kept.coupled import Coupled, coupled_of, entries_of
+from anctmm.recursion.kept.rows import Rows, rows_of
+from anctmm.recursion.kept.sparse import Sparse, matrix_places, order_of, sparse, with_room
 from anctmm.recursion.scratch import matrices, vectors
-from anctmm.recursion.sparse import Sparse, matrix_places, order_of, sparse, with_room
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

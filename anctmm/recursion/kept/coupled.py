@@ -18,7 +18,7 @@ from anctmm.forces.connectors import vectors_of
 from anctmm.forces.stiffness import mixed_at
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded
-from anctmm.recursion.sparse import Sparse, matrix_places
+from anctmm.recursion.kept.sparse import Sparse, matrix_places
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
