@@ -41,6 +41,8 @@ OWN_LOOKS = {
 }
 #: Heights of a map, in: the lowest, and that below which the words beside its colours take two lines.
 LOWEST, LOW = 2.2, 3.0
+#: A step of a map, of the one before it, at most: more columns leave their texts no room.
+APART = 0.6
 SIGNS = {"mesh": "m", "step": "s", "both": "="}
 
 
@@ -148,7 +150,8 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
     low, high = rows["error"].min(), rows["error"].max()
     norm = LogNorm(low, max(high, 1.01 * low))
     tall = [rows[rows["family"] == f]["elements"].nunique() for f in families]
-    steps = sorted(rows["dt"].unique(), reverse=True)
+    steps = _shown(sorted(rows["dt"].unique(), reverse=True))
+    rows = rows[rows["dt"].isin(steps)]
     height = max(LOWEST, 0.8 + sum(0.5 + 0.36 * n for n in tall))
 
     def draw(figure: Figure) -> None:
@@ -170,8 +173,8 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
 
     where = "the step" if _beamless(rows) else "mesh and step"
     source = (
-        "m: from the mesh (refine it), s: from the step (shorten it), =: from both. Empty: not tried. The cheapest way "
-        "to an error is where m meets s."
+        "m: from the mesh (refine it), s: from the step (shorten it), =: from both. Empty: not tried. Of steps that "
+        "are close to each other one is shown. The cheapest way to an error is where m meets s."
     )
     caption = (
         f"{scene}: error of implicit ANC–TMM (Newton to 1e-7) over {where}, and below it the CPU time in ms."
@@ -179,6 +182,15 @@ def split_map(scene: str, sound: pd.DataFrame) -> Picture:
     if not _beamless(rows):
         caption = f"{caption} {source}"
     return picture(f"mesh_step_{file_name(scene)}", caption, draw, (7.6, height))
+
+
+def _shown(steps: list[float]) -> list[float]:
+    """Of steps from long to short those that have room in a map: each well below the one before."""
+    shown: list[float] = []
+    for step in steps:
+        if not shown or step <= APART * shown[-1]:
+            shown.append(step)
+    return shown
 
 
 def _ms(cpu_s: float) -> str:
