@@ -6,6 +6,7 @@ velocities at an output are found by a step of length zero, as at the start.
 """
 
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,8 @@ Again = Callable[[Ints, System, Output], Callable[[int, Newton], int]]
 REFINED = 4
 #: Error of accelerations along a constraint, of the largest of its terms, above which they are computed again.
 OFF = 1e-3
+#: Value, rate and acceleration of the number 1 in a product.
+ONE = np.array([[[1.0]], [[0.0]], [[0.0]]])
 
 
 def balanced(
@@ -95,19 +98,23 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     off = np.zeros(kept, dtype=bool)
     for errors, sizes in (
         *_of_clamps(once(chain, _shares), clamps, drives, record.series[2, :kept]),
-        *_of_rows(rows, clamps, drives, record.series[:, :kept]),
+        *_of_rows(chain, rows, clamps, drives, record.series[:, :kept]),
     ):
         off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
     if not off.any():
         return
-    found, at = record.series[:, :kept][:, off], np.flatnonzero(off)
+    at = np.flatnonzero(off)
+    found = record.series[:, at]
     turned = _turned(chain, system, record, kept)
     before = system.newton.counts.copy()
     solve = again(chain.run.output_steps[at], system, record.arrays())
     balanced(system, found, drives[at], solve, None if turned is None else turned[at])
     system.newton.counts[:] = before
-    finite = np.isfinite(found[2]).all(axis=(1, 2))
-    record.series[2, at[finite]] = found[2, finite]
+    finite = np.isfinite(found[2])
+    if not finite.all():
+        whole = finite.all(axis=(1, 2))
+        at, found = at[whole], found[:, whole]
+    record.series[2, at] = found[2]
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:
@@ -156,27 +163,52 @@ def _shares(chain: Chain) -> list[float]:
     return [1.0 / (35.0 * n**3) if n else 1.0 for n in elements]
 
 
+class _Terms(NamedTuple):
+    """Terms c w x_i x_j of constraints.
+
+    places: of x_i and x_j among the coordinates of an output, (2, terms). ones: where they are the number 1 instead.
+    weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of (x_i x_j)'', (3, 1, terms).
+    """
+
+    places: Ints
+    ones: NDArray[np.bool_]
+    weights: Array
+
+
+def _terms(rows: Rows, nodes: int) -> _Terms:
+    """Terms of constraints between the coordinates of so many nodes."""
+    unknowns = np.array([rows.one, rows.two])
+    row, node = rows.homes[:, unknowns]
+    weights = np.multiply.outer([1.0, 2.0, 1.0], rows.factor)
+    return _Terms(row * nodes + node, unknowns == rows.x.shape[1] - 1, weights[:, None])
+
+
 def _of_rows(
-    rows: Rows | None, clamps: DrivenClamps, drives: Array, series: Array
+    chain: Chain, rows: Rows | None, clamps: DrivenClamps, drives: Array, series: Array
 ) -> Iterator[tuple[Array, Array]]:
     """Errors of the constraints' second derivatives, (constraints, outputs), and the sizes of their terms."""
     if rows is None:
         return
-    n = len(drives)
-    known = np.zeros((3, rows.x.shape[1], n))
-    known[0, -1] = 1.0  # the last place stands for the number 1
-    known[:, rows.used] = series[:, :, *rows.homes[:, rows.used]].swapaxes(1, 2)
-    (xi, vi, _), (xj, vj, _) = one, two = known[:, rows.one], known[:, rows.two]
-    terms = one * two[::-1]  # (x_i x_j)'' = x_i a_j + 2 v_i v_j + a_i x_j
-    terms[1] *= 2.0
+    of = once(chain, lambda _: _terms(rows, series.shape[3]), what=_terms)
+    known = series.reshape(*series.shape[:2], -1)[:, :, of.places]
+    if of.ones.any():
+        known[:, :, of.ones] = ONE
+    one, two = known[:, :, 0], known[:, :, 1]
+    terms = one * two[::-1] * of.weights
     if len(rows.turns):
-        signals = np.zeros((*rows.signals.shape, n))
-        signals[0, 0] = 1.0
-        uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), len(clamps.nodes))
-        w, rate, second = signals[:, rows.signal]
-        terms = np.array([*(w * terms), 2.0 * rate * (vi * xj + xi * vj), second * xi * xj])
-    terms *= rows.factor[:, None]
-    errors, sizes = np.zeros((2, len(rows.value), n))
-    np.add.at(errors, rows.row, terms.sum(axis=0))
-    np.add.at(sizes, rows.row, np.abs(terms).sum(axis=0))
+        terms = _driven(terms, one, two, rows, drives, len(clamps.nodes))
+    errors, sizes = np.zeros((2, len(rows.value), len(drives)))
+    np.add.at(errors, rows.row, terms.sum(axis=0).T)
+    np.add.at(sizes, rows.row, np.abs(terms).sum(axis=0).T)
     yield np.abs(errors), sizes
+
+
+def _driven(terms: Array, one: Array, two: Array, rows: Rows, drives: Array, first: int) -> Array:
+    """Parts of (w x_i x_j)'' from those of (x_i x_j)'', with the signals w of drives from the first on."""
+    signals = np.zeros((*rows.signals.shape, len(drives)))
+    signals[0, 0] = 1.0
+    uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), first)
+    w, rate, second = signals[:, rows.signal].swapaxes(1, 2)
+    (xi, vi, _), (xj, vj, _) = one, two
+    changed = np.array([2.0 * rate * (vi * xj + xi * vj), second * xi * xj])
+    return np.concatenate([w * terms, rows.factor * changed])
