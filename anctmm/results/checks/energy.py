@@ -129,9 +129,9 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     run, energy = solution.run, solution.energy
     if run is None or solution.t.size < 2:
         return
-    with np.errstate(invalid="ignore"):  # an upper bound of what is looked for: nearly always there is none
-        large = np.abs(energy.balance) > INACCURATE * np.maximum.accumulate(all_energy(energy))
-    if not large.any():
+    # an upper bound of what is looked for: nearly always there is none
+    large = np.abs(energy.balance) > INACCURATE * np.maximum.accumulate(all_energy(energy))
+    if not np.count_nonzero(large):
         return
     explicit = run.explicit
     scene = solution.scene
