@@ -95,15 +95,12 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
         return
     times = light(chain, output_times)[:kept]
     drives = drive_table(chain, once(chain, actuation_of), times, table_of)
-    off = np.zeros(kept, dtype=bool)
-    for errors, sizes in (
-        *_of_clamps(once(chain, _shares), clamps, drives, record.series[2, :kept]),
-        *_of_rows(chain, rows, clamps, drives, record.series[:, :kept]),
-    ):
-        off |= (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)
-    if not off.any():
+    looks = list(_of_clamps(chain, clamps, drives, record.series[2, :kept])) if len(clamps.nodes) else []
+    if rows is not None:
+        looks.append(_of_rows(chain, rows, clamps, drives, record.series[:, :kept]))
+    at = np.flatnonzero(sum(_off(*look) for look in looks))
+    if not len(at):
         return
-    at = np.flatnonzero(off)
     found = record.series[:, at]
     turned = _turned(chain, system, record, kept)
     before = system.newton.counts.copy()
@@ -115,6 +112,11 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
         whole = finite.all(axis=(1, 2))
         at, found = at[whole], found[:, whole]
     record.series[2, at] = found[2]
+
+
+def _off(errors: Array, sizes: Array) -> NDArray[np.bool_]:
+    """At which outputs, (n,), an error is large beside the largest term of its constraint."""
+    return (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)  # type: ignore[no-any-return]
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:
@@ -142,10 +144,9 @@ def _motions(clamps: DrivenClamps, drives: Array) -> Iterator[tuple[int, int, Ar
         yield node, held, motion
 
 
-def _of_clamps(
-    shares: list[float], clamps: DrivenClamps, drives: Array, a: Array
-) -> Iterator[tuple[Array, Array]]:
+def _of_clamps(chain: Chain, clamps: DrivenClamps, drives: Array, a: Array) -> Iterator[tuple[Array, Array]]:
     """Errors of accelerations at each driven clamp, (vectors, outputs), and their sizes, as reactions have them."""
+    shares = once(chain, _shares)
     for share, (node, held, motion) in zip(shares, _motions(clamps, drives), strict=True):
         exact = motion[2, :, 2:].view(np.complex128).T
         off = a[:, 2:held, node] - motion[2, :, 2:]
@@ -166,12 +167,13 @@ def _shares(chain: Chain) -> list[float]:
 class _Terms(NamedTuple):
     """Terms c w x_i x_j of constraints.
 
-    places: of x_i and x_j among the coordinates of an output, (2, terms). ones: where they are the number 1 instead.
+    places: of x_i and x_j among the coordinates of an output, (2, terms). ones: where they are the number 1 instead, if
+    anywhere.
     weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of (x_i x_j)'', (3, 1, terms).
     """
 
     places: Ints
-    ones: NDArray[np.bool_]
+    ones: NDArray[np.bool_] | None
     weights: Array
 
 
@@ -180,18 +182,17 @@ def _terms(rows: Rows, nodes: int) -> _Terms:
     unknowns = np.array([rows.one, rows.two])
     row, node = rows.homes[:, unknowns]
     weights = np.multiply.outer([1.0, 2.0, 1.0], rows.factor)
-    return _Terms(row * nodes + node, unknowns == rows.x.shape[1] - 1, weights[:, None])
+    ones = unknowns == rows.x.shape[1] - 1
+    return _Terms(row * nodes + node, ones if ones.any() else None, weights[:, None])
 
 
 def _of_rows(
-    chain: Chain, rows: Rows | None, clamps: DrivenClamps, drives: Array, series: Array
-) -> Iterator[tuple[Array, Array]]:
+    chain: Chain, rows: Rows, clamps: DrivenClamps, drives: Array, series: Array
+) -> tuple[Array, Array]:
     """Errors of the constraints' second derivatives, (constraints, outputs), and the sizes of their terms."""
-    if rows is None:
-        return
     of = once(chain, lambda _: _terms(rows, series.shape[3]), what=_terms)
     known = series.reshape(*series.shape[:2], -1)[:, :, of.places]
-    if of.ones.any():
+    if of.ones is not None:
         known[:, :, of.ones] = ONE
     one, two = known[:, :, 0], known[:, :, 1]
     terms = one * two[::-1] * of.weights
@@ -200,7 +201,7 @@ def _of_rows(
     errors, sizes = np.zeros((2, len(rows.value), len(drives)))
     np.add.at(errors, rows.row, terms.sum(axis=0).T)
     np.add.at(sizes, rows.row, np.abs(terms).sum(axis=0).T)
-    yield np.abs(errors), sizes
+    return np.abs(errors), sizes
 
 
 def _driven(terms: Array, one: Array, two: Array, rows: Rows, drives: Array, first: int) -> Array:
