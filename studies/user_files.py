@@ -1,10 +1,13 @@
 """Python files of users: what they define, and errors that name the file."""
 
+import re
 import runpy
 import sys
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
+import anctmm
 from anctmm.errors import AnctmmError
 from anctmm.raised import line_of
 from anctmm.solvers.foreign_code import contained
@@ -59,5 +62,15 @@ def _where(raised: Exception, path: Path) -> str:
 
 def _what(raised: Exception) -> str:
     """What was raised; of a syntax error without the line, which is reported already."""
-    text = raised.msg if isinstance(raised, SyntaxError) and raised.msg else raised
-    return f"{type(raised).__name__}: {text}"
+    text = raised.msg if isinstance(raised, SyntaxError) and raised.msg else str(raised)
+    taken = _taken(text) if isinstance(raised, TypeError) else ""
+    return f"{type(raised).__name__}: {text}{taken}"
+
+
+def _taken(text: str) -> str:
+    """What a class or a function of anctmm takes, if the message is about its arguments."""
+    called = re.match(r"(\w+)(?:\.__init__)?\(\) ", text)
+    thing = getattr(anctmm, called[1], None) if called else None
+    return (
+        f"; {called[1]} takes {', '.join(signature(thing).parameters)}" if called and callable(thing) else ""
+    )

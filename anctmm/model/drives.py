@@ -21,12 +21,12 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Quintic:
-    """Rest-to-rest rotation θ(t) = turn · s(t/duration), s(x) = 10x³ − 15x⁴ + 6x⁵, then held.
+    """Rest-to-rest motion θ(t) = turn · s(t/duration), s(x) = 10x³ − 15x⁴ + 6x⁵, then held.
 
     Parameters
     ----------
     turn : float
-        Whole angle, rad.
+        Whole angle, rad; of a guide the whole distance, m.
     duration : float
         Time it takes, s.
     """
@@ -39,7 +39,7 @@ class Quintic:
         object.__setattr__(self, "duration", positive("Quintic duration (s)", self.duration))
 
     def __call__(self, t: Any) -> tuple[Any, Any, Any]:
-        """Angle (rad), rate (rad/s) and acceleration (rad/s²) at the time(s) `t` (s)."""
+        """Angle (rad) or distance (m), its rate (per s) and acceleration (per s²) at the time(s) `t` (s)."""
         x = _within(np.asarray(t, dtype=float) / self.duration)
         y = 1.0 - x
         angle = self.turn * (x**3 * (10.0 + x * (6.0 * x - 15.0)))

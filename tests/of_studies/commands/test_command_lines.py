@@ -105,6 +105,11 @@ SCENES = {
     "that is interrupted": ("raise KeyboardInterrupt", 130, ["interrupted"]),
     "that imports nothing known": ("import nonsense_of_nobody", 2, ["nonsense_of_nobody"]),
     "of a bad scene": (HEAD + "at.Circle(-1.0)", 2, ["-1.0"]),
+    "of a drive with an argument that it has not": (
+        HEAD + "at.Quintic(distance=1.0, duration=1.0)", 2, ["'distance'", "Quintic takes turn, duration"]
+    ),
+    "of a solver's call with a number too many": (HEAD + "at.solve(1, 2, 3)", 2, ["solve takes scene, run, start"]),
+    "of a call of something else": (HEAD + "dict(1, 2)", 2, ["TypeError"]),
     "without a list": (HEAD + "WATCHED = Watch(scene, ['b.end'], {'fall': run})", 2, ["a list of at least one Watch"]),
     "of nothing": ("WATCHED = []", 2, ["WATCHED = []"]),
     "of a text": ("WATCHED = 'scene'", 2, ["WATCHED = 'scene'"]),
