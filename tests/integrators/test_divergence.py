@@ -127,6 +127,22 @@ def test_residual_history_begins_with_the_force_that_is_missing(solve):
     assert len(residuals) >= 25
 
 
+def test_residuals_that_are_not_known_are_not_told():
+    """With constraints between rigid bodies, whose multipliers in a failed step are not kept."""
+    fall = cantilever_fall().scene
+    (beam,) = fall.beams
+    tip = at.RigidBody("tip", 1e-3, 1e-6, beam.end, {"hole": beam.end})
+    bodies, joints = [beam, tip], [*fall.joints, at.Pin("beam.end", "tip.hole")]
+    found = at.solve(
+        at.Scene("tipped", bodies, joints, gravity=fall.gravity), mesh=2, dt=1e-2, t_end=1.0, output_dt=0.05
+    )
+    assert found.status == "diverged"
+    assert "Newton's iteration failed" in found.status.message
+    assert "corrections" in found.status.message
+    assert "residual" not in found.status.message
+    assert found.status.residuals == ()
+
+
 def test_failure_of_exudyn_is_one_line_without_places_on_this_machine():
     """Of a solver that gives up, as it says it: several lines, one with the place of its own file."""
     exu = pytest.importorskip("exudyn")

@@ -48,10 +48,10 @@ def stalled(
     else:
         body, element = worst_element(chain, correction_size(chain, state))
         residuals = residual_history(chain, state, t)
-        what = (
-            f"Newton's iteration failed at t = {t:.6g} s (step {step}), with corrections {in_short(newton.history)} "
-            f"and residuals {in_short(residuals)} N"
-        )
+        sizes = f"corrections {in_short(newton.history)}"
+        if residuals:
+            sizes += f" and residuals {in_short(residuals)} N"
+        what = f"Newton's iteration failed at t = {t:.6g} s (step {step}), with {sizes}"
     advice = (
         jump
         or advice_at(chain, state.q_before, t)

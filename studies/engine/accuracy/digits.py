@@ -79,7 +79,7 @@ def rounded(value: float, uncertainty: float) -> str:
     first = floor(log10(abs(value))) if value else -place
     if first < -4 or first > 6:
         return f"{value:.{min(max(first + place, 0), 11)}e}"
-    return f"{value:.{max(min(place, 11 - first), 0)}f}"
+    return f"{round(value, place) if place < 0 else value:.{max(min(place, 11 - first), 0)}f}"
 
 
 def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
