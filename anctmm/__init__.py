@@ -6,7 +6,7 @@ from anctmm.integrators.modes import Campbell, Modes, campbell, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
-from anctmm.model.rigid_start import consistent_velocities
+from anctmm.model.initial_motion.rigid_start import consistent_velocities
 from anctmm.model.scene import (
     Beam,
     Clamp,

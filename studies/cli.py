@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from studies.engine.study import Options
     from studies.regression.check import Finding
     from studies.regression.scenes import Watch
-    from studies.trade.recommend import Measured
+    from studies.trade.recommendation.recommend import Measured
 
     #: From whether it is quick to a runner.
     Sweeping = Callable[[bool], AbstractContextManager[Runner]]
@@ -273,8 +273,8 @@ def recommend(
     from studies.cases import find_case, is_file
     from studies.command_line.options import setup_of
     from studies.engine.study import without_beams
-    from studies.trade import recommend as advice
-    from studies.trade.recommend_print import show, show_rerun, show_script
+    from studies.trade.recommendation import recommend as advice
+    from studies.trade.recommendation.recommend_print import show, show_rerun, show_script
 
     target, limit = positive("--error", error), duration("--budget", budget)
     if target is None and limit is None:
@@ -313,8 +313,8 @@ def recommend(
 def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Measured":
     """The trade of one case, measured now; runs that were done before are kept."""
     from studies.engine.study import find
-    from studies.trade import recommend as advice
     from studies.trade.own_ladder import check_asked
+    from studies.trade.recommendation import recommend as advice
 
     check_asked(case, options)  # before anything is announced
     takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"

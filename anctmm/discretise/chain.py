@@ -13,10 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.dead_centres import check_dead_centres
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.junctions.as_written import as_written, body_as_written
-from anctmm.discretise.junctions.rigid_loops import check_rigid_loops, rigid_loops
 from anctmm.discretise.junctions.segments import Segments
 from anctmm.discretise.junctions.structure import Facts, common, facts_of, shared
 from anctmm.discretise.junctions.vertices import Vertex, vertices_of
@@ -26,6 +24,8 @@ from anctmm.discretise.maps import add_force, constant_forces_on
 from anctmm.discretise.mesh import passed_meshes
 from anctmm.discretise.node_mesh import BarMesh
 from anctmm.discretise.plan import BREAK, TANGENT, WELD, Kept, Plan, plan_of
+from anctmm.discretise.singular_positions.dead_centres import check_dead_centres
+from anctmm.discretise.singular_positions.rigid_loops import check_rigid_loops, rigid_loops
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError
 from anctmm.model.bodies import Beam, Point

@@ -10,7 +10,7 @@ from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
 from anctmm.model.drives import value_at
-from anctmm.model.least_norm import MANY, least_norm
+from anctmm.model.initial_motion.least_norm import MANY, least_norm
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,7 +1,7 @@
 """Singular positions that a motion comes to: constraints of rigid bodies that depend on each other, or nearly, there.
 
 At a dead centre, or where the bars of a linkage lie on one line, joints and drives do not determine how the bodies move
-on. `anctmm.discretise.dead_centres` refuses starts there.
+on. `anctmm.discretise.singular_positions.dead_centres` refuses starts there.
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import constraint_matrix
 from anctmm.discretise.junctions.as_written import body_as_written
 from anctmm.discretise.junctions.constraints import Constraints
-from anctmm.discretise.junctions.dependence import NONE
+from anctmm.discretise.singular_positions.dependence import NONE
 from anctmm.integrators.locking import loosely_closed
 from anctmm.model.drives import value_at
 

@@ -9,7 +9,7 @@ from samples import beam, refused
 
 import anctmm as at
 from anctmm.discretise.chain import Chain
-from anctmm.discretise.junctions.dependence import independent
+from anctmm.discretise.singular_positions.dependence import independent
 from anctmm.errors import DiscretisationError
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Pin, Scene, Weld

@@ -10,8 +10,8 @@ from anctmm.discretise import fitting
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
 from anctmm.errors import JointGapError
-from anctmm.model import rigid_start
-from anctmm.model.least_norm import least_norm
+from anctmm.model.initial_motion import rigid_start
+from anctmm.model.initial_motion.least_norm import least_norm
 
 RATE = 2.0
 

@@ -20,7 +20,7 @@ from anctmm.model.topology import end_of
 from anctmm.model.velocities import RigidVelocity
 from reference import exudyn_cable, global_dae
 from studies.scenes import four_bar
-from studies.trade.snippet import code
+from studies.trade.recommendation.snippet import code
 
 #: Rate of the drives here, rad/s.
 RATE = 3.0

@@ -1,1 +1,1 @@
-"""Junctions: beams divided at joints, vertices of the graph, constraints, loops that lock."""
+"""Junctions: beams divided at joints, vertices of the graph, constraints."""

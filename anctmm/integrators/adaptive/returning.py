@@ -31,10 +31,10 @@ from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import inlined
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, free_of, law_value, name_of
+from anctmm.model.initial_motion.rigid_start import mobile
 from anctmm.model.joints import drive_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.rigid_start import mobile
 from anctmm.model.velocities import Point
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.junctions.dependence import independent
+from anctmm.discretise.singular_positions.dependence import independent
 from anctmm.errors import unknown_kind
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Place

@@ -6,7 +6,7 @@ from samples import beam, chain_of, scene_of
 
 import anctmm as at
 from anctmm.integrators.adaptive.returning import restrained
-from anctmm.model.rigid_start import FEW, mobile
+from anctmm.model.initial_motion.rigid_start import FEW, mobile
 
 
 def alone(*joints):

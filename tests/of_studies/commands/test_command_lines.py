@@ -533,7 +533,7 @@ def test_a_fault_of_the_program_is_told_in_one_line_with_a_code_of_its_own(monke
     def fail(name):
         raise ZeroDivisionError("division by\nzero")
 
-    monkeypatch.setattr("studies.trade.recommend.scene_name", fail)
+    monkeypatch.setattr("studies.trade.recommendation.recommend.scene_name", fail)
     runner = CliRunner()
     arguments = ["recommend", "four-bar", "--error", "1e-3"]
     done = runner.invoke(app, arguments)
@@ -547,7 +547,7 @@ def test_a_fault_of_the_program_is_told_in_one_line_with_a_code_of_its_own(monke
 
 
 def test_what_leaves_where_nobody_expects_it_is_no_success(monkeypatch):
-    monkeypatch.setattr("studies.trade.recommend.scene_name", lambda name: sys.exit(0))
+    monkeypatch.setattr("studies.trade.recommendation.recommend.scene_name", lambda name: sys.exit(0))
     run(["recommend", "four-bar", "--error", "1e-3"], 2, ["sys.exit(0)", "nothing was done"])
 
 

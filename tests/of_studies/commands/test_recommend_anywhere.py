@@ -13,8 +13,8 @@ from typer.testing import CliRunner
 
 from studies.cli import app
 from studies.engine.storage.files import atomic_write
-from studies.trade import recommend
 from studies.trade.choice import setting_of
+from studies.trade.recommendation import recommend
 
 ROOT = Path(__file__).parents[3]
 SHIPPED = ("points.csv", "histories.csv", "references.csv", "SHA256SUMS", "machine.json")

@@ -12,8 +12,8 @@ from studies.cli import app
 from studies.engine.runner import Runner
 from studies.engine.study import Options, find
 from studies.report.folder import write
-from studies.trade import recommend
 from studies.trade.case_digest import digest_of
+from studies.trade.recommendation import recommend
 
 FILE = """
 import anctmm as at

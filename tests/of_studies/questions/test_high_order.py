@@ -15,11 +15,11 @@ from studies.engine.accuracy.dynamics import AS_GIVEN, fine_run, reference_of, w
 from studies.engine.runner import Runner
 from studies.engine.study import Options
 from studies.scenes import base_of
-from studies.trade import recommend
 from studies.trade.advice import advice
 from studies.trade.choice import setting_of
 from studies.trade.own_ladder import own_ladder
 from studies.trade.plan import ladders
+from studies.trade.recommendation import recommend
 from studies.trade.second_road import second_roads
 from studies.trade.step_orders import COLUMNS, step_orders
 from studies.trade.tables import where_high_order_pays

@@ -26,11 +26,11 @@ from studies.engine.tables import milliseconds
 from studies.report.folder import write
 from studies.report.plots import picture, tell
 from studies.scenes import BASE_SCENES, base_of, cantilever_fall, four_bar
-from studies.trade import recommend
 from studies.trade.choice import reaching, setting_of
 from studies.trade.contestants import left_out, said_of, without
 from studies.trade.plan import FRAME_SOLVERS, QUICK_TOLERANCES, ladders
-from studies.trade.snippet import SnippetError, code, snippet
+from studies.trade.recommendation import recommend
+from studies.trade.recommendation.snippet import SnippetError, code, snippet
 from studies.trade.split import weigh
 from studies.trade.tables import Traded, references
 

@@ -21,10 +21,10 @@ from studies.cli import app
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError, find
 from studies.report.folder import write
-from studies.trade import recommend
 from studies.trade.choice import setting_of
 from studies.trade.own_ladder import SHARE, NothingMovesError, worth_trying
-from studies.trade.recommend_print import show
+from studies.trade.recommendation import recommend
+from studies.trade.recommendation.recommend_print import show
 
 ERROR = 1e-2
 

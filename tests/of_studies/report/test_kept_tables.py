@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from studies.trade.recommend import choose, kept
+from studies.trade.recommendation.recommend import choose, kept
 from studies.trade.tables import recommended
 
 ROOT = Path(__file__).parents[3]

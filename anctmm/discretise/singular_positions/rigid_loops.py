@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.junctions.dependence import self_stresses
+from anctmm.discretise.singular_positions.dependence import self_stresses
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.bodies import Beam
 from anctmm.model.places import End

@@ -8,7 +8,7 @@ from rich.table import Table
 from studies.engine.console import say, show_table
 from studies.engine.tables import milliseconds
 from studies.trade.choice import parts_of, setting_of
-from studies.trade.recommend import Choice, Rerun
+from studies.trade.recommendation.recommend import Choice, Rerun
 
 
 def show(choice: Choice, origin: str, warning: str, console: Console) -> None:

@@ -1,8 +1,8 @@
 """Dead centres: rigid bodies on guides or in hinges whose motion is possible to first order, but blocked beyond it.
 
-This is the second-order test of `anctmm.discretise.junctions.rigid_loops`, with all constraints of the scene instead of
-the equations of its pins. Example: a body that is hinged, and guided across the line to its hinge. Constraints on which
-beams act are left out, because beams deform. Drives have their values at t = 0.
+This is the second-order test of `rigid_loops`, with all constraints of the scene instead of the equations of its pins.
+Example: a body that is hinged, and guided across the line to its hinge. Constraints on which beams act are left out,
+because beams deform. Drives have their values at t = 0.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,9 +12,9 @@ import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
-from anctmm.discretise.junctions.dependence import self_stresses
-from anctmm.discretise.junctions.rigid_loops import PARTING
 from anctmm.discretise.kept import KeptUnknowns
+from anctmm.discretise.singular_positions.dependence import self_stresses
+from anctmm.discretise.singular_positions.rigid_loops import PARTING
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
 

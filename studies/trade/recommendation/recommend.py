@@ -27,10 +27,10 @@ from studies.engine.tables import milliseconds
 from studies.scenes import base_of, moving_scenes
 from studies.trade.case_digest import digest_of
 from studies.trade.choice import kinds_of, nearest, own_of, reaching, setting_of, stretch_of, sure_errors
-from studies.trade.snippet import snippet, snippet_of_file
+from studies.trade.recommendation.snippet import snippet, snippet_of_file
 
 #: The trade of the built-in scenes that ships with the package; `reports/trade` refers to it.
-KEPT = Path(__file__).parent / "kept"
+KEPT = Path(__file__).parents[1] / "kept"
 #: Where a trade that the user measured may be.
 OWN = (Path("results/trade"), Path("reports/trade"))
 #: Runs of a rerun; its time is the least.

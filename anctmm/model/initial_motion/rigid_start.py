@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from anctmm.errors import JointGapError, SceneError, listed, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
+from anctmm.model.initial_motion.least_norm import MANY, least_norm
 from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
-from anctmm.model.least_norm import MANY, least_norm
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start

@@ -1,0 +1,1 @@
+"""Velocities at the start that satisfy joints and drives."""
