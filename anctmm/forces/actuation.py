@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Bodies, Tables
-from anctmm.discretise.chain import Start
+from anctmm.discretise.chain import Chain, Start
 from anctmm.discretise.junctions.as_written import as_written
 from anctmm.discretise.junctions.constraints import Drive, drive_as_written
 from anctmm.discretise.mesh import varying_loads
@@ -141,6 +141,11 @@ class Actuation:
         ]
         clock = [_clock(t)] if has_clock(self.scene) else []
         return np.concatenate([loads, *driven, *clock], axis=1) if driven or clock else loads
+
+
+def actuation_of(chain: Chain) -> Actuation:
+    """What acts on a chain in time."""
+    return Actuation(chain.parts, chain.bodies, chain.start, chain.segments.coupled)
 
 
 @lru_cache

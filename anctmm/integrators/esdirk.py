@@ -40,13 +40,13 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import Coefficients, Stages, stages
-from anctmm.forces.actuation import clamp_reactions, power_of, turn_clamps
+from anctmm.forces.actuation import actuation_of, clamp_reactions, power_of, turn_clamps
 from anctmm.forces.driving import drive_table, drive_width
 from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.run import Steps, take_steps
 from anctmm.integrators.implicit.step import copy, predict
 from anctmm.integrators.implicit.system import System, new_system
-from anctmm.integrators.output import Output, actuation_of, keep, too_large
+from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages, projected
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, own
 from anctmm.discretise.methods import NO_STEP, Coefficients
-from anctmm.forces.actuation import clamp_reactions, turn_clamps, work_done
+from anctmm.forces.actuation import actuation_of, clamp_reactions, turn_clamps, work_done
 from anctmm.forces.driving import drive_width, tables_of
 from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import Steps, take_steps
@@ -34,7 +34,6 @@ from anctmm.integrators.implicit.step import begin_step, dissipated, finish
 from anctmm.integrators.implicit.system import Newton, System, new_system
 from anctmm.integrators.output import (
     Output,
-    actuation_of,
     keep,
     too_large,
 )

@@ -16,7 +16,6 @@ from anctmm.discretise.kept_chains import light, once
 from anctmm.discretise.turning import angles_by_body
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import PropertyError
-from anctmm.forces.actuation import Actuation
 from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.integrators.turn_count import TurnCount, new_count, put_angles
 from anctmm.jit.announcing import compiling
@@ -217,11 +216,6 @@ def _standing(series: Array, x: float) -> Array:
 
 def _dofs(chain: Chain) -> int:
     return chain.dofs
-
-
-def actuation_of(chain: Chain) -> Actuation:
-    """What acts on a chain in time."""
-    return Actuation(chain.parts, chain.bodies, chain.start, chain.segments.coupled)
 
 
 def _potential(q: Array, reference: Array, dead: Array) -> Array:

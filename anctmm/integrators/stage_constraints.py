@@ -21,11 +21,11 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once
 from anctmm.discretise.methods import Coefficients
+from anctmm.forces.actuation import actuation_of
 from anctmm.forces.driving import drive_table
 from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
 from anctmm.integrators.locking import rows_in
-from anctmm.integrators.output import actuation_of
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.recursion.constrained import constrain_motion
 

@@ -20,6 +20,7 @@ from anctmm.discretise.kept_chains import has_own, once, once_alike, own
 from anctmm.elements.dispatch import KERNELS
 from anctmm.forces.actuation import (
     DrivenClamps,
+    actuation_of,
     place_clamps,
     turn_clamps,
     work_done,
@@ -31,7 +32,6 @@ from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     Output,
     Record,
-    actuation_of,
     gradient_size,
     keep,
     run_batches,

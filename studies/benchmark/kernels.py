@@ -14,10 +14,9 @@ from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.elements.dispatch import element_forces
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
-from anctmm.forces.actuation import DrivenClamps
+from anctmm.forces.actuation import DrivenClamps, actuation_of
 from anctmm.forces.loads import Loads
 from anctmm.integrators import zhai as explicit
-from anctmm.integrators.output import actuation_of
 from anctmm.jit.compiling import kernel
 from anctmm.model.scene import Scene
 from anctmm.recursion import accelerations, riccati

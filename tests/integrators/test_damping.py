@@ -13,7 +13,7 @@ from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import PropertyError, StabilityError
 from anctmm.integrators.implicit.newton_failure import residual_history
-from anctmm.integrators.implicit.system import new_state
+from anctmm.integrators.implicit.system import new_system
 from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
 from anctmm.integrators.zhai import advance as explicit_kernel
 from anctmm.model.drives import Quintic
@@ -240,9 +240,9 @@ def test_exudyn_damps_cables_alike():
 def test_residuals_told_of_a_step_that_fails_are_those_of_damped_equations():
     """Gone through with much damping, τ/h = 10, they fall fast: only if forces and matrix hold the same of it."""
     chain = chain_of(falling(replace(DAMPED, damping=1e-2)), mesh=2, dt=1e-3)
-    state = new_state(chain)
-    state.q_before[:] = state.q
-    residuals = residual_history(chain, state, 1e-3)
+    system = new_system(chain)
+    system.state.q_before[:] = system.state.q
+    residuals = residual_history(chain, system, 1e-3)
     assert residuals[8] < 1e-9 * residuals[0]
 
 

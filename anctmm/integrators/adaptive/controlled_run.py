@@ -28,7 +28,7 @@ from anctmm.discretise.junctions.constraints import Drive
 from anctmm.discretise.kept_chains import once_alike
 from anctmm.discretise.mesh import varying_loads
 from anctmm.discretise.methods import NO_STEP
-from anctmm.forces.actuation import work_done
+from anctmm.forces.actuation import actuation_of, work_done
 from anctmm.forces.connectors import count_turns, driven_connectors, has_clock
 from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
@@ -59,7 +59,6 @@ from anctmm.integrators.output import (
     STEP,
     Output,
     Record,
-    actuation_of,
     gradient_size,
     worst_element,
 )

@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import light, once
-from anctmm.forces.actuation import DrivenClamps
+from anctmm.forces.actuation import DrivenClamps, actuation_of
 from anctmm.forces.connectors import TURN, count_turns
 from anctmm.forces.driving import drive_table
 from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.locking import rows_in
-from anctmm.integrators.output import Output, Record, actuation_of, output_times
+from anctmm.integrators.output import Output, Record, output_times
 from anctmm.integrators.static_start import turned_of_nodes
 from anctmm.jit.compiling import uncompiled
 from anctmm.model.drives import table_of

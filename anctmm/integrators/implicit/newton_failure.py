@@ -11,11 +11,11 @@ from anctmm.discretise.assembly import (
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.joined import Joined
 from anctmm.discretise.methods import Coefficients
-from anctmm.forces.actuation import Actuation, DrivenClamps, turn_clamps
+from anctmm.forces.actuation import DrivenClamps, actuation_of, turn_clamps
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit.system import ITERATIONS, Newton, State, new_damping
+from anctmm.integrators.implicit.system import ITERATIONS, Newton, State, System, new_damping
 from anctmm.integrators.output import (
     gradient_size,
     worst_element,
@@ -38,16 +38,16 @@ Ints = NDArray[np.int64]
 
 
 def stalled(
-    chain: Chain, step: int, state: State, newton: Newton, t: float, jump: str | None = None
+    chain: Chain, step: int, system: System, newton: Newton, t: float, jump: str | None = None
 ) -> Status:
     """What is known of the step that ended a run; t: where in it the iteration failed, s; what a jump there advises."""
-    residuals: tuple[float, ...] = ()
+    state, residuals = system.state, tuple[float, ...]()
     if not newton.history.any():  # the step was found, and is none that can be
         body, element = worst_element(chain, gradient_size(state.q))
         what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s (step {step})"
     else:
         body, element = worst_element(chain, correction_size(chain, state))
-        residuals = residual_history(chain, state, t)
+        residuals = residual_history(chain, system, t)
         sizes = f"corrections {in_short(newton.history)}"
         if residuals:
             sizes += f" and residuals {in_short(residuals)} N"
@@ -74,7 +74,7 @@ def correction_size(chain: Chain, state: State) -> Array:
     return np.maximum(x[:, :2].max(axis=1) / chain.length, x[:, 2:].max(axis=1))
 
 
-def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
+def residual_history(chain: Chain, system: System, t: float) -> tuple[float, ...]:
     """Norms of the residual, N, of Newton's iteration in the step to t that failed, gone through once more.
 
     The kernel does not form them: a step that succeeds has no use for them. Empty if there are constraints,
@@ -82,8 +82,8 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     """
     if chain.plan.kept and chain.kept.constraints.names:
         return ()
-    bodies, joined = chain.bodies, Joined(chain)
-    actuation = Actuation(chain.parts, bodies, coupled=chain.segments.coupled)
+    bodies, joined, state = chain.bodies, Joined(chain), system.state
+    actuation = actuation_of(chain)
     c = chain.run.coefficients
     now, clamps, loads = np.array([t]), actuation.clamps(), actuation.loads()
     values, tables, dead = actuation.load_table(now)[0], bodies.tables(), chain.dead_load
@@ -91,6 +91,8 @@ def residual_history(chain: Chain, state: State, t: float) -> tuple[float, ...]:
     factors, damping = block_factors(chain), new_damping(chain)
     matrix = tables if damping is None else damping.stiff
     turn_clamps(clamps, drive_table(chain, actuation, now)[0])
+    if loads.connectors is not None and system.loads.connectors is not None:
+        loads.connectors.memory[:] = system.loads.connectors.memory  # whole turns are counted from there
     a = state.a
     q, w = _predicted(state, clamps, c)
     found: list[float] = []

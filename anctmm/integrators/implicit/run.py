@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept_chains import once, once_alike
 from anctmm.discretise.methods import NO_STEP, Coefficients
-from anctmm.forces.actuation import clamp_reactions, place_clamps, turn_clamps
+from anctmm.forces.actuation import actuation_of, clamp_reactions, place_clamps, turn_clamps
 from anctmm.forces.connectors import add_connectors
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import set_loads
@@ -28,7 +28,7 @@ from anctmm.integrators.implicit.step import copy, damp_now
 from anctmm.integrators.implicit.system import Newton, System
 from anctmm.integrators.jumping_law import advice_on_jump
 from anctmm.integrators.locking import locked, rows_in
-from anctmm.integrators.output import Output, Record, actuation_of, keep, run_batches
+from anctmm.integrators.output import Output, Record, keep, run_batches
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.compiling import kernel
 from anctmm.jit.direct import Direct
@@ -119,7 +119,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
                 else None
             )
             or broken_law(chain, system.loads.connectors, when, failed)
-            or stalled(chain, failed, system.state, newton, when, jump)
+            or stalled(chain, failed, system, newton, when, jump)
         )
     if steps.again is not None:  # after the look at where it failed: it writes the state
         settle(chain, system, record, kept, partial(steps.again, advance))

@@ -10,9 +10,8 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import fitting_velocity
 from anctmm.discretise.kept_chains import once
 from anctmm.discretise.methods import Coefficients
-from anctmm.forces.actuation import DrivenClamps
+from anctmm.forces.actuation import DrivenClamps, actuation_of
 from anctmm.forces.loads import Loads
-from anctmm.integrators.output import actuation_of
 from anctmm.integrators.stability import element_bound
 from anctmm.jit.by_address import by_address
 from anctmm.jit.copies import writes

@@ -9,7 +9,7 @@ from anctmm.discretise.assembly import Tables, elastic_forces, mass_product, str
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.maps import vector_at
 from anctmm.discretise.turning import Turning
-from anctmm.forces.actuation import Actuation
+from anctmm.forces.actuation import actuation_of
 from anctmm.forces.connectors import TURN, add_connectors_at_end, connectors_energy, connectors_work
 from anctmm.forces.driving import drive_table
 from anctmm.forces.loads import DEAD, FOLLOWER, set_loads
@@ -61,7 +61,7 @@ class StaticSystem:
 
     def __init__(self, chain: Chain, time: float = 0.0) -> None:
         bodies = chain.bodies
-        actuation = Actuation(chain.parts, bodies, coupled=chain.segments.coupled)
+        actuation = actuation_of(chain)
         self.chain = chain
         self.reference = bodies.reference()
         #: Turns of sections until the configuration followed last.

@@ -18,9 +18,17 @@ from anctmm.elements.force_blocks import BLOCK
 from anctmm.integrators import generalized_alpha as implicit
 from anctmm.integrators.implicit import system as implicit_system
 from anctmm.integrators.implicit.newton_failure import correction_size, residual_history
-from anctmm.integrators.implicit.system import KAPPA, ROUNDED, new_newton, new_state, single_will_do
+from anctmm.integrators.implicit.system import (
+    KAPPA,
+    ROUNDED,
+    new_newton,
+    new_state,
+    new_system,
+    single_will_do,
+)
 from anctmm.integrators.stability import highest_frequency
 from anctmm.integrators.statics import solve_static
+from anctmm.model.connectors import RotationalSpring
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
 from anctmm.solve import solve
@@ -319,7 +327,8 @@ def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
     scene = bar([Clamp("bar.start", drive)], [Torque("bar.end", lambda t: moment)], gravity=GRAVITY,
                 material=Material(1e7, 1000.0, damping=damping))  # fmt: skip
     chain = chain_of(scene, mesh=1, element=kind, dt=1e-3, spectral_radius=0.8)
-    state, rng, c = new_state(chain), np.random.default_rng(2), GeneralizedAlpha(0.8).of_step(1e-3)
+    system, rng, c = new_system(chain), np.random.default_rng(2), GeneralizedAlpha(0.8).of_step(1e-3)
+    state = system.state
     state.q_before[:] = state.q + 0.01 * rng.standard_normal(state.q.shape)
     for x in (state.v, state.a, state.w_before):
         x[:] = rng.standard_normal(x.shape)
@@ -342,7 +351,7 @@ def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
     force -= element.damping_force(q, v)
     x, y = q[-1]
     force[-1] += moment * np.array([-y, x]) / (x * x + y * y)
-    assert residual_history(chain, state, t)[0] == pytest.approx(np.linalg.norm(force[half:]), rel=1e-9)
+    assert residual_history(chain, system, t)[0] == pytest.approx(np.linalg.norm(force[half:]), rel=1e-9)
 
 
 def test_step_may_be_far_above_the_explicit_limit():
@@ -422,3 +431,17 @@ def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
     for name, field in exact.fields.items():
         assert_allclose(rounded.fields[name].coordinates, field.coordinates, rtol=0, atol=1e-10)
     assert rounded.cost.newton_iterations <= 1.1 * exact.cost.newton_iterations
+
+
+@every_kind
+def test_residuals_told_count_the_turns_of_rotational_springs(kind):
+    """A beam that two whole turns have brought back where it was: the spring's moment is what is missing."""
+    stiffness = 0.3
+    scene = replace(bar(), connectors=[RotationalSpring("bar.start", stiffness=stiffness)])
+    chain = chain_of(scene, mesh=1, element=kind, dt=1e-3)
+    system = new_system(chain)
+    system.state.q_before[:] = system.state.q
+    system.state.v[:] = 0.0
+    system.loads.connectors.memory[0, 1] = 4.0 * pi  # as the last step left it
+    moment = residual_history(chain, system, 1e-3)[0]
+    assert moment == pytest.approx(4.0 * pi * stiffness, rel=1e-9)
