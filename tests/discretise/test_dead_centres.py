@@ -3,11 +3,13 @@
 import tracemalloc
 from math import cos, pi, sin
 
+import numpy as np
 import pytest
 from samples import refused
 
 import anctmm as at
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.singular_positions import dependence
 from anctmm.errors import DiscretisationError
 
 
@@ -94,15 +96,21 @@ def chain(bodies, joints, element="rigid"):
     return Chain(at.Scene("guided", bodies, joints), at.Discretisation(mesh=1, element=element))
 
 
+@pytest.fixture(params=["decomposition", "factors"])
+def decided(request, monkeypatch):
+    """What decides: a dense decomposition, or sparse factors."""
+    monkeypatch.setattr(dependence, "FEW", np.inf if request.param == "decomposition" else 0)
+
+
 @pytest.mark.parametrize("name", STOPPED)
-def test_dead_centres_are_refused(name):
+def test_dead_centres_are_refused(name, decided):
     (bodies, joints), names = STOPPED[name]
     with refused(DiscretisationError, [*names, "dead centre", "another position", "'cable' or 'shear'"]):
         chain(bodies, joints)
 
 
 @pytest.mark.parametrize("name", SOUND)
-def test_bodies_that_move_on_or_are_held_are_not(name):
+def test_bodies_that_move_on_or_are_held_are_not(name, decided):
     assert chain(*SOUND[name]).rigid
 
 
@@ -132,6 +140,27 @@ def test_many_bodies_on_a_guide_take_little_memory():
     tracemalloc.stop()
     assert len(made.rigid) == 90
     assert peak < 5e7
+
+
+@pytest.mark.parametrize("blocked", [True, False])
+def test_dead_centres_of_many_bodies_are_refused(blocked, monkeypatch):
+    """Of more than 1,000 constraints that are connected nothing was known: a decomposition of them takes too long."""
+    places = [(float(k), 0.3 * (k % 3)) for k in range(302)]
+    bodies = [body(f"b{k}", *places[k : k + 2]) for k in range(301)]
+    joints = [at.Pin("b0.a"), *(at.Pin(f"b{k}.b", f"b{k + 1}.a") for k in range(300))]
+    x, y = places[-1]
+    bodies.append(body("bar", (x - 1.0, y), (x, y)))
+    joints += [
+        at.Pin("b300.b", "bar.b"),
+        at.Pin("bar.a"),
+        at.Slider("bar.b", (0.0, 1.0) if blocked else (1.0, 0.0)),
+    ]
+    monkeypatch.setattr(dependence, "_by_decomposition", None)
+    if blocked:
+        with refused(DiscretisationError, ["'bar'", "dead centre"]):
+            chain(bodies, joints)
+    else:
+        assert chain(bodies, joints).rigid
 
 
 def test_a_beam_that_bends_is_not_stopped():

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
 from anctmm.discretise.kept import KeptUnknowns
-from anctmm.discretise.singular_positions.dependence import self_stresses
-from anctmm.discretise.singular_positions.rigid_loops import PARTING
+from anctmm.discretise.singular_positions.dependence import PARTING, blocking_stress
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Connected constraints up to which they are tested: where they depend on each other, its time grows with their cube.
+#: Connected constraints up to which they are tested where a dense decomposition is needed.
 MOST = 1000
 
 
@@ -72,7 +71,7 @@ def _at_start(found: Constraints) -> Iterator[Term]:
 
 
 def _connected(terms: Iterable[Term]) -> list[list[Term]]:
-    """Terms of constraints that are connected by their unknowns, of not too many constraints."""
+    """Terms of constraints that are connected by their unknowns."""
     every, sets = list(terms), Sets[tuple[str, int]]()
     for term in every:
         for k in (term.one, term.two):
@@ -81,7 +80,7 @@ def _connected(terms: Iterable[Term]) -> list[list[Term]]:
     groups: dict[tuple[str, int], list[Term]] = {}
     for term in every:
         groups.setdefault(sets.of(("row", term.row)), []).append(term)
-    return [group for group in groups.values() if len({term.row for term in group}) <= MOST]
+    return list(groups.values())
 
 
 def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
@@ -99,16 +98,13 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
     J = scipy.sparse.csr_array(
         (values, (row.astype(int), column.astype(int))), shape=(len(rows), len(number))
     )
-    stresses, motions = self_stresses(J)
-    if not motions.size:
-        return np.empty(0, dtype=np.int64)
     curved = [term for term in terms if ONE not in (term.one, term.two)]
     row, i, j = (
         np.array([(rows[c.row], number[c.one], number[c.two]) for c in curved], np.int64).reshape(-1, 3).T
     )
-    size = np.array([c.factor * scale[c.one] * scale[c.two] for c in curved])
-    for stress in stresses:
-        half = motions[:, i] @ ((stress[row] * size)[:, None] * motions[:, j].T)
-        if np.abs(half + half.T).max() > PARTING:
-            return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING]
-    return np.empty(0, dtype=np.int64)
+    sizes = np.array([2.0 * c.factor * scale[c.one] * scale[c.two] for c in curved])
+    second = scipy.sparse.csr_array((sizes, (row, np.arange(len(curved)))), shape=(len(rows), len(curved)))
+    stress = blocking_stress(J, lambda motions: second @ (motions[i] * motions[j]), MOST)
+    if stress is None:
+        return np.empty(0, dtype=np.int64)
+    return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING]

@@ -14,7 +14,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.singular_positions.dependence import self_stresses
+from anctmm.discretise.singular_positions.dependence import PARTING, blocking_stress
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.bodies import Beam
 from anctmm.model.places import End
@@ -25,8 +25,6 @@ Array = NDArray[np.float64]
 #: Entries of a row of a matrix: (column, value).
 Entries = list[tuple[int, float]]
 
-#: Of a self-stress and a motion of size 1: what counts as parting.
-PARTING = 1e-6
 #: The ground, among bodies (name, 0) and junctions ("", number).
 GROUND = ("", -1)
 
@@ -124,18 +122,16 @@ def _check(scene: Scene, bodies: set[str], rows: list[Row]) -> None:
     ]
     sparse, curved = zip(*equations, strict=True)
     J, curvature = _matrix(sparse, 3 * len(first)), _matrix(curved, len(first))
-    stresses, motions = self_stresses(J)
-    spins = motions[:, 2::3]
-    for stress in stresses:
-        parting = (spins * (stress @ curvature)) @ spins.T
-        if parting.size and np.abs(parting).max() > PARTING:
-            strained = (np.abs(stress) @ abs(J)).reshape(-1, 3).max(axis=1) > PARTING
-            names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
-            raise DiscretisationError(
-                f"bodies {listed(names)} are rigid, and taut or folded between their joints: a motion that is free to "
-                f"first order is blocked beyond it; start from another position, or make one of them flexible "
-                f"('cable' or 'shear')"
-            )
+    stress = blocking_stress(J, lambda motions: curvature @ motions[2::3] ** 2)
+    if stress is None:
+        return
+    strained = (np.abs(stress) @ abs(J)).reshape(-1, 3).max(axis=1) > PARTING
+    names = [name for name, hit in zip(first, strained, strict=True) if hit] or list(first)
+    raise DiscretisationError(
+        f"bodies {listed(names)} are rigid, and taut or folded between their joints: a motion that is free to "
+        f"first order is blocked beyond it; start from another position, or make one of them flexible "
+        f"('cable' or 'shear')"
+    )
 
 
 def _equation(row: Row, axis: int, first: Mapping[str, int], scale: float) -> tuple[Entries, Entries]:
