@@ -34,7 +34,13 @@ from anctmm.forces.driving import drives_of
 from anctmm.forces.timeline import Timeline, timeline
 from anctmm.integrators.adaptive.free_turns import ANEW, begin_turns, know_turns, new_turns
 from anctmm.integrators.adaptive.law_kinks import begin_kinks, know_kinks, new_kinks
-from anctmm.integrators.adaptive.returning import begin_returning, know_returning, new_returning, restrained
+from anctmm.integrators.adaptive.returning import (
+    begin_returning,
+    held,
+    know_returning,
+    new_returning,
+    restrained,
+)
 from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
@@ -321,6 +327,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
         restrained=restrained(chain),
+        held=held(chain),
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
         turns=new_turns(chain),

@@ -82,6 +82,12 @@ def restrained(chain: Chain) -> bool:
     return not (driven or scene.connectors or mobile(scene))
 
 
+def held(chain: Chain) -> bool:
+    """Whether joints and drives leave no motion but that of elastic bodies and springs, which no law moves."""
+    scene = chain.scene
+    return not (mobile(scene) or any(connector.law is not None for connector in scene.connectors))
+
+
 def _fastest(chain: Chain) -> float:
     """Frequency of the fastest vibration of a rigid body on a spring, rad/s: of bodies that bend estimates see more."""
     squares = [0.0]

@@ -97,7 +97,7 @@ class Control(NamedTuple):
     reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
     m, (nodes,). moved: displacement of each node until now, and the one assumed, m, (2, nodes). elastic: constants of
     the elements, and what damping times rate adds to them, (2, bodies, ...). progress: where the run stands. actions:
-    what acts in time. restrained, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
+    what acts in time. restrained, held, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -129,6 +129,7 @@ class Control(NamedTuple):
     moved: Array
     elastic: Array
     restrained: bool
+    held: bool
     progress: Array
     actions: Timeline
     turns: Turns
