@@ -88,6 +88,18 @@ def test_what_happens_between_outputs_is_seen(event):
         assert at.compare(found, fine, probes).error <= 3.0 * tolerance
 
 
+@pytest.mark.parametrize("start", [0.8137, 1.0442, 1.2663, 1.5213])
+def test_a_drive_may_begin_between_two_estimates(start):
+    """At rest steps are alike, and not each has an estimate: velocities of a drive that began after the last one were
+    wrong, and no step was small enough.
+    """
+    scene, run = driven(swing(start, 0.1, 0.03)), {"mesh": 1, "t_end": T_END, "output_dt": 0.1}
+    found = at.solve(scene, tolerance=1e-3, integrator="generalized-alpha", **run)
+    fine = at.solve(scene, dt=2e-4, integrator="esdirk", **run)
+    assert found.status.ok
+    assert at.compare(found, fine, ["bar.end"]).error <= 1e-3
+
+
 @pytest.mark.parametrize("cycles", [8, 4096, 20_000])
 def test_a_fast_load_is_no_alias(cycles):
     """A force A sin(ωt) drives a free bar's centre by A/(mω) (t − sin(ωt)/ω): however a table would take it.
