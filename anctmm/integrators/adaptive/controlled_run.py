@@ -205,13 +205,15 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
     for _ in range(ROUNDS):
         done = march(outputs, assumed, scale, anew=ANEW)
-        if not done.whole or done.moved.max() < STILL * chain.length:
+        moved, missed = float(done.moved.max()), done.error * scale
+        if not done.whole or max(moved, missed) < STILL * chain.length:
             break
-        used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, done.moved.max()))
-        most = (used / np.maximum(done.moved, SMALL * done.moved.max())).max()
+        used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, moved))
+        most = (used / np.maximum(done.moved, max(SMALL * moved, TINY))).max()
         if done.error * most <= FOUND * _allowed(chain, scheme, system, control):
             break
-        assumed, scale = done.moved, float(done.moved.max())
+        # what acts for a moment may be seen by errors alone, if far too much was assumed
+        assumed, scale = done.moved, moved if moved > STILL * chain.length else missed
     record.stop()
     status = Status() if done.whole else _stuck(chain, scheme, system, done.t, control.scale[0])
     # after the look at where it failed: it writes the state
