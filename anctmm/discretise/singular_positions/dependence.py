@@ -93,11 +93,11 @@ def _by_factors(J: "scipy.sparse.csr_array", draws: Array, curved: Callable[[Arr
     def nearest(b: Array) -> Array:
         return np.asarray(factors.solve(np.concatenate([np.zeros((unknowns, b.shape[1])), b]))[:unknowns])
 
-    motions = _settled(lambda u: nearest(B @ u), draws)
-    return None if motions is None else _settled(lambda c: B @ nearest(c), curved(motions))
+    motions = settled(lambda u: nearest(B @ u), draws)
+    return None if motions is None else settled(lambda c: B @ nearest(c), curved(motions))
 
 
-def _settled(part: Callable[[Array], Array], x: Array) -> Array | None:
+def settled(part: Callable[[Array], Array], x: Array) -> Array | None:
     """What is left of x if the same part of it is taken away again and again; None if there is no end of it."""
     size = float(np.abs(x).max())
     for _ in range(STEPS):

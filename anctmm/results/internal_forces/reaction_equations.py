@@ -19,7 +19,12 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.singular_positions.dependence import independent
+from anctmm.discretise.singular_positions.dependence import (
+    MOTIONS,
+    STEPS,
+    independent,
+    settled,
+)
 from anctmm.errors import unknown_kind
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Place
@@ -117,7 +122,7 @@ class _System:
             factors[n], free = solve(A, scale, right[:, n])
             if len(free):
                 here = [found[n:][:1] if len(found) > 1 else found for found in states]
-                unknown[n] = (np.abs(_spread(here, start, free)) > UNKNOWN).any(axis=0)
+                unknown[n] = np.linalg.norm(_spread(here, start, free), axis=0) > UNKNOWN
         forces = _spread(states, start, factors)
         forces[:, 2::3] *= self.length
         return JointForces(forces, unknown, self.first)
@@ -239,7 +244,11 @@ def _spread(states: Sequence[Array], start: NDArray[np.int64], factors: Array) -
 
 
 def _dense(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple[Array, Array]:
-    """Solution of weighted equations, and the states that they do not determine, (k, unknowns), orthonormal."""
+    """Solution of weighted equations, and states that they do not determine, (k, unknowns).
+
+    The root of the sum of squares of what they have of an unknown is the length of what a unit of it has in common with
+    all that is not determined.
+    """
     matrix = A.toarray()
     _, sizes, V = np.linalg.svd(matrix)
     rank = int((sizes > NONE * sizes[0]).sum()) if sizes.size else 0
@@ -253,7 +262,8 @@ def _sparse(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple[Ar
     digits (Björck, Numerical Methods for Least Squares Problems, 1996, 2.5.3).
     """
     if not independent(scipy.sparse.csr_array(A.T)):
-        return _dense(A, scale, right)
+        found = _redundant(A, scale, right)
+        return _dense(A, scale, right) if found is None else found
     inverse = (scale.max() / scale) ** 2
     blocks: list[list[Any]] = [[scipy.sparse.diags_array(inverse), A], [A.T, None]]
     whole = scipy.sparse.csc_array(scipy.sparse.block_array(blocks))
@@ -262,6 +272,33 @@ def _sparse(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple[Ar
     x = factors.solve(asked)
     x += factors.solve(asked - whole @ x)
     return x[len(right) :], np.empty((0, A.shape[1]))
+
+
+def _redundant(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple[Array, Array] | None:
+    """The same where something is not determined; None where sparse factors cannot tell what.
+
+    The equations of `_sparse` with −ν² in the place of 0, and repeated for what is left, ν² small: what they determine
+    is the same, and the rest is of any size. States that A does not see are drawn at random, as motions are for
+    `anctmm.discretise.singular_positions.dependence.blocking_stress`, and scaled so.
+    """
+    inverse = (scale.max() / scale) ** 2
+    size = scipy.sparse.linalg.norm(A, 1) * scipy.sparse.linalg.norm(A, np.inf)
+    count, unknowns = A.shape
+    low = scipy.sparse.diags_array(np.full(unknowns, -size * NONE**2))
+    D, T = scipy.sparse.diags_array(inverse), scipy.sparse.csr_array(A.T)
+    factors = scipy.sparse.linalg.splu(scipy.sparse.csc_array(scipy.sparse.block_array([[D, A], [T, low]])))
+
+    def seen(x: Array) -> Array:
+        return np.asarray(factors.solve(np.concatenate([A @ x, np.zeros_like(x)]))[count:])
+
+    free = settled(seen, np.random.default_rng(0).standard_normal((unknowns, MOTIONS)))
+    if free is None:
+        return None
+    r, x = np.zeros(count), np.zeros(unknowns)
+    for _ in range(STEPS):
+        step = factors.solve(np.concatenate([right - D @ r - A @ x, -(T @ r)]))
+        r, x = r + step[:count], x + step[count:]
+    return x, free.T / np.sqrt(MOTIONS)
 
 
 def _least_squares(matrix: Array, right: Array, rank: int) -> Array:
