@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
 from anctmm.discretise.kept import KeptUnknowns
-from anctmm.discretise.singular_positions.dependence import PARTING, blocking_stress
+from anctmm.discretise.singular_positions.dependence import (
+    PARTING,
+    blocking_stress,
+    clearly_independent,
+    hardly_apart,
+    nearly_dependent,
+)
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
 
@@ -48,13 +54,17 @@ def check_dead_centres(kept: KeptUnknowns) -> None:
     x = chain.bodies.reference()[tuple(kept.homes)]
     scale = np.where(kept.homes[0] < 2, chain.length, 1.0)
     for terms in _connected(term for term in _at_start(found) if term.row not in give):
-        stopped = _stopped(terms, x, scale)
+        stopped, nearly = _stopped(terms, x, scale)
         if len(stopped):
-            names = dict.fromkeys(
-                n for n in (meshes[k].body.name for k in of_unknown[stopped]) if n in chain.rigid
+            names = listed(
+                dict.fromkeys(
+                    n for n in (meshes[k].body.name for k in of_unknown[stopped]) if n in chain.rigid
+                )
             )
+            if nearly:
+                raise DiscretisationError(hardly_apart(names, nearly))
             raise DiscretisationError(
-                f"bodies {listed(names)} are rigid and at a dead centre of their joints and guides: a motion that is "
+                f"bodies {names} are rigid and at a dead centre of their joints and guides: a motion that is "
                 f"free to first order is blocked beyond it; start from another position, or make one of them flexible "
                 f"('cable' or 'shear')"
             )
@@ -83,8 +93,11 @@ def _connected(terms: Iterable[Term]) -> list[list[Term]]:
     return list(groups.values())
 
 
-def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
-    """Unknowns at which constraints strain each other that part in second order; none where all can move on."""
+def _stopped(terms: list[Term], x: Array, scale: Array) -> tuple[Ints, float]:
+    """Unknowns at which constraints strain each other that part in second order; none where all can move on.
+
+    Or at which they nearly depend on each other, and by how much they do not.
+    """
     rows = {row: k for k, row in enumerate(dict.fromkeys(term.row for term in terms))}
     unknowns = sorted({k for term in terms for k in (term.one, term.two) if k != ONE})
     number = {k: i for i, k in enumerate(unknowns)}
@@ -98,13 +111,17 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
     J = scipy.sparse.csr_array(
         (values, (row.astype(int), column.astype(int))), shape=(len(rows), len(number))
     )
+    if clearly_independent(J):
+        return np.empty(0, dtype=np.int64), 0.0
     curved = [term for term in terms if ONE not in (term.one, term.two)]
     row, i, j = (
         np.array([(rows[c.row], number[c.one], number[c.two]) for c in curved], np.int64).reshape(-1, 3).T
     )
     sizes = np.array([2.0 * c.factor * scale[c.one] * scale[c.two] for c in curved])
     second = scipy.sparse.csr_array((sizes, (row, np.arange(len(curved)))), shape=(len(rows), len(curved)))
-    stress = blocking_stress(J, lambda motions: second @ (motions[i] * motions[j]), MOST)
-    if stress is None:
-        return np.empty(0, dtype=np.int64)
-    return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING]
+    found, by = nearly_dependent(J) or (None, 0.0)
+    if found is None:
+        found = blocking_stress(J, lambda motions: second @ (motions[i] * motions[j]), MOST)
+    if found is None:
+        return np.empty(0, dtype=np.int64), 0.0
+    return np.array(unknowns)[(np.abs(found) @ abs(J)) > PARTING], by

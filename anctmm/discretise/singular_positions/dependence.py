@@ -23,6 +23,9 @@ PARTING = 1e-6
 MOTIONS = 8
 #: Equations up to which a decomposition is quicker, as measured.
 FEW = 100
+#: Singular value, of the largest, up to which equations nearly depend on each other: at a pivot of its square the
+#: recursion passes a constraint over (`anctmm.recursion.kept.sparse.VOID`).
+NEARLY = 3e-5
 #: Steps that settle where no singular value is near to `NONE`, and the change that counts as none.
 STEPS, SETTLED = 8, 1e-8
 
@@ -62,6 +65,35 @@ def blocking_stress(
     sizes = np.linalg.norm(stresses, axis=0)
     worst = int(np.argmax(sizes))
     return stresses[:, worst] / sizes[worst] if sizes.mean() > PARTING else None
+
+
+def nearly_dependent(J: "scipy.sparse.csr_array") -> tuple[Array, float] | None:
+    """What nearly is a state of self-stress: λ of size 1, and how far λᵀJ is from none; or None.
+
+    Bars that are nearly straight between their supports have one, and cranks that are nearly parallel. The recursion
+    would take one of their constraints to repeat others, and the position for a redundant or a singular one.
+
+    Parameters
+    ----------
+    J : csr_array, shape (equations, unknowns)
+        With entries of like sizes. Of more than `FEW` equations nothing is looked for: long chains have small singular
+        values, too.
+    """
+    if J.shape[0] > FEW:
+        return None
+    sizes = np.sqrt(J.multiply(J).sum(axis=0))  # of small bodies that of a turn is small, but no less certain
+    left, values, _ = np.linalg.svd(J.toarray() / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
+    near = np.flatnonzero((values > NONE * values[0]) & (values <= NEARLY * values[0]))
+    return (left[:, near[-1]], float(values[near[-1]] / values[0])) if near.size else None
+
+
+def hardly_apart(bodies: str, by: float) -> str:
+    """Text of an error for bodies that are listed, whose equations are that far from depending on each other."""
+    return (
+        f"bodies {bodies} are rigid, and joints nearly hold them in the same way twice, or nearly stop them: but for "
+        f"{by:.1g} of what they do, which is too little; place them exactly so, or farther from it, or make one of "
+        f"them flexible ('cable' or 'shear')"
+    )
 
 
 def _by_decomposition(J: "scipy.sparse.csr_array", draws: Array, curved: Callable[[Array], Array]) -> Array:
@@ -108,13 +140,20 @@ def settled(part: Callable[[Array], Array], x: Array) -> Array | None:
     return None
 
 
-def independent(J: "scipy.sparse.csr_array") -> bool:
+def clearly_independent(J: "scipy.sparse.csr_array") -> bool:
+    """Whether no equation of J u = 0 depends on others, or nearly so: then there is nothing more to look for."""
+    return independent(J, NEARLY**2 if J.shape[0] <= FEW else CLEAR)
+
+
+def independent(J: "scipy.sparse.csr_array", clear: float = CLEAR) -> bool:
     """Whether no equation of J u = 0 depends on others, by far.
 
     Parameters
     ----------
     J : csr_array, shape (equations, unknowns)
         With entries of like sizes.
+    clear : float
+        Smallest eigenvalue of J Jᵀ, of the largest, above which none does.
 
     Returns
     -------
@@ -135,4 +174,4 @@ def independent(J: "scipy.sparse.csr_array") -> bool:
         S.shape, matvec=factors.solve, rmatvec=factors.solve, dtype=float
     )
     least = 1.0 / float(scipy.sparse.linalg.onenormest(inverse)) if count > 1 else float(abs(S[0, 0]))
-    return least > CLEAR * float(scipy.sparse.linalg.norm(S, 1))
+    return least > clear * float(scipy.sparse.linalg.norm(S, 1))
