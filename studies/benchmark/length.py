@@ -93,8 +93,11 @@ class Long:
 
     @property
     def steps(self) -> int:
-        """Steps of a run: of an implicit one as many at every length, since Newton's iterations change with time."""
-        return max(10, min(20_000, round(3e5 / self.count))) if self.integrator == "zhai" else 8
+        """Steps of a run: of an implicit one as many at every length, since Newton's iterations change with time.
+
+        Explicit ones of long chains take longer than the memory that a run asks for, which varies by tens of ms.
+        """
+        return max(40, min(20_000, round(3e5 / self.count))) if self.integrator == "zhai" else 8
 
     @property
     def again(self) -> int:
