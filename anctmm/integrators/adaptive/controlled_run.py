@@ -201,7 +201,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     system.newton.counts[:] = 0
     guesses = _guesses(lambda part: march(part * ends, still, chain.length, guess=1))
     assumed, scale = _assumed(chain, [guess.moved for guess in guesses])
-    if scale < max(STILL * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
+    if scale < max(AT_REST * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
         scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
     for _ in range(ROUNDS):
         done = march(outputs, assumed, scale, anew=ANEW)
@@ -272,7 +272,8 @@ def _acted(chain: Chain, guess: March) -> float:
     """Displacement of a scene that is at rest until something acts, or that acts too fast for long steps, m.
 
     The guess is by a step between all breaks of what acts. It counts what these steps find, and what they miss. Without
-    it errors would be relative to what rounding has moved until then. Less than AT_REST is found in a second round.
+    it errors would be relative to what rounding has moved until then, or a drive that has just begun where the first
+    guesses end. Less than AT_REST is found in a second round.
     """
     found = max(_missed(chain, guess), float(np.nan_to_num(guess.moved.max())))
     return min(max(found, AT_REST * chain.length), FAR * chain.length)

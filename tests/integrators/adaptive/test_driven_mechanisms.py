@@ -13,7 +13,7 @@ CRANK, ROD, ROCKER, GROUND = 0.1, 0.2, 0.25, 0.3
 COUPLER = 0.3
 RATE, T_END, INTERVAL = 30.0, 0.25, 0.05
 #: Error of velocities, and of the balance of energy, over the tolerance.
-VELOCITIES, BALANCE = 3.0, 6.0
+VELOCITIES, BALANCE = 3.0, 6.5
 
 
 def steady(t):
