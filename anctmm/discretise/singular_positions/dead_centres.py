@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
 from anctmm.discretise.kept import KeptUnknowns
-from anctmm.discretise.singular_positions.dependence import (
-    PARTING,
-    blocking_stress,
-    clearly_independent,
-    hardly_apart,
-    nearly_dependent,
-)
+from anctmm.discretise.singular_positions.dependence import PARTING, hardly_apart, stress_of
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
 
@@ -111,17 +105,21 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> tuple[Ints, float]:
     J = scipy.sparse.csr_array(
         (values, (row.astype(int), column.astype(int))), shape=(len(rows), len(number))
     )
-    if clearly_independent(J):
-        return np.empty(0, dtype=np.int64), 0.0
-    curved = [term for term in terms if ONE not in (term.one, term.two)]
-    row, i, j = (
-        np.array([(rows[c.row], number[c.one], number[c.two]) for c in curved], np.int64).reshape(-1, 3).T
-    )
-    sizes = np.array([2.0 * c.factor * scale[c.one] * scale[c.two] for c in curved])
-    second = scipy.sparse.csr_array((sizes, (row, np.arange(len(curved)))), shape=(len(rows), len(curved)))
-    found, by = nearly_dependent(J) or (None, 0.0)
+
+    def curved(motions: Array) -> Array:
+        products = [term for term in terms if ONE not in (term.one, term.two)]
+        row, i, j = (
+            np.array([(rows[c.row], number[c.one], number[c.two]) for c in products], np.int64)
+            .reshape(-1, 3)
+            .T
+        )
+        sizes = np.array([2.0 * c.factor * scale[c.one] * scale[c.two] for c in products])
+        shape = len(rows), len(products)
+        second = scipy.sparse.csr_array((sizes, (row, np.arange(len(products)))), shape=shape)
+        return np.asarray(second @ (motions[i] * motions[j]))
+
+    found = stress_of(J, curved, MOST)
     if found is None:
-        found = blocking_stress(J, lambda motions: second @ (motions[i] * motions[j]), MOST)
-    if found is None:
         return np.empty(0, dtype=np.int64), 0.0
-    return np.array(unknowns)[(np.abs(found) @ abs(J)) > PARTING], by
+    stress, off = found
+    return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING], off

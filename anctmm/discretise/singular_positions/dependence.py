@@ -30,6 +30,22 @@ NEARLY = 3e-5
 STEPS, SETTLED = 8, 1e-8
 
 
+def stress_of(
+    J: "scipy.sparse.csr_array", curved: Callable[[Array], Array], most: float = np.inf
+) -> tuple[Array, float] | None:
+    """Stress λ of size 1 of equations that hold motions twice or block them, and how far λᵀJ is from none; or None.
+
+    That is 0 where λ blocks motions that are free, see `blocking_stress`, whose parameters these are.
+    """
+    if independent(J, NEARLY**2 if J.shape[0] <= FEW else CLEAR):
+        return None
+    nearly = nearly_dependent(J)
+    if nearly is not None:
+        return nearly
+    stress = blocking_stress(J, curved, most)
+    return None if stress is None else (stress, 0.0)
+
+
 def blocking_stress(
     J: "scipy.sparse.csr_array", curved: Callable[[Array], Array], most: float = np.inf
 ) -> Array | None:
@@ -54,8 +70,6 @@ def blocking_stress(
     ndarray, shape (equations,), or None
         Of size 1, where motions are blocked.
     """
-    if independent(J):
-        return None
     draws = np.random.default_rng(0).standard_normal((J.shape[1], MOTIONS))
     stresses = _by_factors(J, draws, curved) if J.shape[0] > FEW else None
     if stresses is None and J.shape[0] <= most:
@@ -138,11 +152,6 @@ def settled(part: Callable[[Array], Array], x: Array) -> Array | None:
         if np.abs(taken).max() <= SETTLED * size:
             return x
     return None
-
-
-def clearly_independent(J: "scipy.sparse.csr_array") -> bool:
-    """Whether no equation of J u = 0 depends on others, or nearly so: then there is nothing more to look for."""
-    return independent(J, NEARLY**2 if J.shape[0] <= FEW else CLEAR)
 
 
 def independent(J: "scipy.sparse.csr_array", clear: float = CLEAR) -> bool:

@@ -411,9 +411,8 @@ def _refuse(solved, h, error, allowed, system, control, lag):  # type: ignore[no
         system.newton.counts[2] = 1
         control.counts[1] += 1
         if progress[TIME] > progress[LOOKED] and control.angles.shape[1] > 0:
-            progress[STARTS] = (
-                1.0  # a drive may have begun since the last estimate: its velocity is wrong until then
-            )
+            # a drive may have begun since the last estimate: its velocity is wrong until the motion starts anew
+            progress[STARTS] = 1.0
     copy(flat_q_before, flat_q)
     copy(flat_w_before, flat_w)
     copy_actions(control.angles, control.values, 0, 1)

@@ -79,7 +79,7 @@ def restrained(chain: Chain) -> bool:
     """
     scene = chain.scene
     driven = any(drive_of(joint) is not None for joint in scene.joints)
-    return not (driven or scene.connectors or mobile(scene))
+    return not (driven or scene.connectors) and held(chain)
 
 
 def held(chain: Chain) -> bool:

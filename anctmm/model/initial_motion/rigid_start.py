@@ -13,6 +13,7 @@ from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.initial_motion.least_norm import MANY, least_norm
 from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.kept import kept
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start
@@ -79,6 +80,7 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
     return replace(scene, bodies=bodies)
 
 
+@kept
 def mobile(scene: Scene) -> bool:
     """Whether joints leave the bodies of a scene a motion if all are rigid and all drives stand still.
 
