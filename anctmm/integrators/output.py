@@ -222,8 +222,8 @@ def _potential(q: Array, reference: Array, dead: Array) -> Array:
     """Potential energy of constant forces, J, at each of the coordinates, (outputs, rows, nodes)."""
     found, size = np.empty(len(q)), max(1, TOGETHER // reference.size)
     for first in range(0, len(q), size):
-        moved = q[first : first + size] - reference
-        found[first : first + size] = -np.einsum("kn,okn->o", dead, moved)
+        moved = reference - q[first : first + size]
+        found[first : first + size] = moved.reshape(len(moved), -1) @ dead.ravel()
     return found
 
 

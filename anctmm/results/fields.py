@@ -395,9 +395,8 @@ class RigidField:
     def _point(self, q: Array, place: str) -> Array:
         if place == "center":
             return q[:, 0].copy()
-        x, y = self.points[place]
-        t = q[:, 1]
-        return np.asarray(q[:, 0] + x * t + np.array([-y, y]) * t[:, ::-1])
+        center, turn = np.ascontiguousarray(q).view(np.complex128)[..., 0].T
+        return np.asarray((center + complex(*self.points[place]) * turn).view(np.float64).reshape(-1, 2))
 
 
 def nearest(angle: Array, about: Array) -> Array:

@@ -217,7 +217,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     record.stop()
     status = Status() if done.whole else _stuck(chain, scheme, system, done.t, control.scale[0])
     # after the look at where it failed: it writes the state
-    settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control))
+    settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control), out)
     return so_far(done.kept, status)
 
 

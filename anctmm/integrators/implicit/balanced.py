@@ -6,6 +6,7 @@ velocities at an output are found by a step of length zero, as at the start.
 """
 
 from collections.abc import Callable, Iterator
+from functools import reduce
 from typing import NamedTuple
 
 import numpy as np
@@ -28,7 +29,7 @@ from anctmm.results.whole_turns import WholeTurns
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Again = Callable[[Ints, System, Output], Callable[[int, Newton], int]]
-"""(steps of outputs, system, room) → (number of one of them, Newton's iteration) → solves for its accelerations."""
+"""(steps of outputs, system, output) → (number of one of them, Newton's iteration) → solves for its accelerations."""
 
 #: Solutions with factors in single precision, each of which takes the error left times a rounding of them.
 REFINED = 4
@@ -76,7 +77,7 @@ def balanced(
         w[:] = state.w
 
 
-def settle(chain: Chain, system: System, record: Record, kept: int, again: Again) -> None:
+def settle(chain: Chain, system: System, record: Record, kept: int, again: Again, out: Output) -> None:
     """Compute accelerations at outputs again where they violate constraints or drives.
 
     Parameters
@@ -89,6 +90,8 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     kept : int
         Number of outputs that are valid.
     again : callable
+    out : Output
+        Of the run.
     """
     rows, clamps = rows_in(system.factors.loops), system.clamps
     if not kept or (rows is None and not len(clamps.nodes)):
@@ -98,13 +101,13 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
     looks = list(_of_clamps(chain, clamps, drives, record.series[2, :kept])) if len(clamps.nodes) else []
     if rows is not None:
         looks.append(_of_rows(chain, rows, clamps, drives, record.series[:, :kept]))
-    at = np.flatnonzero(sum(_off(*look) for look in looks))
+    at = np.flatnonzero(reduce(np.logical_or, (_off(*look) for look in looks)))
     if not len(at):
         return
     found = record.series[:, at]
     turned = _turned(chain, system, record, kept)
     before = system.newton.counts.copy()
-    solve = again(chain.run.output_steps[at], system, record.arrays())
+    solve = again(chain.run.output_steps[at], system, out)
     balanced(system, found, drives[at], solve, None if turned is None else turned[at])
     system.newton.counts[:] = before
     finite = np.isfinite(found[2])
@@ -116,7 +119,7 @@ def settle(chain: Chain, system: System, record: Record, kept: int, again: Again
 
 def _off(errors: Array, sizes: Array) -> NDArray[np.bool_]:
     """At which outputs, (n,), an error is large beside the largest term of its constraint."""
-    return (errors > OFF * sizes.max(axis=1, initial=0.0)[:, None]).any(axis=0)  # type: ignore[no-any-return]
+    return np.logical_or.reduce(errors > OFF * np.maximum.reduce(sizes, axis=1, keepdims=True))  # type: ignore[no-any-return]
 
 
 def _turned(chain: Chain, system: System, record: Record, kept: int) -> Array | None:
@@ -165,16 +168,18 @@ def _shares(chain: Chain) -> list[float]:
 
 
 class _Terms(NamedTuple):
-    """Terms c w x_i x_j of constraints.
+    """Terms c w x_i x_j of constraints, those of one after those of another.
 
     places: of x_i and x_j among the coordinates of an output, (2, terms). ones: where they are the number 1 instead, if
     anywhere.
-    weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of (x_i x_j)'', (3, 1, terms).
+    weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of (x_i x_j)'', (3, 1, terms). first: term of each
+    constraint.
     """
 
     places: Ints
     ones: NDArray[np.bool_] | None
     weights: Array
+    first: Ints
 
 
 def _terms(rows: Rows, nodes: int) -> _Terms:
@@ -183,7 +188,8 @@ def _terms(rows: Rows, nodes: int) -> _Terms:
     row, node = rows.homes[:, unknowns]
     weights = np.multiply.outer([1.0, 2.0, 1.0], rows.factor)
     ones = unknowns == rows.x.shape[1] - 1
-    return _Terms(row * nodes + node, ones if ones.any() else None, weights[:, None])
+    first = np.flatnonzero(np.diff(rows.row, prepend=-1))
+    return _Terms(row * nodes + node, ones if ones.any() else None, weights[:, None], first)
 
 
 def _of_rows(
@@ -198,9 +204,7 @@ def _of_rows(
     terms = one * two[::-1] * of.weights
     if len(rows.turns):
         terms = _driven(terms, one, two, rows, drives, len(clamps.nodes))
-    errors, sizes = np.zeros((2, len(rows.value), len(drives)))
-    np.add.at(errors, rows.row, terms.sum(axis=0).T)
-    np.add.at(sizes, rows.row, np.abs(terms).sum(axis=0).T)
+    errors, sizes = (np.add.reduceat(np.add.reduce(t), of.first, axis=1).T for t in (terms, np.abs(terms)))
     return np.abs(errors), sizes
 
 

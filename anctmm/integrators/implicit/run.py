@@ -122,7 +122,7 @@ def take_steps(chain: Chain, system: System, steps: Steps) -> Solution:
             or stalled(chain, failed, system, newton, when, jump)
         )
     if steps.again is not None:  # after the look at where it failed: it writes the state
-        settle(chain, system, record, kept, partial(steps.again, advance))
+        settle(chain, system, record, kept, partial(steps.again, advance), out)
     return so_far(kept, status, taken)
 
 

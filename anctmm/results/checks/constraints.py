@@ -1,4 +1,4 @@
-"""Violated joints and lengths: separated ends, displaced supports, strained rigid bodies.
+"""Violated joints and lengths: separated places, displaced supports, strained rigid bodies.
 
 Solvers satisfy them by construction or to the tolerance of Newton's iteration; this check detects where one did not.
 """
@@ -15,18 +15,19 @@ from anctmm.jit.by_address import by_address
 from anctmm.model.drives import table_of
 from anctmm.model.joints import Clamp
 from anctmm.model.kept import alike, kept
-from anctmm.model.places import End
+from anctmm.model.places import End, place_text
 from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
 from anctmm.results.checks.acting import length_of, reach_of
-from anctmm.results.checks.ends import Ends
 from anctmm.results.checks.finding import Finding
 from anctmm.results.checks.mechanisms import is_mechanism, mechanism_findings
+from anctmm.results.checks.places import Places, joined_places, names_of
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Ints = NDArray[np.int64]
+Names = tuple[End, ...]
 
 EPS = float(np.finfo(float).eps)
 #: Distance of joined ends, of the length of all bodies, above which a joint is not kept; of angles, rad. The global DAE
@@ -41,23 +42,21 @@ ADVICE = "a smaller dt or a smaller newton_tolerance may help"
 
 @by_address
 class Constraints(NamedTuple):
-    """What the joints of a scene keep, of ends numbered as in `Ends`.
+    """What the joints of a scene keep, of places numbered as in `Places`: of mechanisms positions alone.
 
     Parameters
     ----------
     held, places
-        Ends whose place is held, and that place, as complex numbers, (held, 1).
+        Places that are held, and where, as complex numbers, (held, 1).
     joined : ndarray of int, shape (2, k)
-        Pairs of ends that share a place.
+        Pairs that share a place.
     welded : ndarray of int, shape (2, k)
-        Pairs that turn alike.
+        Pairs of ends that turn alike.
     clamped : ndarray of int
         Ends whose direction is held, or driven, by `clamps`.
     clamps : tuple of Clamp
-    undo : ndarray of complex, shape (ends, 1)
+    undo : ndarray of complex, shape (ends of beams, 1)
         Turns each end's axis back to the x axis.
-    names : tuple of End
-        Of the ends.
     """
 
     held: Ints
@@ -67,88 +66,103 @@ class Constraints(NamedTuple):
     clamped: Ints
     clamps: tuple[Clamp, ...]
     undo: Complex
-    names: tuple[End, ...]
 
 
-def constraint_findings(solution: Solution, ends: Ends, *, static: bool = False) -> Iterator[Finding]:
+def constraint_findings(solution: Solution, places: Places, *, static: bool = False) -> Iterator[Finding]:
     """What speaks against a run of any solver.
 
     Parameters
     ----------
     solution : Solution
-    ends : Ends
+    places : Places
         Its own.
     static : bool
         Whether its times are load factors.
     """
     scene = solution.scene
-    length = length_of(scene)
-    if is_mechanism(scene):
-        rounding = ROUNDINGS * EPS * reach_of(scene)
-        yield from mechanism_findings(
-            solution, PARTED * length + rounding, PARTED + rounding / length, static=static
-        )
-        return
-    of, (place, gradient) = constraints_of(scene), ends
-    rounding = ROUNDINGS * EPS * float(np.abs(place[:, 0]).max())
+    of, names, (place, gradient) = constraints_of(scene), names_of(scene), places
+    length, rounding = length_of(scene), ROUNDINGS * EPS * reach_of(scene)
     parted, turned = PARTED * length + rounding, PARTED + rounding / length
     if of.held.size:
         away = np.abs(place[of.held] - of.places)
-        yield from _beyond(away, parted, "m", _held(of, of.held, "held", "place"))
+        yield from _beyond(away, parted, "m", _held(names, of.held, "held", "place"))
     if of.joined.size:
         apart = np.abs(place[of.joined[1]] - place[of.joined[0]])
-        yield from _beyond(apart, parted, "m", _pair(of, of.joined, "joined", "parted"))
+        yield from _beyond(apart, parted, "m", _pair(names, of.joined, "joined", "parted"))
+    if is_mechanism(scene):
+        yield from mechanism_findings(solution, parted, turned, static=static)
+        return
     if of.clamped.size or of.welded.size:
         turn = gradient / np.abs(gradient) * of.undo
     if of.clamped.size:
         off = np.abs(turn[of.clamped] - _driven(of.clamps, solution, static))
-        yield from _beyond(off, turned, "rad", _held(of, of.clamped, "clamped", "direction"))
+        yield from _beyond(off, turned, "rad", _held(names, of.clamped, "clamped", "direction"))
     if of.welded.size:
         off = np.abs(turn[of.welded[1]] - turn[of.welded[0]])
-        yield from _beyond(off, turned, "rad", _pair(of, of.welded, "welded", "turned from each other"))
+        yield from _beyond(off, turned, "rad", _pair(names, of.welded, "welded", "turned from each other"))
     yield from _strained(solution, place, rounding)
 
 
 @kept
 def constraints_of(scene: Scene) -> Constraints:
     """What the joints of a scene keep."""
-    of, beams = _numbered(scene), scene.beams
-    points = np.array([(body.start, body.end) for body in beams]).reshape(-1, 2).view(np.complex128)[:, 0]
-    along = np.exp([-1j * body.angle for body in beams])
-    clamps = tuple(
-        clamp for junction in junctions_of(scene) for clamp in junction.clamps if clamp is not None
+    of, names = _numbered(scene), names_of(scene)
+    bodies = {body.name: body for body in scene.bodies}
+    points = [complex(*bodies[name].position_at(key)) for name, key in map(names.__getitem__, of.held)]
+    along = np.exp([-1j * body.angle for body in scene.beams])
+    clamps = (
+        ()
+        if is_mechanism(scene)
+        else tuple(
+            clamp for junction in junctions_of(scene) for clamp in junction.clamps if clamp is not None
+        )
     )
-    return of._replace(places=points[of.held, None], clamps=clamps, undo=np.repeat(along, 2)[:, None])
+    places = np.array(points, dtype=np.complex128)[:, None]
+    return of._replace(places=places, clamps=clamps, undo=np.repeat(along, 2)[:, None])
 
 
 @alike
 def _numbered(scene: Scene) -> Constraints:
     """The same without what has numbers of the scene: places, clamps and turns."""
-    names = tuple((body.name, side) for body in scene.beams for side in (0, 1))
-    number = {end: i for i, end in enumerate(names)}
-    held: list[int] = []
-    pairs: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
-    clamped: list[int] = []
+    number = {end: i for i, end in enumerate(names_of(scene))}
+    find = _of_joints if is_mechanism(scene) else _of_junctions
+    held, joined, welded, clamped = ([number[end] for end in ends] for ends in find(scene))
+    pairs, turned = (np.array(one, dtype=np.int64).reshape(-1, 2).T for one in (joined, welded))
+    nothing = np.empty(0, dtype=np.complex128)
+    return Constraints(_numbers(held), nothing, pairs, turned, _numbers(clamped), (), nothing)
+
+
+def _numbers(found: list[int]) -> Ints:
+    return np.array(found, dtype=np.int64)
+
+
+#: Places held, those joined and welded, pair after pair, and those clamped.
+Named = tuple[list[End], list[End], list[End], list[End]]
+
+
+def _of_joints(scene: Scene) -> Named:
+    """Positions that the joints of a mechanism keep, each by itself."""
+    held, joined = list[End](), list[End]()
+    for joint, (first, *others) in zip(scene.joints, joined_places(scene), strict=True):
+        if joint.grounded:
+            held.append(first.end)
+        joined += [end for other in others for end in (first.end, other.end)]
+    return held, joined, [], []
+
+
+def _of_junctions(scene: Scene) -> Named:
+    """What the joints between the ends of beams keep, together."""
+    held, clamped = list[End](), list[End]()
+    pairs: tuple[list[End], list[End]] = ([], [])
     for junction in junctions_of(scene):
         if junction.grounded:
-            held.append(number[junction.ends[0]])
+            held.append(junction.ends[0])
         for together, groups in zip(pairs, ((junction.ends,), junction.groups), strict=True):
-            together += [(number[group[0]], number[end]) for group in groups for end in group[1:]]
+            together += [name for group in groups for end in group[1:] for name in (group[0], end)]
         for group, clamp in zip(junction.groups, junction.clamps, strict=True):
             if clamp is not None:
-                clamped.append(number[group[0]])
-    joined, welded = (np.array(one, dtype=np.int64).reshape(-1, 2).T for one in pairs)
-    nothing = np.empty(0, dtype=np.complex128)
-    return Constraints(
-        np.array(held, dtype=np.int64),
-        nothing,
-        joined,
-        welded,
-        np.array(clamped, dtype=np.int64),
-        (),
-        nothing,
-        names,
-    )
+                clamped.append(group[0])
+    return held, *pairs, clamped
 
 
 def _driven(clamps: tuple[Clamp, ...], solution: Solution, static: bool) -> Complex:
@@ -207,25 +221,21 @@ def _beyond(
             yield Finding(k, "failed", f"{what} {sizes[row, k]:.2g} {unit} at {{when}}; {ADVICE}", body)
 
 
-def _held(of: Constraints, ends: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
-    """Tells of an end that has left its place or direction."""
+def _held(names: Names, places: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
+    """Tells of a place that is not where it was, or has turned."""
 
     def told(row: int) -> tuple[str, str]:
-        end = of.names[ends[row]]
-        return end[0], f"{_text(end)}, which is {how}, has left its {what} by"
+        end = names[places[row]]
+        return end[0], f"{place_text(end)}, which is {how}, has left its {what} by"
 
     return told
 
 
-def _pair(of: Constraints, pairs: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
-    """Tells of two ends that are no longer together."""
+def _pair(names: Names, pairs: Ints, how: str, what: str) -> Callable[[int], tuple[str, str]]:
+    """Tells of two places that are no longer together."""
 
     def told(row: int) -> tuple[str, str]:
-        one, two = (of.names[end] for end in pairs[:, row])
-        return two[0], f"{_text(one)} and {_text(two)}, which are {how}, have {what} by"
+        one, two = (names[place] for place in pairs[:, row])
+        return two[0], f"{place_text(one)} and {place_text(two)}, which are {how}, have {what} by"
 
     return told
-
-
-def _text(end: End) -> str:
-    return f"'{end[0]}.{('start', 'end')[end[1]]}'"

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from anctmm.results.checks.breaks import break_findings
 from anctmm.results.checks.constraints import constraint_findings
 from anctmm.results.checks.drives import drive_findings, with_drives
-from anctmm.results.checks.ends import ends_of
 from anctmm.results.checks.energy import energy_findings
 from anctmm.results.checks.finding import FATAL, Finding, part
+from anctmm.results.checks.places import places_of
 from anctmm.results.checks.precision import precision_findings
 from anctmm.results.fields import HermiteField, LagrangeField
 from anctmm.results.solution import Solution
@@ -99,15 +99,15 @@ def _checked(solution: Solution, static: bool, energies: bool) -> Solution:
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
     with np.errstate(all="ignore"):  # of a run that has diverged, numbers may be too large for any formula
-        ends = ends_of(solution)
-        parted = () if ends is None else constraint_findings(solution, ends, static=static)
+        places = places_of(solution)
+        parted = () if places is None else constraint_findings(solution, places, static=static)
         found = [*_shape_findings(solution), *parted]
         if not static and solution.status.ok and solution.t.size:
             found += [*break_findings(solution), *drive_findings(solution)]
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
         if not static and solution.status.ok and not found:
-            found += precision_findings(solution, ends)
+            found += precision_findings(solution, places)
     fatal = [finding for finding in found if finding.code in FATAL]
     if not found:
         return solution

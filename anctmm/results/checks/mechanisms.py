@@ -1,7 +1,7 @@
-"""Violated joints of mechanisms: separated places, places that have left their line, welds that have rotated.
+"""Violated guides and directions of mechanisms: places that have left their line, welds that have rotated.
 
-For scenes with rigid bodies, guides, driven welds or joints between the ends of beams; beams joined at their ends are
-checked together by `anctmm.results.checks.constraints`.
+For scenes with rigid bodies, guides, driven welds or joints between the ends of beams. What joints hold in place or
+together, and directions of beams joined at their ends, are checked by `anctmm.results.checks.constraints`.
 """
 
 from collections.abc import Iterator
@@ -19,6 +19,7 @@ from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
 from anctmm.model.scene import Clamp, Scene
 from anctmm.results.checks.finding import Finding
+from anctmm.results.checks.places import joined_places
 from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 
@@ -48,7 +49,7 @@ def mechanism_findings(
         Whether its times are load factors.
     """
     look = _Look(solution, static)
-    for joint, places in zip(solution.scene.joints, _places_of(solution.scene), strict=True):
+    for joint, places in _directed(solution.scene):
         for sizes, allowed, (what, *named), unit in _misfits(look, joint, places, parted, turned):
             if np.count_nonzero(sizes > allowed):  # quicker than any() where arrays are small
                 k = int((sizes > allowed).argmax())
@@ -58,9 +59,12 @@ def mechanism_findings(
 
 
 @kept
-def _places_of(scene: Scene) -> tuple[tuple[Place, ...], ...]:
-    """Places that each joint joins."""
-    return tuple(tuple(map(scene.place, joint.ends)) for joint in scene.joints)
+def _directed(scene: Scene) -> tuple[tuple[Joint, tuple[Place, ...]], ...]:
+    """Joints that hold more than positions, and the places that each joins."""
+    joints = zip(scene.joints, joined_places(scene), strict=True)
+    return tuple(
+        (joint, places) for joint, places in joints if isinstance(joint, Guide) or joint.holds_direction
+    )
 
 
 #: Sizes, what is allowed, a text with what is named in it, which nearly never is asked for, and the unit.
@@ -71,13 +75,6 @@ def _misfits(
     look: "_Look", joint: Joint, places: tuple[Place, ...], parted: float, turned: float
 ) -> Iterator[Misfit]:
     first, *others = places
-    where = look.path(first)
-    for other in others:
-        what = "{} and {}, which are joined, have parted by", first, other
-        yield np.abs(look.path(other) - where), parted, what, "m"
-    if joint.grounded:
-        away = np.abs(where - complex(*first.position))
-        yield away, parted, ("{}, which is held, has left its place by", first), "m"
     if isinstance(joint, Guide):
         yield from _from_line(look, joint, first, parted)
     if joint.holds_direction:

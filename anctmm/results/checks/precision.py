@@ -17,8 +17,8 @@ from anctmm.model.joints import drive_of
 from anctmm.model.kept import kept, kept_beside
 from anctmm.model.scene import Beam, Force, LineLoad, Scene, Spring
 from anctmm.results.checks.acting import ends_of, length_of, load_sizes, mass_of, reach_of, weight_of
-from anctmm.results.checks.ends import Ends
 from anctmm.results.checks.finding import Finding
+from anctmm.results.checks.places import Places
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -35,21 +35,21 @@ EXPLICIT, IMPLICIT = 0.5, 2.0
 SEEN = 65
 
 
-def precision_findings(solution: Solution, ends: Ends | None) -> Iterator[Finding]:
+def precision_findings(solution: Solution, places: Places | None) -> Iterator[Finding]:
     """What rounding says against a run that is whole.
 
     Parameters
     ----------
     solution : Solution
-    ends : Ends or None
+    places : Places or None
         Its own.
     """
     run, scene = solution.run, solution.scene
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
         return
     # what is moved more has more digits: as soon as nothing is found, nothing is found at all
-    if ends is not None:
-        place = ends.place
+    if places is not None:
+        place = places.place
         if not any(True for _ in _findings(solution, float(np.abs(place - place[:, :1]).max()))):
             return
     most, found = 0.0, list[Finding]()
