@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.cable import CableElement
-from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions
+from anctmm.elements.force_blocks import BLOCK, clear_forces, four_rows, oppose_positions
 from anctmm.elements.tangent_blocks import (
     add_full,
     add_symmetric,
@@ -88,13 +88,14 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
+    e = four_rows(q, first)
     clear_forces(out, 4, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
         EAw = EA * w
         for j in range(count):
-            bx, by = _slope(q, first + j, A, B, C, r)
+            bx, by = _slope(e, j, A, B, C, r)
             px, py = axial_force(bx, by, EAw)
             _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
@@ -103,12 +104,11 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
         EIw = EI * w
         for j in range(count):
-            i = first + j
-            ux, uy = (q[0, i + 1] - q[0, i]) * r, (q[1, i + 1] - q[1, i]) * r
-            bx, by = B * q[2, i] + C * q[2, i + 1] - A * ux, B * q[3, i] + C * q[3, i + 1] - A * uy
+            ux, uy = (e[0][j + 1] - e[0][j]) * r, (e[1][j + 1] - e[1][j]) * r
+            bx, by = B * e[2][j] + C * e[2][j + 1] - A * ux, B * e[3][j] + C * e[3][j + 1] - A * uy
             cx, cy = (
-                (b * q[2, i] + c * q[2, i + 1] - a * ux) * r,
-                (b * q[3, i] + c * q[3, i + 1] - a * uy) * r,
+                (b * e[2][j] + c * e[2][j + 1] - a * ux) * r,
+                (b * e[3][j] + c * e[3][j + 1] - a * uy) * r,
             )
             px, py, tx, ty = bending_moment(bx, by, cx, cy, EIw)
             _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
@@ -126,13 +126,14 @@ def damping_forces(
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
     r = 1.0 / l
+    e, f = four_rows(q, first), four_rows(v, first)
     clear_forces(out, 4, count)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
         for j in range(count):
-            bx, by = _slope(q, first + j, A, B, C, r)
-            gx, gy = _slope(v, first + j, A, B, C, r)
+            bx, by = _slope(e, j, A, B, C, r)
+            gx, gy = _slope(f, j, A, B, C, r)
             px, py = axial_damping(bx, by, gx, gy, EA * w)
             _add_axial(out, j, l, A, B, C, px, py)
     for p in range(bending):
@@ -140,10 +141,10 @@ def damping_forces(
         A, B, C = constants[at], constants[at + 1], constants[at + 2]
         a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
         for j in range(count):
-            bx, by = _slope(q, first + j, A, B, C, r)
-            cx, cy = _slope(q, first + j, a * r, b * r, c * r, r)
-            gx, gy = _slope(v, first + j, A, B, C, r)
-            hx, hy = _slope(v, first + j, a * r, b * r, c * r, r)
+            bx, by = _slope(e, j, A, B, C, r)
+            cx, cy = _slope(e, j, a * r, b * r, c * r, r)
+            gx, gy = _slope(f, j, A, B, C, r)
+            hx, hy = _slope(f, j, a * r, b * r, c * r, r)
             px, py, tx, ty = bending_damping(bx, by, cx, cy, gx, gy, hx, hy, EI * w)
             _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
     oppose_positions(out, 0, 6, count)
@@ -172,11 +173,11 @@ def _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty):  # type: ignore[n
 
 
 @inlined
-def _slope(q, i, A, B, C, r):  # type: ignore[no-untyped-def]
-    """B r'_I + C r'_O − A (r_O − r_I)/l of the element behind node i."""
+def _slope(e, j, A, B, C, r):  # type: ignore[no-untyped-def]
+    """B r'_I + C r'_O − A (r_O − r_I)/l of element j."""
     return (
-        B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * r,
-        B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * r,
+        B * e[2][j] + C * e[2][j + 1] - A * (e[0][j + 1] - e[0][j]) * r,
+        B * e[3][j] + C * e[3][j + 1] - A * (e[1][j + 1] - e[1][j]) * r,
     )
 
 
@@ -224,14 +225,14 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
     axial, bending = int(constants[3]), int(constants[4])
+    e = four_rows(q, first)
     clear_sums(out, 21)
     for p in range(axial):
         at = HEAD + p * AXIAL
         A, B, C, f = -constants[at], constants[at + 1], constants[at + 2], EA * constants[at + 3]
         for j in range(count):
-            i = first + j
-            bx = B * q[2, i] + C * q[2, i + 1] + A * (q[0, i + 1] - q[0, i]) * v
-            by = B * q[3, i] + C * q[3, i + 1] + A * (q[1, i + 1] - q[1, i]) * v
+            bx = B * e[2][j] + C * e[2][j + 1] + A * (e[0][j + 1] - e[0][j]) * v
+            by = B * e[3][j] + C * e[3][j + 1] + A * (e[1][j + 1] - e[1][j]) * v
             S = axial_stiffness(bx, by, f)
             F = S[0], S[1], S[1], S[2]
             add_symmetric(out, UU, j, A * A, S)
@@ -246,10 +247,9 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         a, b, c = -constants[at + 3] * v, constants[at + 4] * v, constants[at + 5] * v
         f = EI * constants[at + 6]
         for j in range(count):
-            i = first + j
-            ux, uy = (q[0, i + 1] - q[0, i]) * v, (q[1, i + 1] - q[1, i]) * v
-            bx, by = B * q[2, i] + C * q[2, i + 1] + A * ux, B * q[3, i] + C * q[3, i + 1] + A * uy
-            cx, cy = b * q[2, i] + c * q[2, i + 1] + a * ux, b * q[3, i] + c * q[3, i + 1] + a * uy
+            ux, uy = (e[0][j + 1] - e[0][j]) * v, (e[1][j + 1] - e[1][j]) * v
+            bx, by = B * e[2][j] + C * e[2][j + 1] + A * ux, B * e[3][j] + C * e[3][j + 1] + A * uy
+            cx, cy = b * e[2][j] + c * e[2][j + 1] + a * ux, b * e[3][j] + c * e[3][j + 1] + a * uy
             D = bending_stiffness(bx, by, cx, cy, f)
             add_symmetric(out, UU, j, 1.0, _twice(A, a, D))
             add_full(out, IU, j, 1.0, _both(B, b, A, a, D))

@@ -12,6 +12,23 @@ BLOCK = 64
 
 
 @inlined
+def four_rows(q, first):  # type: ignore[no-untyped-def]
+    """Components of r and r' of the nodes from `first` on, each a row.
+
+    A loop over elements j reads row[j], not q[k, first + j]: the compiler does not know that first + j is not negative,
+    which in Python counts from the end, and would load each number by itself (forces of cables took three times as
+    long).
+    """
+    return q[0, first:], q[1, first:], q[2, first:], q[3, first:]
+
+
+@inlined
+def six_rows(q, first):  # type: ignore[no-untyped-def]
+    """The same of nodes of three vectors."""
+    return q[0, first:], q[1, first:], q[2, first:], q[3, first:], q[4, first:], q[5, first:]
+
+
+@inlined
 def clear_forces(out, components, count):  # type: ignore[no-untyped-def]
     """Make the forces of a block zero, of so many components of each node."""
     for k in range(components):

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions
+from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions, six_rows
 from anctmm.elements.quintic import AXIAL, BENDING, QuinticElement
 from anctmm.elements.shapes import gauss, quintic
 from anctmm.elements.tangent_blocks import SUMS, TANGENT_BLOCK, clear_sums, place, placement
@@ -80,20 +80,21 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     r = 1.0 / l
+    e = six_rows(q, first)
     clear_forces(out, 6, count)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
         w = EA * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, r)
+            bx, by = _slope(e, j, W, 0, r)
             px, py = axial_force(bx, by, w)
             _add(out, j, l, W, 0, px, py)
     for p in range(BENDING):
         W = BENDING_POINTS[p]
         w = EI * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, r)
-            cx, cy = _slope(q, first + j, W, 5, r)
+            bx, by = _slope(e, j, W, 0, r)
+            cx, cy = _slope(e, j, W, 5, r)
             px, py, tx, ty = bending_moment(bx, by, cx * r, cy * r, w)
             _add(out, j, l, W, 0, px, py)
             _add(out, j, l, W, 5, tx * r, ty * r)
@@ -110,23 +111,24 @@ def damping_forces(
     """
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     r = 1.0 / l
+    e, f = six_rows(q, first), six_rows(v, first)
     clear_forces(out, 6, count)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
         w = EA * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, r)
-            gx, gy = _slope(v, first + j, W, 0, r)
+            bx, by = _slope(e, j, W, 0, r)
+            gx, gy = _slope(f, j, W, 0, r)
             px, py = axial_damping(bx, by, gx, gy, w)
             _add(out, j, l, W, 0, px, py)
     for p in range(BENDING):
         W = BENDING_POINTS[p]
         w = EI * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, r)
-            cx, cy = _slope(q, first + j, W, 5, r)
-            gx, gy = _slope(v, first + j, W, 0, r)
-            hx, hy = _slope(v, first + j, W, 5, r)
+            bx, by = _slope(e, j, W, 0, r)
+            cx, cy = _slope(e, j, W, 5, r)
+            gx, gy = _slope(f, j, W, 0, r)
+            hx, hy = _slope(f, j, W, 5, r)
             px, py, tx, ty = bending_damping(bx, by, cx * r, cy * r, gx, gy, hx * r, hy * r, w)
             _add(out, j, l, W, 0, px, py)
             _add(out, j, l, W, 5, tx * r, ty * r)
@@ -134,19 +136,19 @@ def damping_forces(
 
 
 @inlined
-def _slope(q, i, W, at, r):  # type: ignore[no-untyped-def]
-    """r' (at = 0) or l r'' (at = 5) of the element behind node i at a point of weights W."""
+def _slope(e, j, W, at, r):  # type: ignore[no-untyped-def]
+    """r' (at = 0) or l r'' (at = 5) of element j at a point of weights W."""
     return (
-        W[at] * ((q[0, i + 1] - q[0, i]) * r)
-        + W[at + 1] * q[2, i]
-        + W[at + 2] * q[4, i]
-        + W[at + 3] * q[2, i + 1]
-        + W[at + 4] * q[4, i + 1],
-        W[at] * ((q[1, i + 1] - q[1, i]) * r)
-        + W[at + 1] * q[3, i]
-        + W[at + 2] * q[5, i]
-        + W[at + 3] * q[3, i + 1]
-        + W[at + 4] * q[5, i + 1],
+        W[at] * ((e[0][j + 1] - e[0][j]) * r)
+        + W[at + 1] * e[2][j]
+        + W[at + 2] * e[4][j]
+        + W[at + 3] * e[2][j + 1]
+        + W[at + 4] * e[4][j + 1],
+        W[at] * ((e[1][j + 1] - e[1][j]) * r)
+        + W[at + 1] * e[3][j]
+        + W[at + 2] * e[5][j]
+        + W[at + 3] * e[3][j + 1]
+        + W[at + 4] * e[5][j + 1],
     )
 
 
@@ -170,15 +172,16 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     r = 1.0 / l
+    e = six_rows(q, first)
     total = 0.0
-    for i in range(first, first + count):
+    for j in range(count):
         for p in range(AXIAL):
-            bx, by = _slope(q, i, AXIAL_POINTS[p], 0, r)
+            bx, by = _slope(e, j, AXIAL_POINTS[p], 0, r)
             strain = sqrt(bx * bx + by * by) - 1.0
             total += 0.5 * EA * AXIAL_POINTS[p, 10] * l * strain * strain
         for p in range(BENDING):
-            bx, by = _slope(q, i, BENDING_POINTS[p], 0, r)
-            cx, cy = _slope(q, i, BENDING_POINTS[p], 5, r)
+            bx, by = _slope(e, j, BENDING_POINTS[p], 0, r)
+            cx, cy = _slope(e, j, BENDING_POINTS[p], 5, r)
             curvature, _, _, _ = curvature_of(bx, by, cx * r, cy * r)
             total += 0.5 * EI * BENDING_POINTS[p, 10] * l * curvature * curvature
     return total
@@ -201,12 +204,13 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
+    e = six_rows(q, first)
     clear_sums(out, POINT)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
         f = EA * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, v)
+            bx, by = _slope(e, j, W, 0, v)
             xx, xy, yy = axial_stiffness(bx, by, f)
             _keep(out, j, 0, xx, xy, yy)
         row = 0
@@ -221,8 +225,8 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         W = BENDING_POINTS[p]
         f = EI * W[10]
         for j in range(count):
-            bx, by = _slope(q, first + j, W, 0, v)
-            cx, cy = _slope(q, first + j, W, 5, v)
+            bx, by = _slope(e, j, W, 0, v)
+            cx, cy = _slope(e, j, W, 5, v)
             P, Q, S = bending_stiffness(bx, by, cx * v, cy * v, f)
             _keep(out, j, 0, P[0], P[1], P[2])
             _keep(out, j, 3, Q[0], Q[1], Q[2])

@@ -8,7 +8,7 @@ section 1.
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.force_blocks import BLOCK, clear_forces
+from anctmm.elements.force_blocks import BLOCK, clear_forces, six_rows
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
 from anctmm.elements.tangent_blocks import (
@@ -109,11 +109,11 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
     m = (l, LA, LI, LJ, lA, lI, GA, GI)
     r = 1.0 / l
+    n = six_rows(q, first)
     for j in range(count):
-        i = first + j
-        u = ((q[0, i + 1] - q[0, i]) * r, (q[1, i + 1] - q[1, i]) * r)
-        a, b = (q[2, i], q[3, i]), (q[2, i + 1], q[3, i + 1])
-        d, f = (q[4, i], q[5, i]), (q[4, i + 1], q[5, i + 1])
+        u = ((n[0][j + 1] - n[0][j]) * r, (n[1][j + 1] - n[1][j]) * r)
+        a, b = (n[2][j], n[3][j]), (n[2][j + 1], n[3][j + 1])
+        d, f = (n[4][j], n[5][j]), (n[4][j + 1], n[5][j + 1])
         e = ((f[0] - d[0]) * r, (f[1] - d[1]) * r)
         k2 = 0.5 * (e[0] * e[0] + e[1] * e[1])
         p0, t0, s0 = _stress(P0, W0, u, a, b, d, f, e, k2, m)
@@ -150,13 +150,14 @@ def damping_forces(
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
     r = 1.0 / l
+    n, o = six_rows(q, first), six_rows(v, first)
     clear_forces(out, 6, count)
     for p in range(POINTS):
         x, y, A, B, C, weight = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4], TABLE[p, 5]
         w = damping * weight
         for j in range(count):
-            (cx, cy), (dx, dy), (ex, ey) = _vectors(q, first + j, x, y, A, B, C, r)
-            (fx, fy), (gx, gy), (hx, hy) = _vectors(v, first + j, x, y, A, B, C, r)  # their rates
+            (cx, cy), (dx, dy), (ex, ey) = _vectors(n, j, x, y, A, B, C, r)
+            (fx, fy), (gx, gy), (hx, hy) = _vectors(o, j, x, y, A, B, C, r)  # their rates
             stretch, twist, thickness = cx * fx + cy * fy, ex * hx + ey * hy, dx * gx + dy * gy
             N0 = w * (LA * stretch + LI * twist + lA * thickness)
             N1 = w * LI * (fx * ex + fy * ey + cx * hx + cy * hy)
@@ -182,15 +183,15 @@ def damping_forces(
 
 
 @inlined
-def _vectors(q, i, x, y, A, B, C, r):  # type: ignore[no-untyped-def]
-    """c', d and d' at a point of the element behind node i, from its row of TABLE."""
+def _vectors(n, j, x, y, A, B, C, r):  # type: ignore[no-untyped-def]
+    """c', d and d' at a point of element j, from its row of TABLE."""
     return (
         (
-            B * q[2, i] + C * q[2, i + 1] - A * (q[0, i + 1] - q[0, i]) * r,
-            B * q[3, i] + C * q[3, i + 1] - A * (q[1, i + 1] - q[1, i]) * r,
+            B * n[2][j] + C * n[2][j + 1] - A * (n[0][j + 1] - n[0][j]) * r,
+            B * n[3][j] + C * n[3][j + 1] - A * (n[1][j + 1] - n[1][j]) * r,
         ),
-        (y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]),
-        ((q[4, i + 1] - q[4, i]) * r, (q[5, i + 1] - q[5, i]) * r),
+        (y * n[4][j] + x * n[4][j + 1], y * n[5][j] + x * n[5][j + 1]),
+        ((n[4][j + 1] - n[4][j]) * r, (n[5][j + 1] - n[5][j]) * r),
     )
 
 
@@ -231,16 +232,16 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     """
     l = constants[0]  # noqa: E741
     v = 1.0 / l
+    n = six_rows(q, first)
     clear_sums(out, ROWS)
     for p in range(POINTS):
         x, y, A, B, C = TABLE[p, 0], TABLE[p, 1], -TABLE[p, 2], TABLE[p, 3], TABLE[p, 4]
         w = TABLE[p, 5] * l
         for j in range(count):
-            i = first + j
-            ex, ey = (q[4, i + 1] - q[4, i]) * v, (q[5, i + 1] - q[5, i]) * v
-            cx = B * q[2, i] + C * q[2, i + 1] + A * (q[0, i + 1] - q[0, i]) * v
-            cy = B * q[3, i] + C * q[3, i + 1] + A * (q[1, i + 1] - q[1, i]) * v
-            dx, dy = y * q[4, i] + x * q[4, i + 1], y * q[5, i] + x * q[5, i + 1]
+            ex, ey = (n[4][j + 1] - n[4][j]) * v, (n[5][j + 1] - n[5][j]) * v
+            cx = B * n[2][j] + C * n[2][j + 1] + A * (n[0][j + 1] - n[0][j]) * v
+            cy = B * n[3][j] + C * n[3][j + 1] + A * (n[1][j + 1] - n[1][j]) * v
+            dx, dy = y * n[4][j] + x * n[4][j + 1], y * n[5][j] + x * n[5][j + 1]
             CC, EC, DC, EE, ED, DD = _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey)
             add_symmetric(out, 0, j, A * A, CC)
             add_symmetric(out, 3, j, B * A, CC)

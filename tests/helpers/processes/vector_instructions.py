@@ -1,12 +1,14 @@
 """Prints the vector operations in the steps of an element and an integrator, and in the element's forces alone.
 
+Then the loads of vectors whose numbers the compiler gathers one by one, in the element's kernels alone.
+
 In a process of its own with an empty directory of kernels: code that is read from there shows no instructions.
 """
 
 import re
 import sys
 from types import ModuleType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import anctmm as at
 from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
@@ -21,14 +23,21 @@ def vector_operations(code: str) -> int:
     return len(re.findall(r"= f(?:mul|add|sub|div)[^\n]*<\d+ x double>", code))
 
 
+def gathered(code: str) -> int:
+    """Loads of vectors whose numbers do not follow each other in memory, as far as the compiler knows."""
+    return len(re.findall(r"call <[^\n]*@llvm\.masked\.gather", code))
+
+
 class Watched(kernels.KernelLibrary):
-    """Machine code whose vector operations are counted when it is made."""
+    """Machine code whose vector operations and gathered loads are counted when it is made."""
 
     made: ClassVar[dict[str, int]] = {}
+    gathered: ClassVar[dict[str, int]] = {}
 
     def _finalize_final_module(self):
         super()._finalize_final_module()
-        self.made[self.name] = vector_operations(str(self._final_module))
+        code = str(self._final_module)
+        self.made[self.name], self.gathered[self.name] = vector_operations(code), gathered(code)
 
 
 def most(element: str, integrator: str) -> int:
@@ -40,17 +49,24 @@ def most(element: str, integrator: str) -> int:
     return max(Watched.made.values())
 
 
-def alone(element: str) -> int:
-    """Those of the kernel of its forces, when it is optimised by itself."""
+def alone(element: str) -> tuple[int, int]:
+    """Vector operations of its forces, and gathered loads of its forces, damping and tangents, each by itself."""
     Watched.made.clear()
-    forces = ELEMENTS[element].forces
-    signature = next(iter(forces.overloads))
-    fresh = kernels.Kernel(forces.py_func, targetoptions=forces.kernel.targetoptions)
-    fresh.compile(signature)
-    return Watched.made[forces.py_func.__qualname__]
+    Watched.gathered.clear()
+    module = ELEMENTS[element]
+    q, first, count, constants, out = next(iter(module.forces.overloads))
+    compiled_alone(module.forces, (q, first, count, constants, out))
+    compiled_alone(module.damping_forces, (q, q, first, count, constants, constants.dtype, out))
+    compiled_alone(module.tangents, (q, first, count, constants, out))
+    return Watched.made[module.forces.py_func.__qualname__], sum(Watched.gathered.values())
+
+
+def compiled_alone(kernel: Any, types: tuple[Any, ...]) -> None:
+    """Compile a kernel anew, as no part of another one."""
+    kernels.Kernel(kernel.py_func, targetoptions=kernel.kernel.targetoptions).compile(types)
 
 
 if __name__ == "__main__":
     kernels.KernelLibrary = Watched
     with one_process():
-        print(most(*sys.argv[1:]), alone(sys.argv[1]))
+        print(most(*sys.argv[1:]), *alone(sys.argv[1]))
