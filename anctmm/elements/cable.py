@@ -18,7 +18,7 @@ from anctmm.model.scene import Beam
 
 Array = NDArray[np.float64]
 
-#: Rules for the axial and the bending energy, by name.
+#: Rules for the axial and the bending energy, by name: points lie symmetrically, two or three are those for bending.
 RULES = {
     "full": (gauss, 5, gauss, 3),
     "reduced": (gauss, 4, gauss, 2),

@@ -1,7 +1,14 @@
 """Compiled twin of `cable`: the same numbers for a block of elements; layout as in `shear_kernel`.
 
 Here the loop over the quadrature points is the outer one, so that one kernel serves every rule and the inner loop
-over elements is vectorised.
+over elements is vectorised. Forces take the points of a rule in pairs, ξ and 1 − ξ, and its middle by itself. With
+z = ½ − ξ the axis of the element has
+
+    r' = m + z h + 6 z² k,   −l r'' = h + 12 z k,
+    m = 3/2 u − ¼ (r'_I + r'_O),   h = r'_I − r'_O,   k = ½ (r'_I + r'_O) − u,   u = (r_O − r_I)/l,
+
+so that sums and differences of what the two points of a pair give are the derivatives by m, h and k. The slopes
+themselves are found from u, r'_I and r'_O: where one is zero it is exactly so, and the forces are not finite.
 """
 
 from functools import lru_cache
@@ -11,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.cable import CableElement
-from anctmm.elements.force_blocks import BLOCK, clear_forces, four_rows, oppose_positions
+from anctmm.elements.force_blocks import BLOCK, four_rows, part
 from anctmm.elements.tangent_blocks import (
     add_full,
     add_symmetric,
@@ -87,32 +94,44 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
-    r = 1.0 / l
-    e = four_rows(q, first)
-    clear_forces(out, 4, count)
-    for p in range(axial):
-        at = HEAD + p * AXIAL
-        A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
-        EAw = EA * w
-        for j in range(count):
-            bx, by = _slope(e, j, A, B, C, r)
-            px, py = axial_force(bx, by, EAw)
-            _add_axial(out, j, l, A, B, C, px, py)
-    for p in range(bending):
-        at = HEAD + axial * AXIAL + p * BENDING
-        A, B, C = constants[at], constants[at + 1], constants[at + 2]
-        a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
-        EIw = EI * w
-        for j in range(count):
-            ux, uy = (e[0][j + 1] - e[0][j]) * r, (e[1][j + 1] - e[1][j]) * r
-            bx, by = B * e[2][j] + C * e[2][j + 1] - A * ux, B * e[3][j] + C * e[3][j + 1] - A * uy
-            cx, cy = (
-                (b * e[2][j] + c * e[2][j + 1] - a * ux) * r,
-                (b * e[3][j] + c * e[3][j + 1] - a * uy) * r,
-            )
-            px, py, tx, ty = bending_moment(bx, by, cx, cy, EIw)
-            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
-    oppose_positions(out, 0, 6, count)
+    r, behind = 1.0 / l, HEAD + axial * AXIAL
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        e, to = four_rows(q, first + start), out[start:]
+        A, B, C, a, b, c, w = _bending_point(constants, behind, r)
+        for j in range(some):
+            d = _vectors(e, j, r)
+            bx, by, dx, dy = _pair(d, A, B, C)
+            cx, cy, ex, ey = _pair(d, a, b, c)
+            px, py, sx, sy = bending_moment(bx, by, cx, cy, EI * w)
+            qx, qy, tx, ty = bending_moment(dx, dy, ex, ey, EI * w)
+            _write_bending(to, j, A, B, C, a, b, c, px, py, qx, qy, sx, sy, tx, ty)
+        for p in range(axial // 2):
+            A, B, C, w = _axial_point(constants, HEAD + p * AXIAL)
+            for j in range(some):
+                bx, by, dx, dy = _pair(_vectors(e, j, r), A, B, C)
+                px, py = axial_force(bx, by, EA * w)
+                qx, qy = axial_force(dx, dy, EA * w)
+                _add_axial(to, j, A, B, C, px, py, qx, qy)
+        if axial % 2 == 1:
+            w = constants[HEAD + axial // 2 * AXIAL + 3]
+            for j in range(some):
+                bx, by, _, _ = _middle(_vectors(e, j, r), r)
+                px, py = axial_force(bx, by, EA * w)
+                to[0 * BLOCK + j] += px
+                to[1 * BLOCK + j] += py
+        if bending % 2 == 1:
+            w = constants[behind + bending // 2 * BENDING + 6]
+            for j in range(some):
+                bx, by, cx, cy = _middle(_vectors(e, j, r), r)
+                px, py, tx, ty = bending_moment(bx, by, cx, cy, EI * w)
+                to[0 * BLOCK + j] += px
+                to[1 * BLOCK + j] += py
+                to[2 * BLOCK + j] -= r * tx
+                to[3 * BLOCK + j] -= r * ty
+        _on_nodes(to, some, l)
+        done = start + some
 
 
 @kernel
@@ -125,60 +144,131 @@ def damping_forces(
     """
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     axial, bending = int(constants[3]), int(constants[4])
-    r = 1.0 / l
-    e, f = four_rows(q, first), four_rows(v, first)
-    clear_forces(out, 4, count)
-    for p in range(axial):
-        at = HEAD + p * AXIAL
-        A, B, C, w = constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
-        for j in range(count):
-            bx, by = _slope(e, j, A, B, C, r)
-            gx, gy = _slope(f, j, A, B, C, r)
-            px, py = axial_damping(bx, by, gx, gy, EA * w)
-            _add_axial(out, j, l, A, B, C, px, py)
-    for p in range(bending):
-        at = HEAD + axial * AXIAL + p * BENDING
-        A, B, C = constants[at], constants[at + 1], constants[at + 2]
-        a, b, c, w = constants[at + 3], constants[at + 4], constants[at + 5], constants[at + 6]
-        for j in range(count):
-            bx, by = _slope(e, j, A, B, C, r)
-            cx, cy = _slope(e, j, a * r, b * r, c * r, r)
-            gx, gy = _slope(f, j, A, B, C, r)
-            hx, hy = _slope(f, j, a * r, b * r, c * r, r)
-            px, py, tx, ty = bending_damping(bx, by, cx, cy, gx, gy, hx, hy, EI * w)
-            _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx * r, ty * r)
-    oppose_positions(out, 0, 6, count)
+    r, behind = 1.0 / l, HEAD + axial * AXIAL
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        e, f, to = four_rows(q, first + start), four_rows(v, first + start), out[start:]
+        A, B, C, a, b, c, w = _bending_point(constants, behind, r)
+        for j in range(some):
+            d, g = _vectors(e, j, r), _vectors(f, j, r)
+            bx, by, dx, dy = _pair(d, A, B, C)
+            cx, cy, ex, ey = _pair(d, a, b, c)
+            fx, fy, hx, hy = _pair(g, A, B, C)
+            gx, gy, ix, iy = _pair(g, a, b, c)
+            px, py, sx, sy = bending_damping(bx, by, cx, cy, fx, fy, gx, gy, EI * w)
+            qx, qy, tx, ty = bending_damping(dx, dy, ex, ey, hx, hy, ix, iy, EI * w)
+            _write_bending(to, j, A, B, C, a, b, c, px, py, qx, qy, sx, sy, tx, ty)
+        for p in range(axial // 2):
+            A, B, C, w = _axial_point(constants, HEAD + p * AXIAL)
+            for j in range(some):
+                bx, by, dx, dy = _pair(_vectors(e, j, r), A, B, C)
+                fx, fy, hx, hy = _pair(_vectors(f, j, r), A, B, C)
+                px, py = axial_damping(bx, by, fx, fy, EA * w)
+                qx, qy = axial_damping(dx, dy, hx, hy, EA * w)
+                _add_axial(to, j, A, B, C, px, py, qx, qy)
+        if axial % 2 == 1:
+            w = constants[HEAD + axial // 2 * AXIAL + 3]
+            for j in range(some):
+                bx, by, _, _ = _middle(_vectors(e, j, r), r)
+                gx, gy, _, _ = _middle(_vectors(f, j, r), r)
+                px, py = axial_damping(bx, by, gx, gy, EA * w)
+                to[0 * BLOCK + j] += px
+                to[1 * BLOCK + j] += py
+        if bending % 2 == 1:
+            w = constants[behind + bending // 2 * BENDING + 6]
+            for j in range(some):
+                bx, by, cx, cy = _middle(_vectors(e, j, r), r)
+                gx, gy, hx, hy = _middle(_vectors(f, j, r), r)
+                px, py, tx, ty = bending_damping(bx, by, cx, cy, gx, gy, hx, hy, EI * w)
+                to[0 * BLOCK + j] += px
+                to[1 * BLOCK + j] += py
+                to[2 * BLOCK + j] -= r * tx
+                to[3 * BLOCK + j] -= r * ty
+        _on_nodes(to, some, l)
+        done = start + some
 
 
 @inlined
-def _add_axial(out, j, l, A, B, C, px, py):  # type: ignore[no-untyped-def]  # noqa: E741
-    """Add what p, the energy's derivative by r', gives on the coordinates of element j, r of node O apart."""
-    out[0 * BLOCK + j] += A * px
-    out[1 * BLOCK + j] += A * py
-    out[2 * BLOCK + j] += l * B * px
-    out[3 * BLOCK + j] += l * B * py
-    out[8 * BLOCK + j] += l * C * px
-    out[9 * BLOCK + j] += l * C * py
+def _axial_point(constants, at):  # type: ignore[no-untyped-def]
+    """Weights A, B, C of −u, r'_I, r'_O in r' at a point, and the point's own."""
+    return constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
 
 
 @inlined
-def _add_bending(out, j, l, A, B, C, a, b, c, px, py, tx, ty):  # type: ignore[no-untyped-def]  # noqa: E741
-    """The same with t, the derivative by r''."""
-    out[0 * BLOCK + j] += A * px + a * tx
-    out[1 * BLOCK + j] += A * py + a * ty
-    out[2 * BLOCK + j] += l * (B * px + b * tx)
-    out[3 * BLOCK + j] += l * (B * py + b * ty)
-    out[8 * BLOCK + j] += l * (C * px + c * tx)
-    out[9 * BLOCK + j] += l * (C * py + c * ty)
-
-
-@inlined
-def _slope(e, j, A, B, C, r):  # type: ignore[no-untyped-def]
-    """B r'_I + C r'_O − A (r_O − r_I)/l of element j."""
+def _bending_point(constants, at, r):  # type: ignore[no-untyped-def]
+    """The same weights, those in r'', and the point's own; r = 1/l."""
     return (
-        B * e[2][j] + C * e[2][j + 1] - A * (e[0][j + 1] - e[0][j]) * r,
-        B * e[3][j] + C * e[3][j + 1] - A * (e[1][j + 1] - e[1][j]) * r,
+        constants[at],
+        constants[at + 1],
+        constants[at + 2],
+        constants[at + 3] * r,
+        constants[at + 4] * r,
+        constants[at + 5] * r,
+        constants[at + 6],
     )
+
+
+@inlined
+def _vectors(e, j, r):  # type: ignore[no-untyped-def]
+    """u = (r_O − r_I)/l, r'_I and r'_O of element j, by components; r = 1/l."""
+    ux, uy = (e[0][j + 1] - e[0][j]) * r, (e[1][j + 1] - e[1][j]) * r
+    return ux, uy, e[2][j], e[3][j], e[2][j + 1], e[3][j + 1]
+
+
+@inlined
+def _pair(d, A, B, C):  # type: ignore[no-untyped-def]
+    """B r'_I + C r'_O − A u, and with B and C exchanged: r' at ξ and 1 − ξ, or r'' at ξ and −r'' at 1 − ξ."""
+    ux, uy, ix, iy, ox, oy = d
+    x, y = A * ux, A * uy
+    return B * ix + C * ox - x, B * iy + C * oy - y, C * ix + B * ox - x, C * iy + B * oy - y
+
+
+@inlined
+def _middle(d, r):  # type: ignore[no-untyped-def]
+    """r' = m and r'' = −h/l at ξ = ½."""
+    ux, uy, ix, iy, ox, oy = d
+    return 1.5 * ux - 0.25 * (ix + ox), 1.5 * uy - 0.25 * (iy + oy), (ox - ix) * r, (oy - iy) * r
+
+
+@inlined
+def _write_bending(out, j, A, B, C, a, b, c, px, py, qx, qy, sx, sy, tx, ty):  # type: ignore[no-untyped-def]
+    """Keep derivatives by m, h, k of element j where its forces will stand.
+
+    p and q are those by the two vectors r' of `_pair`, s and t by the two vectors r''.
+    """
+    y, z, x = A + 1.5, 0.5 * (B - C), 0.5 * (b - c)  # 6 z², z and −1/l
+    mx, my = px + qx, py + qy
+    out[0 * BLOCK + j] = mx
+    out[1 * BLOCK + j] = my
+    out[2 * BLOCK + j] = z * (px - qx) + x * (sx - tx)
+    out[3 * BLOCK + j] = z * (py - qy) + x * (sy - ty)
+    out[8 * BLOCK + j] = y * mx + a * (sx + tx)
+    out[9 * BLOCK + j] = y * my + a * (sy + ty)
+
+
+@inlined
+def _add_axial(out, j, A, B, C, px, py, qx, qy):  # type: ignore[no-untyped-def]
+    """Add to them what p and q give, the derivatives by the two vectors r' of `_pair`."""
+    y, z = A + 1.5, 0.5 * (B - C)
+    mx, my = px + qx, py + qy
+    out[0 * BLOCK + j] += mx
+    out[1 * BLOCK + j] += my
+    out[2 * BLOCK + j] += z * (px - qx)
+    out[3 * BLOCK + j] += z * (py - qy)
+    out[8 * BLOCK + j] += y * mx
+    out[9 * BLOCK + j] += y * my
+
+
+@inlined
+def _on_nodes(out, count, l):  # type: ignore[no-untyped-def]  # noqa: E741
+    """Put forces on the nodes in the place of derivatives by m, h, k."""
+    for i in range(2):
+        for j in range(count):
+            m, h, k = out[i * BLOCK + j], l * out[(2 + i) * BLOCK + j], out[(8 + i) * BLOCK + j]
+            force, mean = k - 1.5 * m, l * (0.5 * k - 0.25 * m)
+            out[i * BLOCK + j], out[(6 + i) * BLOCK + j] = force, -force
+            out[(2 + i) * BLOCK + j], out[(8 + i) * BLOCK + j] = mean + h, mean - h
 
 
 @kernel

@@ -7,8 +7,20 @@ instruction.
 
 from anctmm.jit.compiling import inlined
 
-#: Elements handled at once.
-BLOCK = 64
+#: Elements handled at once, and numbers in the widest vector of a processor.
+BLOCK, LANES = 64, 8
+
+
+@inlined
+def part(done, count):  # type: ignore[no-untyped-def]
+    """First element and number of elements of what a force kernel handles next of a block, after `done` elements.
+
+    First come as many as fill whole vectors. What is left is handled as the last LANES elements, some of them for a
+    second time, since single elements take longer than a vector of them.
+    """
+    if done > 0:
+        return count - LANES, LANES
+    return 0, count if count < LANES else count - count % LANES
 
 
 @inlined

@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions, six_rows
+from anctmm.elements.force_blocks import BLOCK, clear_forces, oppose_positions, part, six_rows
 from anctmm.elements.quintic import AXIAL, BENDING, QuinticElement
 from anctmm.elements.shapes import gauss, quintic
 from anctmm.elements.tangent_blocks import SUMS, TANGENT_BLOCK, clear_sums, place, placement
@@ -80,25 +80,29 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     """
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
     r = 1.0 / l
-    e = six_rows(q, first)
-    clear_forces(out, 6, count)
-    for p in range(AXIAL):
-        W = AXIAL_POINTS[p]
-        w = EA * W[10]
-        for j in range(count):
-            bx, by = _slope(e, j, W, 0, r)
-            px, py = axial_force(bx, by, w)
-            _add(out, j, l, W, 0, px, py)
-    for p in range(BENDING):
-        W = BENDING_POINTS[p]
-        w = EI * W[10]
-        for j in range(count):
-            bx, by = _slope(e, j, W, 0, r)
-            cx, cy = _slope(e, j, W, 5, r)
-            px, py, tx, ty = bending_moment(bx, by, cx * r, cy * r, w)
-            _add(out, j, l, W, 0, px, py)
-            _add(out, j, l, W, 5, tx * r, ty * r)
-    oppose_positions(out, 6, 0, count)
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        e, to = six_rows(q, first + start), out[start:]
+        clear_forces(to, 6, some)
+        for p in range(AXIAL):
+            W = AXIAL_POINTS[p]
+            w = EA * W[10]
+            for j in range(some):
+                bx, by = _slope(e, j, W, 0, r)
+                px, py = axial_force(bx, by, w)
+                _add(to, j, l, W, 0, px, py)
+        for p in range(BENDING):
+            W = BENDING_POINTS[p]
+            w = EI * W[10]
+            for j in range(some):
+                bx, by = _slope(e, j, W, 0, r)
+                cx, cy = _slope(e, j, W, 5, r)
+                px, py, tx, ty = bending_moment(bx, by, cx * r, cy * r, w)
+                _add(to, j, l, W, 0, px, py)
+                _add(to, j, l, W, 5, tx * r, ty * r)
+        oppose_positions(to, 6, 0, some)
+        done = start + some
 
 
 @kernel
@@ -111,28 +115,32 @@ def damping_forces(
     """
     l, EA, EI = constants[0], damping * constants[1], damping * constants[2]  # noqa: E741
     r = 1.0 / l
-    e, f = six_rows(q, first), six_rows(v, first)
-    clear_forces(out, 6, count)
-    for p in range(AXIAL):
-        W = AXIAL_POINTS[p]
-        w = EA * W[10]
-        for j in range(count):
-            bx, by = _slope(e, j, W, 0, r)
-            gx, gy = _slope(f, j, W, 0, r)
-            px, py = axial_damping(bx, by, gx, gy, w)
-            _add(out, j, l, W, 0, px, py)
-    for p in range(BENDING):
-        W = BENDING_POINTS[p]
-        w = EI * W[10]
-        for j in range(count):
-            bx, by = _slope(e, j, W, 0, r)
-            cx, cy = _slope(e, j, W, 5, r)
-            gx, gy = _slope(f, j, W, 0, r)
-            hx, hy = _slope(f, j, W, 5, r)
-            px, py, tx, ty = bending_damping(bx, by, cx * r, cy * r, gx, gy, hx * r, hy * r, w)
-            _add(out, j, l, W, 0, px, py)
-            _add(out, j, l, W, 5, tx * r, ty * r)
-    oppose_positions(out, 6, 0, count)
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        e, f, to = six_rows(q, first + start), six_rows(v, first + start), out[start:]
+        clear_forces(to, 6, some)
+        for p in range(AXIAL):
+            W = AXIAL_POINTS[p]
+            w = EA * W[10]
+            for j in range(some):
+                bx, by = _slope(e, j, W, 0, r)
+                gx, gy = _slope(f, j, W, 0, r)
+                px, py = axial_damping(bx, by, gx, gy, w)
+                _add(to, j, l, W, 0, px, py)
+        for p in range(BENDING):
+            W = BENDING_POINTS[p]
+            w = EI * W[10]
+            for j in range(some):
+                bx, by = _slope(e, j, W, 0, r)
+                cx, cy = _slope(e, j, W, 5, r)
+                gx, gy = _slope(f, j, W, 0, r)
+                hx, hy = _slope(f, j, W, 5, r)
+                px, py, tx, ty = bending_damping(bx, by, cx * r, cy * r, gx, gy, hx * r, hy * r, w)
+                _add(to, j, l, W, 0, px, py)
+                _add(to, j, l, W, 5, tx * r, ty * r)
+        oppose_positions(to, 6, 0, some)
+        done = start + some
 
 
 @inlined

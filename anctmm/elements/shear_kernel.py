@@ -8,7 +8,7 @@ section 1.
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.elements.force_blocks import BLOCK, clear_forces, six_rows
+from anctmm.elements.force_blocks import BLOCK, clear_forces, part, six_rows
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.elements.shear import POINTS, ShearElement
 from anctmm.elements.tangent_blocks import (
@@ -109,34 +109,38 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
     m = (l, LA, LI, LJ, lA, lI, GA, GI)
     r = 1.0 / l
-    n = six_rows(q, first)
-    for j in range(count):
-        u = ((n[0][j + 1] - n[0][j]) * r, (n[1][j + 1] - n[1][j]) * r)
-        a, b = (n[2][j], n[3][j]), (n[2][j + 1], n[3][j + 1])
-        d, f = (n[4][j], n[5][j]), (n[4][j + 1], n[5][j + 1])
-        e = ((f[0] - d[0]) * r, (f[1] - d[1]) * r)
-        k2 = 0.5 * (e[0] * e[0] + e[1] * e[1])
-        p0, t0, s0 = _stress(P0, W0, u, a, b, d, f, e, k2, m)
-        p1, t1, s1 = _stress(P1, W1, u, a, b, d, f, e, k2, m)
-        p2, t2, s2 = _stress(P2, W2, u, a, b, d, f, e, k2, m)
-        p3, t3, s3 = _stress(P3, W3, u, a, b, d, f, e, k2, m)
-        p4, t4, s4 = _stress(P4, W4, u, a, b, d, f, e, k2, m)
-        p, t = (p0, p1, p2, p3, p4), (t0, t1, t2, t3, t4)
-        rx, ry = _weighted(2, p, 0), _weighted(2, p, 1)
-        sx = s0[0] + s1[0] + s2[0] + s3[0] + s4[0]
-        sy = s0[1] + s1[1] + s2[1] + s3[1] + s4[1]
-        out[0 * BLOCK + j] = rx
-        out[1 * BLOCK + j] = ry
-        out[2 * BLOCK + j] = l * _weighted(3, p, 0)
-        out[3 * BLOCK + j] = l * _weighted(3, p, 1)
-        out[4 * BLOCK + j] = l * _weighted(1, t, 0) - sx
-        out[5 * BLOCK + j] = l * _weighted(1, t, 1) - sy
-        out[6 * BLOCK + j] = -rx
-        out[7 * BLOCK + j] = -ry
-        out[8 * BLOCK + j] = l * _weighted(4, p, 0)
-        out[9 * BLOCK + j] = l * _weighted(4, p, 1)
-        out[10 * BLOCK + j] = l * _weighted(0, t, 0) + sx
-        out[11 * BLOCK + j] = l * _weighted(0, t, 1) + sy
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        n, to = six_rows(q, first + start), out[start:]
+        for j in range(some):
+            u = ((n[0][j + 1] - n[0][j]) * r, (n[1][j + 1] - n[1][j]) * r)
+            a, b = (n[2][j], n[3][j]), (n[2][j + 1], n[3][j + 1])
+            d, f = (n[4][j], n[5][j]), (n[4][j + 1], n[5][j + 1])
+            e = ((f[0] - d[0]) * r, (f[1] - d[1]) * r)
+            k2 = 0.5 * (e[0] * e[0] + e[1] * e[1])
+            p0, t0, s0 = _stress(P0, W0, u, a, b, d, f, e, k2, m)
+            p1, t1, s1 = _stress(P1, W1, u, a, b, d, f, e, k2, m)
+            p2, t2, s2 = _stress(P2, W2, u, a, b, d, f, e, k2, m)
+            p3, t3, s3 = _stress(P3, W3, u, a, b, d, f, e, k2, m)
+            p4, t4, s4 = _stress(P4, W4, u, a, b, d, f, e, k2, m)
+            p, t = (p0, p1, p2, p3, p4), (t0, t1, t2, t3, t4)
+            rx, ry = _weighted(2, p, 0), _weighted(2, p, 1)
+            sx = s0[0] + s1[0] + s2[0] + s3[0] + s4[0]
+            sy = s0[1] + s1[1] + s2[1] + s3[1] + s4[1]
+            to[0 * BLOCK + j] = rx
+            to[1 * BLOCK + j] = ry
+            to[2 * BLOCK + j] = l * _weighted(3, p, 0)
+            to[3 * BLOCK + j] = l * _weighted(3, p, 1)
+            to[4 * BLOCK + j] = l * _weighted(1, t, 0) - sx
+            to[5 * BLOCK + j] = l * _weighted(1, t, 1) - sy
+            to[6 * BLOCK + j] = -rx
+            to[7 * BLOCK + j] = -ry
+            to[8 * BLOCK + j] = l * _weighted(4, p, 0)
+            to[9 * BLOCK + j] = l * _weighted(4, p, 1)
+            to[10 * BLOCK + j] = l * _weighted(0, t, 0) + sx
+            to[11 * BLOCK + j] = l * _weighted(0, t, 1) + sy
+        done = start + some
 
 
 @kernel
@@ -150,36 +154,47 @@ def damping_forces(
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
     lA, lI, GA, GI = constants[4], constants[5], constants[6], constants[7]
     r = 1.0 / l
-    n, o = six_rows(q, first), six_rows(v, first)
-    clear_forces(out, 6, count)
-    for p in range(POINTS):
-        x, y, A, B, C, weight = TABLE[p, 0], TABLE[p, 1], TABLE[p, 2], TABLE[p, 3], TABLE[p, 4], TABLE[p, 5]
-        w = damping * weight
-        for j in range(count):
-            (cx, cy), (dx, dy), (ex, ey) = _vectors(n, j, x, y, A, B, C, r)
-            (fx, fy), (gx, gy), (hx, hy) = _vectors(o, j, x, y, A, B, C, r)  # their rates
-            stretch, twist, thickness = cx * fx + cy * fy, ex * hx + ey * hy, dx * gx + dy * gy
-            N0 = w * (LA * stretch + LI * twist + lA * thickness)
-            N1 = w * LI * (fx * ex + fy * ey + cx * hx + cy * hy)
-            N2 = w * (LI * stretch + LJ * twist + lI * thickness)
-            Ny = w * (LA * thickness + lA * stretch + lI * twist)
-            Q0 = w * GA * (fx * dx + fy * dy + cx * gx + cy * gy)
-            Q1 = w * GI * (hx * dx + hy * dy + ex * gx + ey * gy)
-            px, py = N0 * cx + N1 * ex + Q0 * dx, N0 * cy + N1 * ey + Q0 * dy
-            tx, ty = Ny * dx + Q0 * cx + Q1 * ex, Ny * dy + Q0 * cy + Q1 * ey
-            sx, sy = N1 * cx + N2 * ex + Q1 * dx, N1 * cy + N2 * ey + Q1 * dy
-            out[0 * BLOCK + j] += A * px
-            out[1 * BLOCK + j] += A * py
-            out[2 * BLOCK + j] += l * B * px
-            out[3 * BLOCK + j] += l * B * py
-            out[4 * BLOCK + j] += l * y * tx - sx
-            out[5 * BLOCK + j] += l * y * ty - sy
-            out[6 * BLOCK + j] -= A * px
-            out[7 * BLOCK + j] -= A * py
-            out[8 * BLOCK + j] += l * C * px
-            out[9 * BLOCK + j] += l * C * py
-            out[10 * BLOCK + j] += l * x * tx + sx
-            out[11 * BLOCK + j] += l * x * ty + sy
+    done = 0
+    while done < count:
+        start, some = part(done, count)
+        n, o, to = six_rows(q, first + start), six_rows(v, first + start), out[start:]
+        clear_forces(to, 6, some)
+        for p in range(POINTS):
+            x, y, A, B, C, weight = (
+                TABLE[p, 0],
+                TABLE[p, 1],
+                TABLE[p, 2],
+                TABLE[p, 3],
+                TABLE[p, 4],
+                TABLE[p, 5],
+            )
+            w = damping * weight
+            for j in range(some):
+                (cx, cy), (dx, dy), (ex, ey) = _vectors(n, j, x, y, A, B, C, r)
+                (fx, fy), (gx, gy), (hx, hy) = _vectors(o, j, x, y, A, B, C, r)  # their rates
+                stretch, twist, thickness = cx * fx + cy * fy, ex * hx + ey * hy, dx * gx + dy * gy
+                N0 = w * (LA * stretch + LI * twist + lA * thickness)
+                N1 = w * LI * (fx * ex + fy * ey + cx * hx + cy * hy)
+                N2 = w * (LI * stretch + LJ * twist + lI * thickness)
+                Ny = w * (LA * thickness + lA * stretch + lI * twist)
+                Q0 = w * GA * (fx * dx + fy * dy + cx * gx + cy * gy)
+                Q1 = w * GI * (hx * dx + hy * dy + ex * gx + ey * gy)
+                px, py = N0 * cx + N1 * ex + Q0 * dx, N0 * cy + N1 * ey + Q0 * dy
+                tx, ty = Ny * dx + Q0 * cx + Q1 * ex, Ny * dy + Q0 * cy + Q1 * ey
+                sx, sy = N1 * cx + N2 * ex + Q1 * dx, N1 * cy + N2 * ey + Q1 * dy
+                to[0 * BLOCK + j] += A * px
+                to[1 * BLOCK + j] += A * py
+                to[2 * BLOCK + j] += l * B * px
+                to[3 * BLOCK + j] += l * B * py
+                to[4 * BLOCK + j] += l * y * tx - sx
+                to[5 * BLOCK + j] += l * y * ty - sy
+                to[6 * BLOCK + j] -= A * px
+                to[7 * BLOCK + j] -= A * py
+                to[8 * BLOCK + j] += l * C * px
+                to[9 * BLOCK + j] += l * C * py
+                to[10 * BLOCK + j] += l * x * tx + sx
+                to[11 * BLOCK + j] += l * x * ty + sy
+        done = start + some
 
 
 @inlined

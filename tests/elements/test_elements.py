@@ -356,7 +356,7 @@ every_kernel = pytest.mark.parametrize(
 
 
 @every_kernel
-@pytest.mark.parametrize("elements", [1, 3, 64, 65, 150])
+@pytest.mark.parametrize("elements", [1, 3, 12, 64, 65, 150])
 def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, quadrature, elements):
     e, bodies, q = row_of_elements(kind, elements, quadrature)
     f, expected = np.empty_like(q), np.zeros_like(q)
@@ -368,6 +368,21 @@ def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, qu
     assert np.abs((f - expected) * size).max() < sharp * 1e-13 * stiffness_scale(e)
     energy = strain_energy(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants)
     assert energy == pytest.approx(sum(e.energy(nodal(q, i)) for i in range(elements)), rel=1e-13)
+
+
+@every_cable
+@pytest.mark.parametrize("collapsed", [False, True], ids=["a gradient", "an element"])
+def test_compiled_forces_of_a_cable_without_direction_are_not_finite(quadrature, collapsed):
+    """A finite force would hide that a run diverges. Only Lobatto's rule sees the gradient of a node by itself."""
+    _, bodies, q = row_of_elements("cable", 12, quadrature)
+    q[2:, 6] = 0.0
+    if collapsed:
+        q[:2, 5], q[2:, 5] = q[:2, 6], 0.0
+    f = np.empty_like(q)
+    elastic_forces(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
+    seen = collapsed or quadrature == "lobatto"
+    assert np.isfinite(f[:, 6]).all() != seen
+    assert np.isfinite(f[:, [*range(4), *range(9, 13)]]).all()
 
 
 @every_kernel

@@ -82,11 +82,16 @@ def test_rigid_motion_of_a_bent_element_is_not_resisted(kind):
     assert np.abs(element.damping_force(q, spin)).max() < 1e-13 * size
 
 
-@pytest.mark.parametrize("element", ["cable", "shear", "mixed"])
-def test_compiled_forces_are_the_readable_ones(element):
+@pytest.mark.parametrize(
+    ("element", "quadrature"),
+    [("cable", "full"), ("cable", "reduced"), ("cable", "lobatto"), ("shear", "full"), ("mixed", "full")],
+)
+def test_compiled_forces_are_the_readable_ones(element, quadrature):
     element = {"bar": "cable", "tail": "shear"} if element == "mixed" else element
     both = replace(falling(), bodies=tuple(replace(b, material=DAMPED) for b in falling().bodies))
-    chain = chain_of(both, mesh={"bar": 70, "tail": 3}, element=element)  # more than one block
+    chain = chain_of(
+        both, mesh={"bar": 70, "tail": 3}, element=element, quadrature=quadrature
+    )  # more than one block
     bodies, q = chain.bodies, deformed(chain)
     v = np.random.default_rng(1).standard_normal(q.shape)
     for i, mesh in enumerate(bodies.meshes):
