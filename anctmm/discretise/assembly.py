@@ -24,7 +24,7 @@ from anctmm.elements.dispatch import (
     element_tangents,
     formulations_of,
 )
-from anctmm.elements.force_blocks import BLOCK
+from anctmm.elements.force_blocks import BLOCK, LANES
 from anctmm.elements.tangent_blocks import lower
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
@@ -34,8 +34,6 @@ from anctmm.model.places import Key
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Elements that one instruction handles, at most.
-LANES = 8
 #: Where a scalar mass stands among rows r, r_x and third vector of I and O, by its size: of a node of one vector or two
 #: and of an element whose nodes have two or three.
 _PLACES = {len(at): np.ix_(at, at) for at in ([0], [0, 1], [0, 1, 3, 4], [0, 1, 2, 3, 4, 5])}
@@ -296,14 +294,14 @@ def window_inertia(w, factor, start, end, body, first, masses, buffer):  # type:
 
 @embedded
 def _add_inertia(w, factor, m, node, count, out):  # type: ignore[no-untyped-def]
-    """Add that of a row of elements of one body behind a node."""
+    """Add that of a row of elements of one body behind a node; unsigned indices for the reason of `four_rows`."""
     rr, rg, gg = factor * m[0, 0], factor * m[0, 1], factor * m[1, 1]
     ror, rog, gor, gog = factor * m[3, 0], factor * m[4, 0], factor * m[3, 1], factor * m[4, 1]
     oo, og, pp = factor * m[3, 3], factor * m[3, 4], factor * m[4, 4]
     for c in range(2):
         for j in range(count):
-            i = node + j
-            r, g, s, h = w[c, i], w[2 + c, i], w[c, i + 1], w[2 + c, i + 1]
+            i, o = np.uint64(node + j), np.uint64(node + j + 1)
+            r, g, s, h = w[c, i], w[2 + c, i], w[c, o], w[2 + c, o]
             out[c * BLOCK + j] += rr * r + rg * g + ror * s + rog * h
             out[(2 + c) * BLOCK + j] += rg * r + gg * g + gor * s + gog * h
             out[(6 + c) * BLOCK + j] += ror * r + gor * g + oo * s + og * h
@@ -312,9 +310,9 @@ def _add_inertia(w, factor, m, node, count, out):  # type: ignore[no-untyped-def
         dd, od, ee = factor * m[2, 2], factor * m[5, 2], factor * m[5, 5]
         for c in range(4, 6):
             for j in range(count):
-                i = node + j
-                out[c * BLOCK + j] += dd * w[c, i] + od * w[c, i + 1]
-                out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, i + 1]
+                i, o = np.uint64(node + j), np.uint64(node + j + 1)
+                out[c * BLOCK + j] += dd * w[c, i] + od * w[c, o]
+                out[(6 + c) * BLOCK + j] += od * w[c, i] + ee * w[c, o]
         if m[0, 2] != 0.0:
             _add_coupled_inertia(w, factor, m, node, count, out)
 
@@ -329,7 +327,7 @@ def _add_coupled_inertia(w, factor, m, node, count, out):  # type: ignore[no-unt
                 for c in range(2):
                     to, of = (6 * (k // 3) + 2 * (k % 3) + c) * BLOCK, 2 * (n % 3) + c
                     for j in range(count):
-                        out[to + j] += x * w[of, node + j + n // 3]
+                        out[to + j] += x * w[of, np.uint64(node + j + n // 3)]
 
 
 @inlined
@@ -344,8 +342,7 @@ def body_after(end, body, first):  # type: ignore[no-untyped-def]
 def window_end(start, nodes, body, first):  # type: ignore[no-untyped-def]
     """Where the window ends that begins at node `start`, which lies in `body`.
 
-    Of a body that goes on beyond it, it takes elements in full vectors: each one beside them takes a third of a
-    vector's time.
+    Of a body that goes on beyond it, it takes elements in full vectors: a few beside them take a vector's time.
     """
     end = min(start + BLOCK, nodes)
     inside = first[body_after(end, body, first)]
@@ -361,7 +358,7 @@ def _gather(start, end, buffer, f):  # type: ignore[no-untyped-def]
     for k in range(f.shape[0]):
         f[k, start] = buffer[k * BLOCK] + buffer[12 * BLOCK + k]
         for j in range(1, n):
-            f[k, start + j] = buffer[k * BLOCK + j] + buffer[(6 + k) * BLOCK + j - 1]
+            f[k, np.uint64(start + j)] = buffer[k * BLOCK + j] + buffer[(6 + k) * BLOCK + j - 1]
         buffer[12 * BLOCK + k] = buffer[(6 + k) * BLOCK + n - 1]
 
 

@@ -7,7 +7,7 @@ instruction.
 
 from anctmm.jit.compiling import inlined
 
-#: Elements handled at once, and numbers in the widest vector of a processor.
+#: Elements handled at once, and those of them that one instruction handles, at most.
 BLOCK, LANES = 64, 8
 
 
