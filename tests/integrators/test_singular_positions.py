@@ -101,17 +101,14 @@ def three_cranks(angle):
     return at.Scene("cranks", bodies, joints, gravity=(0.0, -9.81))
 
 
-def test_a_linkage_that_a_loose_tolerance_stops_says_so():
-    """Its change point is passed with the default tolerance; with a loose one, steps leave joints apart that no
-    correction closes.
-    """
+@pytest.mark.parametrize("tolerance", [1e-10, 1e-5, 1e-3, 1e-2])
+def test_a_parallelogram_of_three_cranks_passes_its_change_point(tolerance):
+    """With 1e-3 and more, joints that were apart made the third crank's pin no repetition, and the run ended there."""
     steps = {"dt": 1e-2, "t_end": 0.5}
-    assert at.solve(three_cranks(0.4), **steps).status.ok
-    found = at.solve(three_cranks(0.4), newton_tolerance=1e-3, **steps)
-    assert found.status.code == "failed"
-    assert (
-        "joints are closed only to newton_tolerance 0.001, and the linkage may pass" in found.status.message
-    )
+    found = at.solve(three_cranks(0.4), newton_tolerance=tolerance, **steps)
+    assert found.status.ok
+    alike = at.solve(three_cranks(0.4), **steps)
+    assert np.abs(found.angle("crank 0") - alike.angle("crank 0")).max() < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.junctions.constraints import ALWAYS, ONE, Constraints, Term
 from anctmm.discretise.kept import KeptUnknowns
-from anctmm.discretise.singular_positions.dependence import PARTING, hardly_apart, stress_of
+from anctmm.discretise.singular_positions.dependence import PARTING, stress_of
 from anctmm.errors import DiscretisationError, listed
 from anctmm.model.topology import Sets
 
@@ -48,15 +48,13 @@ def check_dead_centres(kept: KeptUnknowns) -> None:
     x = chain.bodies.reference()[tuple(kept.homes)]
     scale = np.where(kept.homes[0] < 2, chain.length, 1.0)
     for terms in _connected(term for term in _at_start(found) if term.row not in give):
-        stopped, nearly = _stopped(terms, x, scale)
+        stopped = _stopped(terms, x, scale)
         if len(stopped):
             names = listed(
                 dict.fromkeys(
                     n for n in (meshes[k].body.name for k in of_unknown[stopped]) if n in chain.rigid
                 )
             )
-            if nearly:
-                raise DiscretisationError(hardly_apart(names, nearly))
             raise DiscretisationError(
                 f"bodies {names} are rigid and at a dead centre of their joints and guides: a motion that is "
                 f"free to first order is blocked beyond it; start from another position, or make one of them flexible "
@@ -87,11 +85,8 @@ def _connected(terms: Iterable[Term]) -> list[list[Term]]:
     return list(groups.values())
 
 
-def _stopped(terms: list[Term], x: Array, scale: Array) -> tuple[Ints, float]:
-    """Unknowns at which constraints strain each other that part in second order; none where all can move on.
-
-    Or at which they nearly depend on each other, and by how much they do not.
-    """
+def _stopped(terms: list[Term], x: Array, scale: Array) -> Ints:
+    """Unknowns at which constraints strain each other that part in second order; none where all can move on."""
     rows = {row: k for k, row in enumerate(dict.fromkeys(term.row for term in terms))}
     unknowns = sorted({k for term in terms for k in (term.one, term.two) if k != ONE})
     number = {k: i for i, k in enumerate(unknowns)}
@@ -118,8 +113,7 @@ def _stopped(terms: list[Term], x: Array, scale: Array) -> tuple[Ints, float]:
         second = scipy.sparse.csr_array((sizes, (row, np.arange(len(products)))), shape=shape)
         return np.asarray(second @ (motions[i] * motions[j]))
 
-    found = stress_of(J, curved, MOST)
-    if found is None:
-        return np.empty(0, dtype=np.int64), 0.0
-    stress, off = found
-    return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING], off
+    stress = stress_of(J, curved, MOST)
+    if stress is None:
+        return np.empty(0, dtype=np.int64)
+    return np.array(unknowns)[(np.abs(stress) @ abs(J)) > PARTING]

@@ -23,27 +23,15 @@ PARTING = 1e-6
 MOTIONS = 8
 #: Equations up to which a decomposition is quicker, as measured.
 FEW = 100
-#: Singular value, of the largest, up to which equations nearly depend on each other: at a pivot of its square the
-#: recursion passes a constraint over (`anctmm.recursion.kept.sparse.VOID`).
-NEARLY = 3e-5
 #: Steps that settle where no singular value is near to `NONE`, and the change that counts as none.
 STEPS, SETTLED = 8, 1e-8
 
 
 def stress_of(
     J: "scipy.sparse.csr_array", curved: Callable[[Array], Array], most: float = np.inf
-) -> tuple[Array, float] | None:
-    """Stress λ of size 1 of equations that hold motions twice or block them, and how far λᵀJ is from none; or None.
-
-    That is 0 where λ blocks motions that are free, see `blocking_stress`, whose parameters these are.
-    """
-    if independent(J, NEARLY**2 if J.shape[0] <= FEW else CLEAR):
-        return None
-    nearly = nearly_dependent(J)
-    if nearly is not None:
-        return nearly
-    stress = blocking_stress(J, curved, most)
-    return None if stress is None else (stress, 0.0)
+) -> Array | None:
+    """Stress λ of size 1 of equations that block motions, or None; parameters as of `blocking_stress`."""
+    return None if independent(J) else blocking_stress(J, curved, most)
 
 
 def blocking_stress(
@@ -79,35 +67,6 @@ def blocking_stress(
     sizes = np.linalg.norm(stresses, axis=0)
     worst = int(np.argmax(sizes))
     return stresses[:, worst] / sizes[worst] if sizes.mean() > PARTING else None
-
-
-def nearly_dependent(J: "scipy.sparse.csr_array") -> tuple[Array, float] | None:
-    """What nearly is a state of self-stress: λ of size 1, and how far λᵀJ is from none; or None.
-
-    Bars that are nearly straight between their supports have one, and cranks that are nearly parallel. The recursion
-    would take one of their constraints to repeat others, and the position for a redundant or a singular one.
-
-    Parameters
-    ----------
-    J : csr_array, shape (equations, unknowns)
-        With entries of like sizes. Of more than `FEW` equations nothing is looked for: long chains have small singular
-        values, too.
-    """
-    if J.shape[0] > FEW:
-        return None
-    sizes = np.sqrt(J.multiply(J).sum(axis=0))  # of small bodies that of a turn is small, but no less certain
-    left, values, _ = np.linalg.svd(J.toarray() / np.where(sizes > 0.0, sizes, 1.0), full_matrices=False)
-    near = np.flatnonzero((values > NONE * values[0]) & (values <= NEARLY * values[0]))
-    return (left[:, near[-1]], float(values[near[-1]] / values[0])) if near.size else None
-
-
-def hardly_apart(bodies: str, by: float) -> str:
-    """Text of an error for bodies that are listed, whose equations are that far from depending on each other."""
-    return (
-        f"bodies {bodies} are rigid, and joints nearly hold them in the same way twice, or nearly stop them: but for "
-        f"{by:.1g} of what they do, which is too little; place them exactly so, or farther from it, or make one of "
-        f"them flexible ('cable' or 'shear')"
-    )
 
 
 def _by_decomposition(J: "scipy.sparse.csr_array", draws: Array, curved: Callable[[Array], Array]) -> Array:

@@ -23,6 +23,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.kept import Port
 from anctmm.discretise.kept_chains import of_masses
 from anctmm.discretise.plan import Kept
+from anctmm.discretise.singular_positions.repeated import passed_over
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined
 from anctmm.model.kept import of_arrays
@@ -113,7 +114,9 @@ def _loops(chain: Chain, branches: Branches) -> Loops:
     entries = entries_of(chain)
     pairs = np.concatenate([kept.constraints.pairs, entries.pairs], axis=1)
     number, table, own, cross, matrix = _pattern(table, ends, pairs, kept.dual, kept.blocks)
-    matrix, dual = with_room(matrix), matrix.dual
+    matrix, dual, void = with_room(matrix), matrix.dual, np.zeros(len(number))
+    void[number[kept.size :]] = passed_over(kept, np.argsort(number[kept.size :]))
+    matrix = matrix._replace(void=void)
     return Loops(
         np.zeros((nodes, d * d)), begin, end, start, table,
         np.array([port.shared for port in ports]), np.array([port.map for port in ports]),

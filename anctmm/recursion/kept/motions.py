@@ -26,6 +26,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.fitting import full_mass_matrix, mass_matrix
 from anctmm.discretise.joined import Joined
 from anctmm.discretise.kept_chains import of_masses
+from anctmm.discretise.singular_positions.repeated import passed_over
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel, shared, uncompiled
 from anctmm.jit.copies import writes
@@ -41,7 +42,6 @@ from anctmm.recursion.kept.rows import (
     rows_alone,
     set_signals,
 )
-from anctmm.recursion.kept.sparse import VOID
 
 Array = NDArray[np.float64]
 
@@ -77,6 +77,8 @@ class KeptMotions(NamedTuple):
         1/D; 0 of constraints that are passed over.
     alone : ndarray, shape (m,)
         Scale of each constraint's pivot.
+    void : ndarray, shape (m,)
+        Part of it up to which the constraint is passed over.
     y : ndarray, shape (r,)
         Accelerations along the motions.
     moved : ndarray, shape (2, r)
@@ -93,6 +95,7 @@ class KeptMotions(NamedTuple):
     S: Array
     inverse: Array
     alone: Array
+    void: Array
     y: Array
     moved: Array
 
@@ -119,7 +122,8 @@ def _motions(chain: Chain, L: Array) -> KeptMotions:
     basis = basis @ np.linalg.inv(scipy.linalg.cholesky(basis.T @ K @ basis))
     fields = fields @ basis
     r, shape = basis.shape[1], (bodies.rows, bodies.nodes)
-    left = rows_alone(chain.kept, ~constraints.still)
+    still = constraints.still
+    left = rows_alone(chain.kept, ~still)
     m = 0 if left is None else len(left.number)
     result = KeptMotions(
         np.ascontiguousarray(fields.T),
@@ -128,7 +132,8 @@ def _motions(chain: Chain, L: Array) -> KeptMotions:
         basis[: chain.kept.size].copy(),
         np.diagonal(np.linalg.inv(K))[: chain.kept.size].copy(),
         left,
-        np.zeros((m, r)), np.zeros((m, m)), np.zeros(m), np.zeros(m), np.zeros(r), np.zeros((2, r)),
+        np.zeros((m, r)), np.zeros((m, m)), np.zeros(m), np.zeros(m),
+        passed_over(chain.kept, np.argsort(~still, kind="stable"))[~still], np.zeros(r), np.zeros((2, r)),
     )  # fmt: skip
     if left is not None:
         uncompiled(gather)(left, 0, chain.start_coordinates())
@@ -265,11 +270,11 @@ def factor_constraints(kept, rows):  # type: ignore[no-untyped-def]
             for p in range(r):
                 total += J[k, p] * J[n, p]
             S[k, n] = total
-    _factor(S, kept.inverse, alone)
+    _factor(S, kept.inverse, alone, kept.void)
 
 
 @embedded
-def _factor(S, inverse, alone):  # type: ignore[no-untyped-def]
+def _factor(S, inverse, alone, void):  # type: ignore[no-untyped-def]
     """L D Lᵀ of S, in place; what says no more than those before it is passed over."""
     for k in range(len(S)):
         pivot = S[k, k]
@@ -282,7 +287,7 @@ def _factor(S, inverse, alone):  # type: ignore[no-untyped-def]
             y = S[k, n]
             S[k, n] = y * inverse[n]
             pivot -= y * S[k, n]
-        inverse[k] = 1.0 / pivot if pivot > VOID * alone[k] else 0.0
+        inverse[k] = 1.0 / pivot if pivot > void[k] * alone[k] else 0.0
 
 
 @embedded

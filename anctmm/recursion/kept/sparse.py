@@ -6,7 +6,8 @@
 is factored as L D Lᵀ row by row (Davis 2005, 10.1145/1114268.1114277), without exchange of rows. The order is one of
 little fill (minimum degree) in which a multiplier stands behind all coordinates of its constraint: then, with K
 positive definite, its pivot is minus a positive number, −J K⁻¹ Jᵀ less what constraints before it hold already. Where
-nothing is left of that the constraint says what others say: it is passed over, and its multiplier does not change.
+nothing is left of that the constraint says what others say: it is passed over, and its multiplier does not change. What
+counts as nothing depends on whether it may be so in all positions (`anctmm.discretise.singular_positions.repeated`).
 """
 
 from heapq import heapify, heappop, heappush
@@ -25,8 +26,6 @@ Mask = NDArray[np.bool_]
 
 #: Unknowns up to which all multipliers stand behind all coordinates: what that fills costs less than it saves.
 SMALL = 24
-#: Part of −J K⁻¹ Jᵀ that constraints before it must leave of a constraint, or it is passed over.
-VOID = 1e-9
 
 
 @by_address
@@ -56,6 +55,8 @@ class Sparse(NamedTuple):
         Scratch.
     dual : ndarray of bool, shape (n,)
         Which unknowns are multipliers.
+    void : ndarray, shape (n,)
+        Of multipliers: part of −J K⁻¹ Jᵀ up to which its constraint is passed over.
     within : ndarray of int, shape (leading,)
         Entries of each column of L among the leading unknowns, those before the first multiplier.
     """
@@ -72,6 +73,7 @@ class Sparse(NamedTuple):
     filled: Ints
     row: Array
     dual: Mask
+    void: Array
     within: Ints
 
 
@@ -171,7 +173,7 @@ def sparse(pairs: Ints, dual: Mask) -> Sparse:
     below = np.searchsorted(left_column[by_column], np.arange(size + 1))
     return Sparse(
         above, row, np.zeros(len(row)), left, left_column, below, below_row, np.zeros(len(below_row)),
-        np.zeros(size), np.zeros(size, dtype=np.int64), np.zeros(size), dual,
+        np.zeros(size), np.zeros(size, dtype=np.int64), np.zeros(size), dual, np.zeros(size),
         np.array([np.sum(below_row[below[i] : below[i + 1]] < leading) for i in range(leading)], dtype=np.int64),
     )  # fmt: skip
 
@@ -213,7 +215,9 @@ def factorize_rows(matrix):  # type: ignore[no-untyped-def]
 
 @shared
 def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
-    above, above_row, values, left, left_column, below, below_row, L, inverse, filled, row, dual, _ = matrix
+    above, above_row, values, left, left_column, below, below_row, L, inverse, filled, row, dual, void, _ = (
+        matrix
+    )
     negative = 0
     for k in range(first, len(inverse)):
         filled[k] = 0
@@ -235,7 +239,7 @@ def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
             filled[i] += 1
         if not dual[k]:
             negative += 0 if pivot > 0.0 else 1
-        elif abs(pivot) <= VOID * alone:
+        elif abs(pivot) <= void[k] * alone:
             inverse[k] = 0.0
             continue
         else:
@@ -247,7 +251,7 @@ def _factorize_from(matrix, first):  # type: ignore[no-untyped-def]
 @shared
 def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
     """The kept unknowns from their loads, in place."""
-    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _ = matrix
+    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _, _ = matrix
     for j in range(len(inverse)):
         y = x[j]
         for p in range(below[j], below[j + 1]):
@@ -262,7 +266,7 @@ def solve_kept(matrix, x):  # type: ignore[no-untyped-def]
 @shared
 def solve_pairs(matrix, x):  # type: ignore[no-untyped-def]
     """The same of a matrix that x and y share, from loads in both directions, (n, 2), in place."""
-    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _ = matrix
+    _, _, _, _, _, below, below_row, L, inverse, _, _, _, _, _ = matrix
     for j in range(len(inverse)):
         y, z = x[j, 0], x[j, 1]
         for p in range(below[j], below[j + 1]):

@@ -1,0 +1,202 @@
+"""Which constraints repeat others: those alone are passed over, and what nearly does so is refused."""
+
+from math import cos, sin
+
+import numpy as np
+import pytest
+import scipy
+from samples import refused
+
+import anctmm as at
+from anctmm.discretise.chain import Chain
+from anctmm.discretise.singular_positions import repeated
+from anctmm.discretise.singular_positions.repeated import PASSING, REPEATED, _told_apart, passed_over
+from anctmm.errors import DiscretisationError
+from anctmm.model.drives import Quintic
+
+G = (0.0, -9.81)
+
+
+def bar(name, one, two, mass=1.0, inertia=0.1, **motion):
+    center = (0.5 * (one[0] + two[0]), 0.5 * (one[1] + two[1]))
+    return at.RigidBody(name, mass, inertia, center, {"a": one, "b": two}, **motion)
+
+
+def corners(count):
+    """Places of a chain that winds."""
+    steps = [(cos(0.7 * sin(1.3 * k)), sin(0.7 * sin(1.3 * k))) for k in range(count)]
+    return [(0.0, 0.0), *map(tuple, np.cumsum(steps, axis=0).tolist())]
+
+
+def linkage(bars, ground):
+    """Bars that pins join where their ends are at one place, some of them at the ground."""
+    ends = {}
+    for body in bars:
+        for point, place in body.points.items():
+            ends.setdefault(place, []).append(f"{body.name}.{point}")
+    pins = [
+        at.Pin(*names, grounded=place in ground) if len(names) > 1 else at.Pin(*names)
+        for place, names in ends.items()
+        if len(names) > 1 or place in ground
+    ]
+    return at.Scene("linkage", bars, pins, gravity=G)
+
+
+def with_knee(links, where, off):
+    """A chain that swings between supports, and two bars with a knee off their line at one of its places."""
+    places = corners(links)
+    one, two = places[where], (places[where][0] + 0.3, places[where][1] + 2.0)
+    knee = (0.55 * one[0] + 0.45 * two[0] - 2.0 * off, 0.55 * one[1] + 0.45 * two[1] + 0.3 * off)
+    bars = [bar(f"link{k}", *places[k : k + 2]) for k in range(links)]
+    return linkage([*bars, bar("p", one, knee), bar("q", knee, two)], {places[0], places[-1], one, two})
+
+
+def decided(scene):
+    """Bounds of the constraints, in their own order."""
+    kept = Chain(scene, at.Discretisation(mesh=1)).kept
+    return passed_over(kept, np.arange(len(kept.constraints.names)))
+
+
+@pytest.mark.parametrize("links", [2, 60])
+@pytest.mark.parametrize(
+    ("off", "refuses"), [(1e-4, False), (3e-6, True), (1e-6, True), (1e-7, True), (1e-8, True)]
+)
+def test_bars_that_are_nearly_straight_are_refused(links, off, refuses):
+    """Their pivot counted as none, in chains of many links still: what cannot move fell, with the status ok."""
+    scene = with_knee(links, links // 2, off)
+    for options in ({"integrator": "zhai", "dt": 1e-4}, {"integrator": "generalized-alpha", "dt": 1e-3}):
+        if refuses:
+            with refused(DiscretisationError, ["'p'", "'q'", "nearly"]):
+                at.solve(scene, mesh=1, t_end=10 * options["dt"], **options)
+        else:
+            found = at.solve(scene, mesh=1, t_end=10 * options["dt"], newton_tolerance=1e-12, **options)
+            assert found.status.ok
+            assert np.abs(found.displacement("p.b")).max() < 1e-10
+            assert links == 2 or np.abs(found.displacement("link5.b")).max() > 1e-6
+
+
+@pytest.mark.parametrize("where", [0, 7, 40])
+def test_the_bars_of_a_knee_are_named_wherever_they_are(where):
+    with refused(DiscretisationError, ["'p', 'q' are rigid", "nearly"]):
+        decided(with_knee(40, where, 1e-6))
+
+
+def test_chains_without_redundant_joints_have_none_that_repeat_others():
+    """Long ones have small singular values, but no small pivot where they are eliminated from their ends."""
+    places = corners(1000)
+    chain = linkage([bar(f"link{k}", *places[k : k + 2]) for k in range(1000)], {places[0], places[-1]})
+    assert (decided(chain) == PASSING).all()
+
+
+def cranks(count, last=0.0, mass=1.0):
+    """Parallel cranks that carry one coupler; the top of the last is off."""
+    feet = [(0.1 * k, 0.0) for k in range(count)]
+    tops = [(0.1 * k + (last if k == count - 1 else 0.0), 1.0) for k in range(count)]
+    coupler = at.RigidBody("coupler", mass, 0.1, (0.0, 1.0), {f"p{k}": top for k, top in enumerate(tops)})
+    return linkage(
+        [coupler, *(bar(f"crank{k}", *ends) for k, ends in enumerate(zip(feet, tops, strict=True)))],
+        set(feet),
+    )
+
+
+@pytest.mark.parametrize("count", [3, 30, 150])
+@pytest.mark.parametrize(("off", "refuses"), [(0.0, False), (1e-12, False), (1e-6, True), (1e-3, False)])
+def test_a_crank_that_is_nearly_parallel_to_others_is_refused(count, off, refuses):
+    """It stops the motion of the others, and was taken to be redundant; farther off it is what it is."""
+    if refuses:
+        with refused(
+            DiscretisationError, [f"'crank{count - 1}'" if count < 10 else "'coupler'", "the same way twice"]
+        ):
+            decided(cranks(count, off))
+    else:
+        redundant = count - 2 if off < 1e-9 else count - 3
+        assert (decided(cranks(count, off)) == REPEATED).sum() == redundant
+
+
+def test_what_nearly_repeats_is_found_among_many_that_do(monkeypatch):
+    """They are looked at in blocks."""
+    monkeypatch.setattr(repeated, "TOGETHER", 4)
+    with refused(DiscretisationError, ["nearly"]):
+        decided(cranks(30, 1e-6))
+
+
+def test_an_equation_that_repeats_one_that_is_looked_at_is_found():
+    """Of two that are alike, the first is apart from those before it, by little, and the second is not."""
+    rows = [(1.0, 0.0), (cos(5e-5), sin(5e-5)), (cos(5e-5), sin(5e-5))]
+    repeats, near = _told_apart(scipy.sparse.csr_array(rows))
+    assert repeats.tolist() == [False, False, True]
+    assert near is None
+
+
+def test_small_bodies_are_none_that_nearly_depend_on_others():
+    """A parallelogram of 10 µm beside bodies of 1 m: its bodies turn by larger angles."""
+    places = [(0.0, 0.0), (0.0, 5e-6), (1e-5, 5e-6), (1e-5, 0.0)]
+    bars = [bar(f"b{k}", *places[k : k + 2]) for k in range(3)]
+    scene = linkage([*bars, bar("far", places[0], (1.0, 0.0))], {places[0], places[3]})
+    assert (decided(scene) <= PASSING).all()
+
+
+def driven(mass):
+    """A four-bar whose crank has a mass, is driven, and moves bars of 1 kg."""
+    places = [(0.0, 0.0), (0.0, 0.5), (1.0, 0.7), (1.0, 0.0)]
+    bars = [bar("c", *places[:2], mass, 0.1 * mass), bar("k", *places[1:3]), bar("r", *places[2:])]
+    joints = [at.Clamp("c.a", Quintic(1.0, 1.0)), at.Pin("c.b", "k.a"), at.Pin("k.b", "r.a"), at.Pin("r.b")]
+    return at.Scene("four-bar", bars, joints, gravity=G)
+
+
+RUNS = {"zhai": 1e-4, "generalized-alpha": 1e-3, "esdirk": 1e-3}
+
+
+@pytest.mark.parametrize("mass", [1e-6, 1e-9, 1e-11])
+@pytest.mark.parametrize("integrator", RUNS)
+def test_a_light_crank_drives_heavy_bars(mass, integrator):
+    """Of 1e-9 of their mass it left less than 1e-9 of its own pin's pivot, and bars parted from it: `failed`."""
+    steps = {"mesh": 1, "integrator": integrator, "dt": RUNS[integrator], "t_end": 50 * RUNS[integrator]}
+    light, heavy = at.solve(driven(mass), **steps), at.solve(driven(1.0), **steps)
+    assert light.status.ok
+    assert np.abs(light.displacement("k.b") - heavy.displacement("k.b")).max() < 1e-9
+
+
+@pytest.mark.parametrize("inertia", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("off", [1e-3, 1e-4])
+@pytest.mark.parametrize("integrator", RUNS)
+def test_a_knee_does_not_move_whatever_its_inertia(off, inertia, integrator):
+    """With large inertia, or a small one in explicit steps, what cannot move fell, with the status ok."""
+    one, knee, two = (0.0, 0.0), (0.7, off), (1.5, 0.0)
+    bars = [bar("p", one, knee, 1.0, inertia), bar("q", knee, two, 1.0, inertia)]
+    steps = {"mesh": 1, "integrator": integrator, "dt": RUNS[integrator], "t_end": 20 * RUNS[integrator]}
+    found = at.solve(linkage(bars, {one, two}), **steps)
+    assert found.status.ok
+    assert np.abs(found.displacement("p.b")).max() < 1e-10
+
+
+def parallelogram(angle, count):
+    """Cranks of 1 m that turn with 1 rad/s and carry a coupler, without loads: angle + t."""
+    c, s = cos(angle), sin(angle)
+    feet = [(0.0, 0.0), (1.5, 0.0), (0.85, 0.0)][:count]
+    tops = [(x + c, s) for x, _ in feet]
+    turning = {"velocity": (-0.5 * s, 0.5 * c), "spin": 1.0}
+    points = {f"p{k}": top for k, top in enumerate(tops)}
+    coupler = at.RigidBody("k", 1.0, 0.1, (0.75 + c, s), points, velocity=(-s, c))
+    bars = [bar(f"c{k}", *ends, **turning) for k, ends in enumerate(zip(feet, tops, strict=True))]
+    scene = linkage([coupler, *bars], set(feet))
+    return at.Scene("parallelogram", scene.bodies, scene.joints)
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha", "esdirk"])
+@pytest.mark.parametrize("past", [5e-6, 1.8e-5, -1.9e-5])
+def test_a_parallelogram_turns_on_through_its_flat_position(count, integrator, past):
+    """Three cranks stopped, or went back: errors of the iteration made what repeats others seem apart."""
+    found = at.solve(parallelogram(past - 0.05, count), mesh=1, integrator=integrator, dt=1e-3, t_end=0.1)
+    assert found.status.ok
+    assert np.abs(found.angle("c0") - found.t).max() < 1e-4
+    assert np.abs(found.angle("k")).max() < 1e-4
+
+
+@pytest.mark.parametrize("count", [2, 3])
+@pytest.mark.parametrize("past", [6.9e-7, 1.3e-6, -1.8e-6, 0.0])
+def test_what_is_left_by_rounding_alone_is_passed_over(count, past):
+    """With pivots of 1e-12 an explicit step changed the angular velocity by 1e-2 to 1 rad/s."""
+    found = at.solve(parallelogram(past - 0.05, count), mesh=1, integrator="zhai", dt=1e-3, t_end=0.1)
+    assert np.abs(found.angle("c0") - found.t).max() < 1e-7
