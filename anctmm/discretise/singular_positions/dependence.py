@@ -113,15 +113,13 @@ def settled(part: Callable[[Array], Array], x: Array) -> Array | None:
     return None
 
 
-def independent(J: "scipy.sparse.csr_array", clear: float = CLEAR) -> bool:
+def independent(J: "scipy.sparse.csr_array") -> bool:
     """Whether no equation of J u = 0 depends on others, by far.
 
     Parameters
     ----------
     J : csr_array, shape (equations, unknowns)
         With entries of like sizes.
-    clear : float
-        Smallest eigenvalue of J Jᵀ, of the largest, above which none does.
 
     Returns
     -------
@@ -142,4 +140,4 @@ def independent(J: "scipy.sparse.csr_array", clear: float = CLEAR) -> bool:
         S.shape, matvec=factors.solve, rmatvec=factors.solve, dtype=float
     )
     least = 1.0 / float(scipy.sparse.linalg.onenormest(inverse)) if count > 1 else float(abs(S[0, 0]))
-    return least > clear * float(scipy.sparse.linalg.norm(S, 1))
+    return least > CLEAR * float(scipy.sparse.linalg.norm(S, 1))

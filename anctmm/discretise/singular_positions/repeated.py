@@ -8,6 +8,8 @@ Long chains have small singular values without a small pivot. What decides is th
 in the order of elimination, leave of each.
 """
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,6 +44,13 @@ APART = 1e-14
 REFINED = 3
 #: Constraints up to which a full matrix is quicker, as measured; suspects that are looked at together.
 FEW, TOGETHER = 64, 256
+
+
+class _Factors(NamedTuple):
+    """Pivots of a matrix, and what solves its equations."""
+
+    pivots: Array
+    solve: Callable[[Array], Array]
 
 
 class Near(NamedTuple):
@@ -86,8 +95,10 @@ def passed_over(kept: KeptUnknowns, order: Ints) -> Array:
             bounds[order] = _bounds(pivots)
             return bounds
     J = scipy.sparse.csr_array((values, places), shape=shape)
-    A = _sized(J)[order]
-    B = _rows_sized(_times(J, softness))[order]
+    A: Any = _sized(J)[order]
+    B: Any = _rows_sized(_times(J, softness))[order]
+    if shape[0] <= FEW:
+        A, B = A.toarray(), B.toarray()
     told, factors = _told_apart(A), _cholesky(B)
     if told is None or factors is None:
         return bounds
@@ -95,7 +106,7 @@ def passed_over(kept: KeptUnknowns, order: Ints) -> Array:
     if near is not None:
         strained = np.abs(near.stress) @ abs(A) > PARTING * np.abs(near.stress).max()
         raise DiscretisationError(_hardly_apart(_bodies_at(kept, strained), near.off))
-    bounds[order] = _bounds(factors.U.diagonal())
+    bounds[order] = _bounds(factors.pivots)
     # What repeats others in one position alone would have been refused before, but of what beams and drives move.
     bounds[order[repeated]] = REPEATED if _solid(kept) and not found.drives else PASSING
     return bounds
@@ -201,8 +212,8 @@ def _gram(J: Array) -> Array:
     return np.asarray(S * scale * scale[:, None])
 
 
-def _told_apart(A: "scipy.sparse.csr_array") -> tuple[Mask, Near | None] | None:
-    """Rows that repeat rows before them, and what nearly does so; or None.
+def _told_apart(A: Any) -> tuple[Mask, Near | None] | None:
+    """Rows of a matrix, sparse or not, that repeat rows before them, and what nearly does so; or None.
 
     What the others leave of a suspect is the residual of a problem of least squares, min ‖Aₖᵀ − Aᵀλ‖. It is computed
     from the normal equations, with iterative refinement (corrected seminormal equations; Björck, Numerical Methods for
@@ -212,7 +223,7 @@ def _told_apart(A: "scipy.sparse.csr_array") -> tuple[Mask, Near | None] | None:
     factors = _cholesky(A)
     if factors is None:
         return None
-    suspects = np.flatnonzero(factors.U.diagonal() <= SUSPECT)
+    suspects = np.flatnonzero(factors.pivots <= SUSPECT)
     if not suspects.size:
         return repeated, None
     others = np.setdiff1d(np.arange(A.shape[0]), suspects)
@@ -256,7 +267,7 @@ def _exact(stress: Array, rest: Array, rounding: float) -> Mask:
 class _Left:
     """What other rows leave of suspects."""
 
-    def __init__(self, A: "scipy.sparse.csr_array", suspects: Ints, others: Ints, factors: Any) -> None:
+    def __init__(self, A: Any, suspects: Ints, others: Ints, factors: _Factors) -> None:
         self.A, self.suspects, self.others, self.factors = A, suspects, others, factors
         self.rest = A[others]
         known = np.random.default_rng(1).standard_normal((len(others), 1))
@@ -280,8 +291,14 @@ class _Left:
         return stress, left
 
 
-def _cholesky(A: "scipy.sparse.csr_array") -> Any:
+def _cholesky(A: Any) -> _Factors | None:
     """Factors of A Aᵀ whose pivots are what the rows before each leave of it; None where they are none."""
+    if isinstance(A, np.ndarray):
+        try:
+            L = np.linalg.cholesky(A @ A.T + APART * np.eye(len(A)))
+        except np.linalg.LinAlgError:  # rounding is more than that: pivots of both signs tell as much
+            return _cholesky(scipy.sparse.csr_array(A))
+        return _Factors(np.square(L.diagonal()), partial(scipy.linalg.cho_solve, (L, True)))
     S = (A @ A.T + APART * scipy.sparse.eye_array(A.shape[0])).tocsc()
     try:
         found = scipy.sparse.linalg.splu(
@@ -289,4 +306,4 @@ def _cholesky(A: "scipy.sparse.csr_array") -> Any:
         )
     except RuntimeError:  # a pivot of zero
         return None
-    return found if np.array_equal(found.perm_r, found.perm_c) else None
+    return _Factors(found.U.diagonal(), found.solve) if np.array_equal(found.perm_r, found.perm_c) else None
