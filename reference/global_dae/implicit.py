@@ -14,6 +14,7 @@ from scipy.sparse.linalg import SuperLU, splu
 
 from anctmm.discretise.assembly import damping_forces, elastic_forces, mass_product
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
+from anctmm.integrators.implicit.renewal import new_wear, worn
 from anctmm.jit.compiling import embedded, inlined, kernel
 from reference.global_dae.assemble import System, assemble, fill_dense, matrix_of, solve_dense, system_of
 from reference.global_dae.constraints import Rows, add_transposed, misfit, prescribe, project
@@ -27,7 +28,9 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Newton iterations a step may take; ratio of successive corrections above which the tangent is renewed.
-ITERATIONS, SLOW = 30, 0.15
+ITERATIONS, SLOW = 30, 0.5
+#: Cost of new factors, in corrections: measured, 3 to 5.
+PRICE = 4.5
 #: Residuals below this many roundings of their largest terms are zero within double precision.
 ROUNDINGS, EPSILON = 8.0, float(np.finfo(np.float64).eps)
 #: How a Newton iteration ended.
@@ -60,7 +63,7 @@ class State(NamedTuple):
     (rows, nodes) is the head of right. product, data, small, K, scratch, column, dense: of the kernels used.
     residuals: largest component before each correction of the last step, (ITERATIONS,).
     counts: Newton iterations, factorisations, node of the largest correction, whether the factors can be used, step
-    reached, outputs kept.
+    reached, outputs kept. wear: of the factors.
     """
 
     motion: Motion
@@ -84,6 +87,7 @@ class State(NamedTuple):
     places: Ints
     residuals: Array
     counts: Ints
+    wear: Array
 
 
 class Damping(NamedTuple):
@@ -246,11 +250,15 @@ def at_rounding(system: System, s: State) -> bool:
 
 
 @kernel
-def newton(equations: Equations, table: Array, n: int) -> int:
-    """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if dense, else while it contracts with an old one."""
+def newton(full: bool, equations: Equations, table: Array, n: int) -> int:
+    """Solve for q_{n+1} and μ_{n+1}: with a new tangent each time if `full`, else while it contracts with an old one.
+
+    Factors are renewed before a step by the rule of ANC-TMM.
+    """
     c, parts, stiff, rows, loads, system, pattern, factors, s, damping = equations
     dense = len(factors.width) == 0
-    before, renew = np.inf, dense or s.counts[3] == 0
+    before, new, renewed = np.inf, full or s.counts[3] == 0, s.counts[1]
+    renew = new
     s.residuals[:] = 0.0
     for iteration in range(ITERATIONS):
         s.residuals[iteration] = residual(parts, rows, loads, damping, table, n, s)
@@ -272,12 +280,27 @@ def newton(equations: Equations, table: Array, n: int) -> int:
         size = correct(c, s)
         s.counts[0] += 1
         if size <= c.tolerance:
+            if worn(new, iteration + 1, s.counts[1] - renewed, s.wear):
+                s.counts[3] = 0
             return CONVERGED
         if fresh and size > 0.5 * before and at_rounding(system, s):
             return CONVERGED
-        renew = dense or size > SLOW * before
+        renew = full or size > SLOW * before
         before = size
     return FAILED
+
+
+@inlined
+def solve(equations, values, at):  # type: ignore[no-untyped-def]
+    """Find the end of a step from its predictor: by modified Newton, and where that fails by Newton, as ANC-TMM."""
+    s, dense = equations.state, len(equations.factors.width) == 0
+    predict(equations.scheme, s)
+    code = newton(dense, equations, values, at)
+    if code != CONVERGED and not dense:
+        predict(equations.scheme, s)
+        s.multiplier[:] = 0.0  # those of an iteration that failed may be no numbers
+        code = newton(True, equations, values, at)
+    return code
 
 
 @kernel
@@ -311,8 +334,7 @@ def march(equations: Equations, span: tuple[int, int], acting: Acting, out: Outp
         s.counts[4] = n
         if n > 0:
             prescribe(rows, angles, at, m.b, m.rate, m.acceleration)
-            predict(c, s)
-            code = newton(equations, values, at)
+            code = solve(equations, values, at)
             if code != CONVERGED:
                 return code
             m.work[0] += dissipated(damping, s.new, m.q)
@@ -434,6 +456,7 @@ def _start(model: Model, system: System, dense: bool) -> State:
         places=model.places(1).reshape(-1),
         residuals=np.zeros(ITERATIONS),
         counts=np.zeros(6, dtype=np.int64),
+        wear=new_wear(PRICE),
     )
 
 

@@ -291,7 +291,7 @@ def _allowed(chain: Chain, scheme: Scheme, system: System, control: Control) -> 
 def _system(chain: Chain) -> System:
     """What the steps take: without a tolerance of the user's, Newton's is a part of the error of a step alone."""
     system = new_system(chain)
-    newton = system.newton._replace(expected=np.ones(1))
+    newton = system.newton._replace(expected=np.ones(1), wear=None)
     return system._replace(newton=newton if chain.run.newton_given else newton._replace(tolerance=np.inf))
 
 

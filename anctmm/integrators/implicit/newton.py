@@ -1,6 +1,7 @@
 """Newton's iteration of an implicit step, its linear solves by the Riccati recursion.
 
 The matrix is kept as long as the corrections decrease (modified Newton); otherwise it is computed in each iteration.
+When it is renewed before a solution, see `renewal`; where an error drives the steps, `adaptive.step_control`.
 """
 
 import numpy as np
@@ -17,6 +18,7 @@ from anctmm.discretise.methods import Coefficients
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
+from anctmm.integrators.implicit.renewal import worn
 from anctmm.integrators.implicit.step import damp_at_end, predict
 from anctmm.integrators.implicit.system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined, separate
@@ -44,7 +46,7 @@ SLOW = 0.5
 ROUNDING = 1e-8
 #: Growth of corrections over the smallest, and over what is no rounding, at which accelerations cannot be kept.
 GROWN, LEAST = 10.0, 1e-10
-#: Corrections in a step above which the matrix is renewed before the next one.
+#: Corrections in a step above which the matrix is renewed before the next one, where an error drives the steps.
 MANY = 5
 
 
@@ -84,7 +86,8 @@ def iterate(
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
-    scale, _, counts, history, expected = newton
+    scale, _, counts, history, expected, wear = newton
+    new, renewed = full or counts[2] != 0, counts[1]
     last, stalls, least = 0.0, 0, np.inf
     by_rates = coefficients.level * coefficients.to_q != 0.0
     history[:] = 0.0
@@ -114,7 +117,7 @@ def iterate(
         rate = size / last if iteration > 0 else _expected(expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
-            counts[2] = 1 if iteration >= MANY else 0
+            counts[2] = 1 if _renews(wear, new, iteration + 1, counts[1] - renewed) else 0
             end_newton(factors.loops)
             return True
         if iteration > 0 and rate > SLOW:
@@ -126,6 +129,12 @@ def iterate(
         last = size
     counts[2] = 1
     return False
+
+
+@embedded
+def _renews(wear, new, corrections, renewals):  # type: ignore[no-untyped-def]
+    """Whether the next solution begins with a new matrix."""
+    return corrections > MANY if wear is None else worn(new, corrections, renewals, wear)
 
 
 @embedded

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import Discretisation
+from anctmm.discretise.discretisation import TIGHT, Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import unknown_kind
@@ -220,7 +220,7 @@ def _advice(run: Discretisation) -> str:
         other = "" if isinstance(run.method, Esdirk) else ", integrator='esdirk'"
         smaller = f"a tolerance below {run.tolerance:g}{other} or a fixed dt"
         return f"the steps are too long for the motion; {smaller} may help"
-    smaller = f"a smaller dt than {run.dt:g} s may help"
+    smaller = f"a smaller dt than {run.dt:g} s{_tighter(run)} may help"
     if isinstance(run.method, GeneralizedAlpha) and run.spectral_radius > DAMPED:
         return (
             f"the steps are too long for the motion, or, with a spectral_radius of {run.spectral_radius:g}, errors of "
@@ -228,6 +228,12 @@ def _advice(run: Discretisation) -> str:
             f"of {DAMPED:g} or less"
         )
     return f"the steps are too long for the motion; {smaller}"
+
+
+def _tighter(run: Discretisation) -> str:
+    """What to try beside where Newton's iteration leaves more than by default."""
+    loose = run.newton_tolerance > TIGHT
+    return f" or a newton_tolerance below {run.newton_tolerance:g}" if loose else ""
 
 
 def _keeps_energy(run: Discretisation) -> bool:
