@@ -105,6 +105,11 @@ class Chain:
         return self.segments.scene
 
     @cached_property
+    def found(self) -> Facts:
+        """What has been found of this chain, see `kept_chains.once`."""
+        return {}
+
+    @cached_property
     def facts(self) -> Facts:
         """What follows from the structure of the parts alone, and so is that of all chains alike.
 

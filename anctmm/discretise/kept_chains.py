@@ -95,7 +95,7 @@ def once(chain: Chain, find: Callable[[Chain], T], what: Any = None) -> T:
     what : object
         What stands for it, where `find` is another function each time.
     """
-    found: dict[Any, T] = vars(chain).setdefault("_found", {})
+    found: dict[Any, T] = chain.found
     key = what or find
     if key not in found:
         found[key] = find(chain)
@@ -116,7 +116,7 @@ def once_alike(chain: Chain, find: Callable[[], T], what: Any, kinds: tuple[Any,
         What else the types tell of the arguments.
     """
     acted = chain.scene.loads or chain.scene.connectors
-    known = vars(chain).setdefault("_found", {}) if acted else chain.facts
+    known = chain.found if acted else chain.facts
     if (what, kinds) not in known:
         known[what, kinds] = find()
     return known[what, kinds]  # type: ignore[no-any-return]
@@ -163,7 +163,7 @@ def light(chain: Chain, find: Callable[[Chain], T]) -> T:
 
 def has_own(chain: Chain, find: Callable[[Chain], T]) -> bool:
     """Whether a run of a chain has had something for itself."""
-    return (own, find) in vars(chain).get("_found", ())
+    return (own, find) in chain.found
 
 
 @contextmanager
