@@ -72,10 +72,11 @@ def placement(blocks: Sequence[tuple[int, int, str, int, int]]) -> Ints:
 def place(table: Ints, v: float, count: int, out: Array) -> None:
     """Make the result of the sums, for so many elements."""
     for t in range(len(table)):
-        to, source, power = table[t, 0] * TANGENT_BLOCK, (SUMS + table[t, 1]) * TANGENT_BLOCK, table[t, 2]
+        to, source = out[table[t, 0] * TANGENT_BLOCK :], out[(SUMS + table[t, 1]) * TANGENT_BLOCK :]
+        power = table[t, 2]
         f = (v if abs(power) == 1 else v * v if abs(power) == 2 else 1.0) * (1.0 if power >= 0 else -1.0)
         for j in range(count):
-            out[to + j] = f * out[source + j]
+            to[j] = f * source[j]
 
 
 @inlined

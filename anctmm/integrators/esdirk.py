@@ -237,15 +237,19 @@ def _balance(room, system, values):  # type: ignore[no-untyped-def]
 def begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
     """What stands for q and v at the start of the implicit Euler step of stage i, of length `part`; w is predicted."""
     _, v, _, _, was, had = flat
-    A, square, w = table.A, table.square, room.w
+    q_start, v_start, last = room.q, room.v, room.w[i - 1]
+    for k in range(len(v)):  # changes first, which are added up without the rounding of what they change
+        v[k] = 0.0
+        was[k] = h * table.c[i] * v_start[k]
+    for j in range(i):
+        w, speed, way = room.w[j], h * table.A[i, j], h * h * table.square[i, j]
+        for k in range(len(v)):
+            v[k] += speed * w[k]
+            was[k] += way * w[k]
     for k in range(len(v)):
-        speed, way = 0.0, table.c[i] * room.v[k]
-        for j in range(i):
-            speed += A[i, j] * w[j, k]
-            way += h * square[i, j] * w[j, k]
-        v[k] = room.v[k] + h * speed
-        was[k] = room.q[k] + (h * way - part * v[k])
-        had[k] = w[i - 1, k]
+        v[k] += v_start[k]
+        was[k] = q_start[k] + (was[k] - part * v[k])
+        had[k] = last[k]
 
 
 @shared

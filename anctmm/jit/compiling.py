@@ -49,6 +49,11 @@ def embedded(function: Callable[..., Any]) -> Any:
     return _compiled(function, forceinline=True)
 
 
+def summed(function: Callable[..., Any]) -> Any:
+    """As `embedded`, for sums over many terms: they may be added up in any order, several at once."""
+    return _compiled(function, forceinline=True, fastmath={"contract", "reassoc"})
+
+
 def shared(function: Callable[..., Any]) -> Any:
     """Make a function part of the kernels that call it, whose calls share its code: for much work at several places."""
     return _compiled(function)
