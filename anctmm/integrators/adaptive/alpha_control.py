@@ -23,16 +23,17 @@ The first correction of a step starts from what the last one did, see `predictio
 What it leaves matters more than with stages: it is an error of w, and so of v, which stays in a mechanism that moves
 freely until the end.
 
-The matrix is renewed when steps need more corrections than they have on the average since its renewal, that counted
-with two: as it gets older they take two in place of one. Those that only show what the first one left do not count. The
-contraction expected of it grows with its age.
+The matrix is renewed by its cost, as with fixed steps (`implicit.renewal`), and where corrections fall slowly: as it
+gets older, steps take two in place of one. Those that only show what the first one left do not count. The contraction
+expected of it grows with its age.
 
-What it costs, in Newton corrections and twice the factorizations, over the best fixed step of the same error, the best
-of 17 steps and 6 bounds of Newton's iteration, no error counted as smaller than with the tightest bound or with a step
-shorter by up to a half: on seventeen moving scenes with tolerances of 1e-2 … 1e-5 0.94 in the mean, and at most 1.3 in
-63 of the 68 runs. More cost a portal frame, 1.7 and 1.75, a gantry crane, 1.6 twice, and Andrews' squeezer, 2.0 at
-1e-2. That is no chance of the fixed steps: their errors are 0.73 and 450 over n² on the portal and the squeezer, to
-3 %, with 60 … 1,000 steps. On the crane 960 have a third of what 1,920 promise.
+What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
+shear elements 6.6), over the best fixed step of the same error, the best of 17 steps and 6 bounds of Newton's
+iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
+moving scenes with tolerances of 1e-2 … 1e-5 1.19 in the mean, and at most 1.3 in 48 of the 68 runs. Most cost a portal
+frame, 2.05 and 1.9, Andrews' squeezer, 2.2 at 1e-2, and a gantry crane, 1.9. That is no chance of the fixed steps:
+their errors are 0.73 and 450 over n² on the portal and the squeezer, to 3 %, with 60 … 1,000 steps. On the crane 960
+have a third of what 1,920 promise.
 
 Why, and what was tried, stands in `step_control`. A bound of Newton's iteration five times as loose is no remedy: a
 four-bar with a moment cost 1.8 times. What is left in free motion has one sign, and grows with the square of the number
@@ -56,11 +57,13 @@ from anctmm.forces.timeline import set_actions
 from anctmm.integrators.adaptive.alpha_error import (
     ORDER,
     PLACES,
+    ROUNDED,
     alpha_error,
     begin_anew,
     follow,
     looks,
     remember,
+    share_of,
 )
 from anctmm.integrators.adaptive.controlled_run import Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
@@ -85,6 +88,7 @@ from anctmm.integrators.adaptive.step_control import (
     LOOKED,
     RATE,
     REPEATED,
+    SAFE,
     SMALLEST,
     STARTS,
     STEADY_STEPS,
@@ -104,9 +108,7 @@ from anctmm.integrators.adaptive.step_control import (
     goes_on,
     left_by_newton,
     length_of,
-    needed,
     pass_stops,
-    renew_if_worn,
     spend,
     stiffen,
 )
@@ -134,13 +136,17 @@ GOES_ON = 0.08
 #: Part of the error allowed in a step that Newton's iteration may leave, and that in structures which joints hold. With
 #: 0.3 there the estimate answered what is left by up to twice as many steps. The last is that of rigid bodies with
 #: constraints: with 0.01 the error of Andrews' squeezer, at 16 tolerances from 1e-5 to 1e-2, was up to 3.5 times the
-#: one asked for, now 1.6 times it, with a tenth more corrections.
+#: one asked for, now 2.1 times it, with a tenth more corrections.
 NEWTON_PART, HELD_PART, RIGID_PART = 0.01, 0.15, 0.003
 #: Relative change of the step beyond which the iteration matrix is renewed.
 STALE = 0.15
 #: Contraction of Newton's corrections in a step above which the matrix is renewed before the next one, and that where
 #: errors of the speed stay. With 0.02 for all a gantry crane renewed it in each third step, which saved nothing.
 SLOW, STAYS = 0.05, 0.02
+#: Part of its bound up to which a further correction of Newton's iteration does no more than show what the first one
+#: has left: no reason to renew the matrix, as a new one has to be shown, too. What the next step expects is SAFE times
+#: that.
+SHOWS = 1.0 / SAFE
 #: Power of the contraction in a step that is expected of the next one.
 FORGETS = 0.85
 #: Contraction that is expected at least of a matrix that was renewed in the step before, where drives move rigid
@@ -169,7 +175,8 @@ class Lag(NamedTuple):
 
     coefficient: of the error. method: αm, αf, β, γ. w: its slow part at the last estimate, (rows, nodes). slow: means
     of w, the last of which is that part, (ORDER, rows, nodes), see `alpha_error`. rate: that of w over
-    the last step, (rows × nodes,). taken: length of the last step since the motion started, (1,), s; 0 before.
+    the last step, (rows × nodes,). taken: length of the last step since the motion started, (1,), s; 0 before. radian:
+    a length of steps, and what `alpha_error` has found for it, (2,), s.
     """
 
     coefficient: float
@@ -178,6 +185,7 @@ class Lag(NamedTuple):
     slow: Array
     rate: Array
     taken: Array
+    radian: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -201,9 +209,10 @@ def integrate(chain: Chain) -> Solution:
         np.zeros((ORDER, *shape)),
         np.zeros(shape[0] * shape[1]),
         np.zeros(1),
+        np.zeros(2),
     )
 
-    return run_controlled(chain, Scheme(advance, lag, 2, len(PLACES), CONSTRAINED, GOES_ON))
+    return run_controlled(chain, Scheme(advance, lag, 2, len(PLACES), CONSTRAINED, GOES_ON, SHOWS))
 
 
 @kernel
@@ -268,7 +277,7 @@ def _start_anew(system, control, lag):  # type: ignore[no-untyped-def]
 def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     """Try a step, and accept it or go back."""
     state, newton, progress = system.state, system.newton, control.progress
-    if progress[LAST] > 0.0 and h != progress[LAST]:
+    if abs(h - progress[LAST]) > ROUNDED * progress[LAST] > 0.0:
         _shift(state, lag, 1.0 - h / progress[LAST])
     progress[LAST] = 0.0
     c = _coefficients(h, lag.method)
@@ -285,16 +294,12 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
         progress[FACTORED] = h
         if drives_rigid(control):
             newton.expected[0] = max(newton.expected[0], AGED)
-    if solved:
-        # where errors of the speed stay, a pendulum's was twice as large with older matrices
-        more = needed(newton.history, 0.0 if goes_on(control) else left) - 1
-        renew_if_worn(more, renewed, newton, progress)
-    guess, error = control.allowed == np.inf, np.inf
+    guess, error, share = control.allowed == np.inf, np.inf, share_of(h, control, lag)
     # an iteration that wandered may have found another motion
     look = looks(h, control, lag) or effort_of(newton.history) > HARD
     if solved and look:
         kept = _coefficients(progress[FACTORED], lag.method)
-        error = alpha_error(progress[TIME], c.h, kept.to_w, system, control, lag)
+        error = alpha_error(progress[TIME], c.h, kept.to_w, share, system, control, lag)
         if not guess:
             turned = turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
             error = max(error, turned, allowed * velocity_error(c, system, control))
@@ -312,7 +317,7 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             h, state.flat[5], state.flat[3], lag.rate, newton.scale, state.q.shape[1]
         )
         _accept(h, stop, c, system, control, out)
-        follow(h, state, control, lag)
+        follow(share, state, lag)
         lag.taken[0] = h
         if not crossing:
             progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
@@ -451,7 +456,7 @@ def _coefficients(h, method):  # type: ignore[no-untyped-def]
 @inlined
 def _shift(state, lag, part):  # type: ignore[no-untyped-def]
     """Move a, which lags w by αf − αm of a step, to the lag of the step to come, `part` of the last one shorter."""
+    _, _, a, w, _, w_before = state.flat
     shift = part * (lag.method[1] - lag.method[0])
-    for k in range(state.q.shape[0]):
-        for i in range(state.q.shape[1]):
-            state.a[k, i] += shift * (state.w[k, i] - state.w_before[k, i])
+    for k in range(len(a)):
+        a[k] += shift * (w[k] - w_before[k])

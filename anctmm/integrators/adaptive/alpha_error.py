@@ -17,6 +17,7 @@ not come back, a thrown triangle 2.3 times: means for all made 15 of 68 runs cos
 from anctmm.integrators.adaptive.step_control import LOOKED, STEADY_STEPS
 from anctmm.integrators.adaptive.step_error import filtered_error, largest_error
 from anctmm.integrators.adaptive.velocity_error import drives_rigid
+from anctmm.integrators.implicit.step import copy
 from anctmm.jit.compiling import inlined
 
 #: Means in a row, and the time of each, in that of a radian of the slowest vibration whose phase is lost. Twice the
@@ -27,20 +28,25 @@ ALIKE = 4
 #: Part of the error of a free coordinate that counts of a driven one: its velocity alone has it. With 1 a straight line
 #: took up to 1.7 times as many steps; with nothing velocities of a driven arm were wrong by 0.06 at 1e-2 and at 1e-3.
 DRIVEN = 0.25
+#: Relative difference of equal steps, at most: they divide what is left of the way to an output.
+ROUNDED = 1e-9
 #: Places at which a step sees what acts, parts of its length, and the rows of `Control.values` that stand for them.
 PLACES, ROWS = (0.0, 1.0), (0, 1)
 
 
 @inlined
-def alpha_error(t, h, to_w, system, control, lag):  # type: ignore[no-untyped-def]
+def alpha_error(t, h, to_w, share, system, control, lag):  # type: ignore[no-untyped-def]
     """Filtered estimate of the error in displacement since the last one, relative, the largest of the nodes."""
-    w, x, factor, share = system.state.w, control.x, lag.coefficient * h * h * to_w, _share(h, control, lag)
+    w, x, factor = system.state.w, control.x, lag.coefficient * h * h * to_w
     for k in range(w.shape[0]):
-        for i in range(w.shape[1]):
-            new = w[k, i]
-            for n in range(ORDER):
-                new = lag.slow[n, k, i] + share * (new - lag.slow[n, k, i])
-            x[k, i] = factor * (new - lag.w[k, i])
+        new, before = x[k], lag.w[k]
+        copy(w[k], new)
+        for n in range(ORDER):
+            mean = lag.slow[n, k]
+            for i in range(len(new)):
+                new[i] = mean[i] + share * (new[i] - mean[i])
+        for i in range(len(new)):
+            new[i] = factor * (new[i] - before[i])
     turned = filtered_error(t, h, to_w, PLACES, ROWS, False, system, control)
     return largest_error(x, max(turned, _of_drives(t, h, control, lag)), False, control)
 
@@ -52,53 +58,55 @@ def looks(h, control, lag):  # type: ignore[no-untyped-def]
     Over a time of 1/ω of the frequency whose phase is lost over the run, errors of faster ones cancel.
     """
     steady = int(control.progress[STEADY_STEPS])
-    span = max(1, int(_turned_by_one(h, control, lag) / h))
-    return steady < ALIKE or steady % span == 0 or control.values.shape[1] > 0
+    look = steady < ALIKE or control.values.shape[1] > 0
+    if not look:
+        look = steady % max(1, int(_turned_by_one(h, control, lag) / h)) == 0
+    return look
 
 
 @inlined
-def follow(h, state, control, lag):  # type: ignore[no-untyped-def]
+def follow(share, state, lag):  # type: ignore[no-untyped-def]
     """After a step: bring the slow part of w up to date."""
-    share = _share(h, control, lag)
     for k in range(state.w.shape[0]):
-        for i in range(state.w.shape[1]):
-            new = state.w[k, i]
-            for n in range(ORDER):
-                new = lag.slow[n, k, i] + share * (new - lag.slow[n, k, i])
-                lag.slow[n, k, i] = new
+        new = state.w[k]
+        for n in range(ORDER):
+            mean = lag.slow[n, k]
+            for i in range(len(mean)):
+                mean[i] += share * (new[i] - mean[i])
+            new = mean
 
 
 @inlined
 def begin_anew(state, lag):  # type: ignore[no-untyped-def]
     """At a start, all of w is slow."""
     for k in range(state.w.shape[0]):
-        for i in range(state.w.shape[1]):
-            for n in range(ORDER):
-                lag.slow[n, k, i] = state.w[k, i]
+        for n in range(ORDER):
+            copy(state.w[k], lag.slow[n, k])
     remember(lag)
 
 
 @inlined
 def remember(lag):  # type: ignore[no-untyped-def]
     """Keep the slow part of w, from which the next estimate starts."""
-    for k in range(lag.w.shape[0]):
-        for i in range(lag.w.shape[1]):
-            lag.w[k, i] = lag.slow[ORDER - 1, k, i]
+    for k in range(len(lag.w)):
+        copy(lag.slow[ORDER - 1, k], lag.w[k])
 
 
 @inlined
-def _turned_by_one(h, control, lag):  # type: ignore[no-untyped-def]
-    """Time of about a radian of a vibration whose phase is wrong by as much at the end, s."""
-    return (0.5 * lag.coefficient * control.t_end * h * h) ** (1.0 / 3.0)
-
-
-@inlined
-def _share(h, control, lag):  # type: ignore[no-untyped-def]
+def share_of(h, control, lag):  # type: ignore[no-untyped-def]
     """Part of a new value in an exponential mean after a step of h; all where the slow part is w itself."""
     slow = 0.0
     if control.held and control.values.shape[1] == 0:
         slow = SHARP * max(_turned_by_one(h, control, lag) - h, 0.0)
     return h / (h + slow)
+
+
+@inlined
+def _turned_by_one(h, control, lag):  # type: ignore[no-untyped-def]
+    """Time of about a radian of a vibration whose phase is wrong by as much at the end, s, by steps of h."""
+    if abs(lag.radian[0] - h) > ROUNDED * h:
+        lag.radian[0], lag.radian[1] = h, (0.5 * lag.coefficient * control.t_end * h * h) ** (1.0 / 3.0)
+    return lag.radian[1]
 
 
 @inlined

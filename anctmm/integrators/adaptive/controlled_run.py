@@ -124,8 +124,9 @@ class Scheme(NamedTuple):
 
     advance: kernel of the steps, which gives how it ended. adds: what it needs beside the rest. order: of the error of
     a run in its steps. places: at which a step sees what acts. constrained, goes_on: the `SHARE` of scenes with
-    constraints between rigid bodies or guides, and where these are known to turn freely or to go to and fro. look:
-    (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep positions.
+    constraints between rigid bodies or guides, and where these are known to turn freely or to go to and fro. shows: of
+    `Newton`. look: (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep
+    positions.
     """
 
     advance: Any
@@ -134,6 +135,7 @@ class Scheme(NamedTuple):
     places: int
     constrained: float
     goes_on: float
+    shows: float = 0.0
     look: Callable[[Chain, System, float], None] | None = None
 
     def take(self, most: int, outputs: int, system: System, control: Control, out: Output) -> int:
@@ -171,7 +173,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         If a load or a drive cannot be followed, see `anctmm.forces.histories`.
     """
     run, record = chain.run, Record(chain)
-    system, control, out = _system(chain), _control(chain, scheme), record.arrays()
+    system, control, out = _system(chain, scheme), _control(chain, scheme), record.arrays()
     outputs, ends = run.times(np.arange(run.steps + 1)), np.array([0.0, run.t_end])
     still, counts = np.zeros(chain.bodies.nodes), control.counts
 
@@ -288,10 +290,10 @@ def _allowed(chain: Chain, scheme: Scheme, system: System, control: Control) -> 
     return share * float(chain.run.tolerance or 0.0)
 
 
-def _system(chain: Chain) -> System:
+def _system(chain: Chain, scheme: Scheme) -> System:
     """What the steps take: without a tolerance of the user's, Newton's is a part of the error of a step alone."""
     system = new_system(chain)
-    newton = system.newton._replace(expected=np.ones(1), wear=None)
+    newton = system.newton._replace(expected=np.ones(1), shows=scheme.shows)
     return system._replace(newton=newton if chain.run.newton_given else newton._replace(tolerance=np.inf))
 
 

@@ -14,21 +14,22 @@ All stages have one matrix, which is kept as long as the length is. One Newton c
 contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). Nothing is known
 of a matrix that is new: in a mechanism that moves freely the velocity that one stage leaves wrong stays until the end,
 and there it made the error 20 times the one asked for. In structures that joints hold it is expected to do as the last
-new one did in a step all of whose stages have shown it. And a matrix is renewed where steps take more corrections than
-they have on the average since its renewal, as with steps of second order.
+new one did in a step all of whose stages have shown it. A matrix is renewed by its cost, as with fixed steps
+(`implicit.renewal`), before any stage, and in such structures before a step whose corrections fell by less than 20
+times; before any such step of all scenes it cost as much.
 
-What it costs, in Newton corrections and twice the factorizations, over the best fixed step of the same error, the best
-of 12 steps and 6 bounds of Newton's iteration, no error counted as smaller than with the tightest bound or with a step
-shorter by up to a half: on seventeen moving scenes with tolerances of 1e-2 … 1e-5 0.90 in the mean, 1.2 at most on the
-base scenes, and more than 1.3 in 2 of 68 runs: a gantry crane 1.4 at 1e-4, the squeezer 1.35 at 1e-2. Since fixed steps
-renew their matrix by its cost (`implicit.renewal`), and these do not yet, it is more than 1.3 in 5, and 1.9 at most.
+What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
+shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
+iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
+moving scenes with tolerances of 1e-2 … 1e-5 1.06 in the mean, at most 1.3 in 58 of the 68 runs, and 1.9 at most.
 
 Structures that joints hold take up to a quarter fewer corrections by what is expected of a new matrix: 1,273 in place
 of 1,574 of three supports at 1e-5, which cost 1.5 times the best fixed steps. In all scenes it made the error of a
 four-bar that a torque drives 8 times its tolerance: there a matrix gets old within a step. With the contraction of the
 first stage alone, which is that of a correction near zero, it was 7 times it, and a falling beam took a third more
-steps. A SLOW of 0.1 for 0.05 makes the crane no cheaper. Beside the best fixed steps of either order the cost is 0.95
-in the mean.
+steps. Bounds of Newton's iteration ten times as loose take 0.91 times the corrections, but errors grow with them:
+beside fixed steps it costs as much. Beside the best fixed steps of either order the cost is 1.17 in the mean, 1.10 with
+the better one of the two integrators.
 
 The rms error was 0.003 to 0.98 of the tolerance on these, the squeezer's up to 1.4 times it, and its peak up to 2.2 on
 scenes drawn at random. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
@@ -91,7 +92,6 @@ from anctmm.integrators.adaptive.step_control import (
     left_by_newton,
     length_of,
     pass_stops,
-    renew_if_worn,
     spend,
     stiffen,
 )
@@ -135,7 +135,8 @@ SHORT = 0.1
 NEWTON_PART, HELD_PART = 0.3, 1.0
 #: Relative change of the step beyond which the matrix is renewed.
 STALE = 0.1
-#: Contraction of Newton's corrections in a step above which the matrix is renewed before the next one.
+#: Contraction of Newton's corrections in a step above which structures that joints hold have a new matrix in the next
+#: one: renewed within a step it costs a second correction in some stages, a fifth more of them at 1e-2 and 1e-3.
 SLOW = 0.05
 #: Power of the contraction in a step that is expected of the next one: it gets worse as the matrix gets older, and a
 #: single correction shows none.
@@ -206,7 +207,7 @@ def integrate(chain: Chain) -> Solution:
     rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
     track = Track(method, EULER, room, start, end, found, multipliers, rates, parts)
 
-    return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look_ahead))
+    return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look=look_ahead))
 
 
 @kernel
@@ -350,7 +351,7 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
         newton.counts[2] = 1
     else:
         expect(h, STALE, newton, progress)
-    corrected, factored, slowest, shown, effort = newton.counts[0], newton.counts[1], 0.0, 0, 0
+    factored, slowest, shown, effort = newton.counts[1], 0.0, 0, 0
     method = track.euler if guess else track.method
     part = HELD_PART if control.restrained else NEWTON_PART
     left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
@@ -364,15 +365,15 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
             if newton.counts[1] != factored:
                 _expect_of_new(newton, control)
     if solved:
-        more, renewed = newton.counts[0] - corrected - last, newton.counts[1] != factored
+        renewed = newton.counts[1] != factored
         if renewed:
             progress[FACTORED] = h
             if control.restrained:
                 slowest = _learn_of_new(slowest, shown == last, progress)
         progress[AGE] = 0.0 if renewed else progress[AGE] + 1.0
-        expect_next(slowest, FORGETS, SLOW, newton)
-        if not guess:
-            renew_if_worn(more, renewed, newton, progress)
+        expect_next(slowest, FORGETS, newton)
+        if control.restrained and slowest > SLOW:
+            newton.counts[2] = 1
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
 
 

@@ -18,8 +18,7 @@ One correction may do, where the contraction that earlier ones have shown with t
 (Hairer & Wanner, IV.8). It is expected to get worse with each solution that shows none, as the matrix gets older, and
 to be no better than steps of another length than the matrix allow: that does not fit the inertia.
 
-Can steps be chosen better? Some scenes cost up to twice the best equal steps of second order, see `alpha_control`. All
-figures here are beside fixed steps of before `implicit.renewal`, which made these cheaper.
+Can steps be chosen better? Some scenes cost up to twice the best equal steps of second order, see `alpha_control`.
 Steps that were chosen for a portal frame at 1e-5 were taken again, with changes; error over that of as many equal ones:
 
     as they were; with a bound of Newton's iteration of 1e-9; without the shift of a    2.4  2.4  2.4
@@ -31,14 +30,14 @@ So neither the iteration nor changes of the length matter, but which steps are l
 the sum of their sizes is eight times the error, and equal steps make them cancel. Andrews' squeezer amplifies errors
 of its steps six times, those of a crane's early steps die out by damping: neither is seen when they are made. If the
 rate C of errors is known over all of the run, errors by lengths as C^(-1/3) are 0.8 times those of equal steps on the
-portal, and 0.6 … 1.2 times on ten other scenes. But C is known after a run only. One for a hundred
-times the tolerance would take a tenth of the steps, which costs the other scenes more than these gain.
+portal, and 0.6 … 1.2 times on ten other scenes. But C is known after a run only. One for a hundred times the tolerance
+would take a tenth of the steps, which costs the other scenes more than these gain.
 
-Of what knows nothing of the rest of the run nothing was better. Runs of 68 that cost more than 1.3, now 5, and 6 when
-the first four were tried: 9 with a share that active parts do not exceed, or with a mean that takes the rest to be as
-active as now; 8 and 9 with lengths as C^(-1/6); 9 and 11 with changes by 1.35 and 1.6 at least; 8 with none as long as
-the sum expected at the end is 0.6 … 1.3 of the one allowed. Before, when 7 did: 13 with means over 0.15 of the run, 14
-with an aim by what is left.
+Of what knows nothing of the rest of the run nothing was better. Runs of 68 that cost more than 1.3 times the fixed
+steps of then, which were dearer than those of now, 5, and 6 when the first four were tried: 9 with a share that active
+parts do not exceed, or with a mean that takes the rest to be as active as now; 8 and 9 with lengths as C^(-1/6); 9 and
+11 with changes by 1.35 and 1.6 at least; 8 with none as long as the sum expected at the end is 0.6 … 1.3 of the one
+allowed. Before, when 7 did: 13 with means over 0.15 of the run, 14 with an aim by what is left.
 
 The steps themselves stand in `alpha_control` and `stage_control`, the runs that they make in `controlled_run`.
 """
@@ -71,8 +70,6 @@ MEMORY, RECENT = 0.05, 100
 #: Error aimed at in calm and in active parts of a run, over that of its mean, at least and at most. With 0.3 and 3 the
 #: squeezer's error was 5 times the one asked for, and runs whose errors grow were repeated.
 CALM, ACTIVE = 0.5, 1.5
-#: Cost of a renewal of the matrix, in corrections; weight of the last step in the mean of what steps take lately.
-RENEWAL, LAST_ONE = 2.0, 0.25
 #: Times the contraction in proportion to the age of the matrix that is expected, and the age, over that at which it was
 #: seen, up to which it is.
 SAFE, AGAIN = 2.0, 2.0
@@ -99,12 +96,10 @@ DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
     WITHIN,
     REPEATED,
     AGE,
-    EXTRA,
-    LATELY,
     SEEN,
     SEEN_AT,
     ROOTS,
-) = PROGRESS = range(21)
+) = PROGRESS = range(19)
 
 
 @by_address
@@ -126,9 +121,8 @@ class Control(NamedTuple):
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
     estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs within it are not
     good enough, s; part of the last change of the accelerations that the next step is expected to repeat. Of the matrix
-    its age, in steps; corrections beyond one per step since its renewal, and those that steps take lately; the last
-    contraction seen with it, and the age then, 0 if none was. The last is the integral over time of the activity, the
-    (order + 1)th root of the mean of the errors.
+    its age, in steps; the last contraction seen with it, and the age then, 0 if none was. The last is the integral over
+    time of the activity, the (order + 1)th root of the mean of the errors.
     """
 
     allowed: float
@@ -293,9 +287,11 @@ def expect(h, stale, newton, progress):  # type: ignore[no-untyped-def]
 def expect_aged(found, forgets, slow, renewed, newton, progress):  # type: ignore[no-untyped-def]
     """As `expect_next`, but no more than in proportion to the age of the matrix, where steps with it have shown one.
 
-    What it had in its own step tells nothing: that is the square of a correction.
+    What it had in its own step tells nothing: that is the square of a correction. Above `slow` it is renewed.
     """
-    expect_next(found, forgets, slow, newton)
+    expect_next(found, forgets, newton)
+    if found > slow:
+        newton.counts[2] = 1
     if renewed:
         progress[AGE], progress[SEEN_AT] = 0.0, 0.0
     else:
@@ -305,36 +301,6 @@ def expect_aged(found, forgets, slow, renewed, newton, progress):  # type: ignor
     known = progress[SEEN_AT]
     if known > 0.0 and progress[AGE] < AGAIN * known:
         newton.expected[0] = min(newton.expected[0], SAFE * progress[SEEN] * (progress[AGE] + 1.0) / known)
-
-
-@inlined
-def renew_if_worn(more, renewed, newton, progress):  # type: ignore[no-untyped-def]
-    """After a step that needed so many corrections more than one: renew a matrix that costs more than on the average.
-
-    As it gets older steps take more corrections: the mean cost per step, that of its renewal included, is smallest if
-    it is renewed when steps take more than that mean.
-    """
-    if renewed:
-        progress[EXTRA], progress[LATELY] = 0.0, 0.0
-    else:
-        progress[LATELY] += LAST_ONE * (more - progress[LATELY])
-    progress[EXTRA] += more
-    if progress[LATELY] * (progress[AGE] + 1.0) > RENEWAL + progress[EXTRA]:
-        newton.counts[2] = 1
-
-
-@inlined
-def needed(history, left):  # type: ignore[no-untyped-def]
-    """Corrections of a solution, without those that did no more than show how much the one before had left.
-
-    They are no reason to renew a matrix: a new one is not known either, and they come more often with it. What the next
-    step will expect is SAFE times what this one has seen.
-    """
-    count = 1
-    for k in range(1, len(history)):
-        if SAFE * history[k] > left:
-            count += 1
-    return count
 
 
 @inlined
@@ -362,8 +328,6 @@ def contraction(history, least):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def expect_next(found, forgets, slow, newton):  # type: ignore[no-untyped-def]
-    """Expect of the next step the contraction found in this one, 0 if none was; the matrix is renewed above `slow`."""
+def expect_next(found, forgets, newton):  # type: ignore[no-untyped-def]
+    """Expect of the next step the contraction found in this one, 0 if none was."""
     newton.expected[0] = (found if found > 0.0 else newton.expected[0]) ** forgets
-    if found > slow:
-        newton.counts[2] = 1

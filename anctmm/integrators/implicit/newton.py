@@ -1,7 +1,7 @@
 """Newton's iteration of an implicit step, its linear solves by the Riccati recursion.
 
 The matrix is kept as long as the corrections decrease (modified Newton); otherwise it is computed in each iteration.
-When it is renewed before a solution, see `renewal`; where an error drives the steps, `adaptive.step_control`.
+When it is renewed before a solution, see `renewal`.
 """
 
 import numpy as np
@@ -46,8 +46,6 @@ SLOW = 0.5
 ROUNDING = 1e-8
 #: Growth of corrections over the smallest, and over what is no rounding, at which accelerations cannot be kept.
 GROWN, LEAST = 10.0, 1e-10
-#: Corrections in a step above which the matrix is renewed before the next one, where an error drives the steps.
-MANY = 5
 
 
 @inlined
@@ -86,7 +84,7 @@ def iterate(
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
-    scale, _, counts, history, expected, wear = newton
+    scale, _, counts, history, wear, expected, shows = newton
     new, renewed = full or counts[2] != 0, counts[1]
     last, stalls, least = 0.0, 0, np.inf
     by_rates = coefficients.level * coefficients.to_q != 0.0
@@ -117,7 +115,8 @@ def iterate(
         rate = size / last if iteration > 0 else _expected(expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
-            counts[2] = 1 if _renews(wear, new, iteration + 1, counts[1] - renewed) else 0
+            cost = _needed(iteration + 1, history, shows * tolerance)
+            counts[2] = 1 if worn(new, cost, counts[1] - renewed, wear) else 0
             end_newton(factors.loops)
             return True
         if iteration > 0 and rate > SLOW:
@@ -131,10 +130,14 @@ def iterate(
     return False
 
 
-@embedded
-def _renews(wear, new, corrections, renewals):  # type: ignore[no-untyped-def]
-    """Whether the next solution begins with a new matrix."""
-    return corrections > MANY if wear is None else worn(new, corrections, renewals, wear)
+@inlined
+def _needed(corrections, history, least):  # type: ignore[no-untyped-def]
+    """So many corrections, without those after the first that are no larger than `least`."""
+    count = corrections
+    for k in range(1, corrections):
+        if history[k] <= least:
+            count -= 1
+    return count
 
 
 @embedded

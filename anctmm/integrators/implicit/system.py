@@ -76,16 +76,18 @@ class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
-    of the last step, (ITERATIONS,). expected: contraction to expect of a first correction, (1,), so that one may do;
-    None by default. wear: of the matrix, see `renewal`; None where an error drives the steps.
+    of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. expected: contraction to expect of a first
+    correction, (1,), so that one may do; None with fixed steps. shows: part of the bound up to which a further
+    correction does no more than show what the one before has left: that is no wear of the matrix.
     """
 
     scale: float
     tolerance: float
     counts: Ints
     history: Array
+    wear: Array
     expected: Array | None = None
-    wear: Array | None = None
+    shows: float = 0.0
 
 
 @by_address

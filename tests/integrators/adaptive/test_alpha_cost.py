@@ -11,11 +11,16 @@ import anctmm as at
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
 PARTS = (1, 2, 3, 4, 5, 6, 8, 11, 16, 23, 32, 45, 64, 90, 128, 181, 256)
 BOUNDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
-#: Cost allowed over that of the best fixed step of the same error, the best of 102, in all runs but one of a case and
-#: in that one; and of cases that cost more, in all; why, stands in `anctmm.integrators.adaptive.alpha_control`. The aim
-#: is 1.3; fixed steps renew their matrix by its cost, and steps with a tolerance not yet.
-DEARER, DEAREST = 1.55, 1.4
-MORE = {"portal_frame": 2.0, "gantry_crane": 1.95, "squeezer": 2.1}
+#: Cost allowed over that of the best fixed step of the same error, the best of 102, and of cases that cost more; why,
+#: stands in `anctmm.integrators.adaptive.step_control`. The aim is 1.3.
+DEARER = 1.6
+MORE = {
+    "portal_frame": 2.2,
+    "gantry_crane": 2.05,
+    "squeezer": 2.35,
+    "fall-shear": 1.8,
+    "thrown_triangle": 1.75,
+}
 
 
 @pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS | CONSTRAINED)

@@ -144,4 +144,4 @@ def test_what_newtons_iteration_leaves_of_linkages_of_rigid_bodies_is_no_large_p
     options = {"t_end": case.duration, "output_dt": case.interval}
     fine = at.solve(case.scene, dt=case.interval / 32, integrator="esdirk", newton_tolerance=1e-11, **options)
     found = at.solve(case.scene, tolerance=tolerance, integrator="generalized-alpha", **options)
-    assert at.compare(found, fine, case.probes).error < 1.5 * tolerance
+    assert at.compare(found, fine, case.probes).error < 1.75 * tolerance
