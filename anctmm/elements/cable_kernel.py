@@ -126,10 +126,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
             for j in range(some):
                 bx, by, cx, cy = _middle(_vectors(e, j, r), r)
                 px, py, tx, ty = bending_moment(bx, by, cx, cy, EI * w)
-                to[0 * BLOCK + j] += px
-                to[1 * BLOCK + j] += py
-                to[2 * BLOCK + j] -= r * tx
-                to[3 * BLOCK + j] -= r * ty
+                _add_middle(to, j, r, px, py, tx, ty)
         _on_nodes(to, some, l)
         done = start + some
 
@@ -181,10 +178,7 @@ def damping_forces(
                 bx, by, cx, cy = _middle(_vectors(e, j, r), r)
                 gx, gy, hx, hy = _middle(_vectors(f, j, r), r)
                 px, py, tx, ty = bending_damping(bx, by, cx, cy, gx, gy, hx, hy, EI * w)
-                to[0 * BLOCK + j] += px
-                to[1 * BLOCK + j] += py
-                to[2 * BLOCK + j] -= r * tx
-                to[3 * BLOCK + j] -= r * ty
+                _add_middle(to, j, r, px, py, tx, ty)
         _on_nodes(to, some, l)
         done = start + some
 
@@ -258,6 +252,15 @@ def _add_axial(out, j, A, B, C, px, py, qx, qy):  # type: ignore[no-untyped-def]
     out[3 * BLOCK + j] += z * (py - qy)
     out[8 * BLOCK + j] += y * mx
     out[9 * BLOCK + j] += y * my
+
+
+@inlined
+def _add_middle(out, j, r, px, py, tx, ty):  # type: ignore[no-untyped-def]
+    """Add to them what p and t give, the derivatives by r' and r'' at ξ = ½; r = 1/l."""
+    out[0 * BLOCK + j] += px
+    out[1 * BLOCK + j] += py
+    out[2 * BLOCK + j] -= r * tx
+    out[3 * BLOCK + j] -= r * ty
 
 
 @inlined

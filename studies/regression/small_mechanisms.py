@@ -5,6 +5,7 @@ As in `small_scenes`, each place has another value, and all that a feature may h
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from math import cos, sin
 
 import anctmm as at
 from anctmm.model.bodies import Body
@@ -217,6 +218,29 @@ def guides() -> at.Scene:
     ]
     stay = at.Spring("bar.end", (0.3, 0.9), stiffness=30.0, damping=0.05, length=0.4)
     return _mechanism("small-guides", bodies, joints, [at.Force("arm.start", (0.3, -0.1))], GRAVITY, [stay])
+
+
+def parallel() -> at.Scene:
+    """Three parallel rigid cranks under a coupler, one more than it needs, which go through the line of their feet."""
+    feet, (x, y), rate = (0.0, 0.35, 0.8), (0.3 * cos(0.12), 0.3 * sin(0.12)), -8.0
+    cranks = [
+        at.RigidBody(
+            f"crank{k}",
+            0.02 + 0.004 * k,
+            2e-4,
+            (foot + 0.5 * x, 0.5 * y),
+            {"foot": (foot, 0.0), "top": (foot + x, y)},
+            (-0.5 * rate * y, 0.5 * rate * x),
+            rate,
+        )
+        for k, foot in enumerate(feet)
+    ]
+    tops = {f"p{k}": (foot + x, y) for k, foot in enumerate(feet)}
+    coupler = at.RigidBody("coupler", 0.06, 3e-4, (0.4 + x, 0.05 + y), tops, (-rate * y, rate * x))
+    joints: list[Joint] = [at.Pin(f"crank{k}.foot") for k in range(3)]
+    joints += [at.Pin(f"crank{k}.top", f"coupler.p{k}") for k in range(3)]
+    push = at.Force("coupler.p1", (0.3, -0.2))
+    return _mechanism("small-parallel", [*cranks, coupler], joints, [push], GRAVITY, [])
 
 
 def wheel() -> at.Scene:

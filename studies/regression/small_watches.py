@@ -249,6 +249,7 @@ def _mechanisms() -> tuple[Watch, ...]:
         _watch(mechanisms.sliding(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.guides(), moving),
         _watch(mechanisms.wheel(), moving),
+        _watch(mechanisms.parallel(), moving),
         _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
         _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
         _watch(mechanisms.lattice(), {"implicit": implicit(1, "cable")}),

@@ -280,39 +280,23 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
     if abs(h - progress[LAST]) > ROUNDED * progress[LAST] > 0.0:
         _shift(state, lag, 1.0 - h / progress[LAST])
     progress[LAST] = 0.0
-    c = _coefficients(h, lag.method)
-    _begin(h, stop, c, system, control, lag)
-    stiffen(system.damping, control, c)
-    left = left_by_newton(_newton_part(system, control), h, system, control)
+    c, share = _coefficients(h, lag.method), share_of(h, control, lag)
+    solved = _find_end(h, stop, c, system, control, lag)
+    guess, error, missed, crossing = control.allowed == np.inf, np.inf, 0.0, crosses(control.kinks)
     allowed = control.allowed * (progress[TIME] + h - progress[LOOKED]) / control.t_end
-    factored, slow = newton.counts[1], STAYS if goes_on(control) else SLOW
-    solved = solve_step(system, c, control.values[1], left)
-    renewed = newton.counts[1] != factored
-    found = contraction_or_bound(newton.history, CLEAR * control.rounding, control.rounding, slow)
-    expect_aged(found, FORGETS, slow, renewed, newton, progress)
-    if renewed:
-        progress[FACTORED] = h
-        if drives_rigid(control):
-            newton.expected[0] = max(newton.expected[0], AGED)
-    guess, error, share = control.allowed == np.inf, np.inf, share_of(h, control, lag)
     # an iteration that wandered may have found another motion
     look = looks(h, control, lag) or effort_of(newton.history) > HARD
-    if solved and look:
-        kept = _coefficients(progress[FACTORED], lag.method)
-        error = alpha_error(progress[TIME], c.h, kept.to_w, share, system, control, lag)
-        if not guess:
-            turned = turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
-            error = max(error, turned, allowed * velocity_error(c, system, control))
-    missed, crossing = 0.0, crosses(control.kinks)
-    aside = crossing or (near_kink(control.kinks) and h < SHORT * progress[WANTED])
     if solved:
         kept = _coefficients(progress[FACTORED], lag.method)
+        if look:
+            error = alpha_error(progress[TIME], c.h, kept.to_w, share, system, control, lag)
+            if not guess:
+                turned = turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
+                error = max(error, turned, allowed * velocity_error(c, system, control))
         missed = _missed(control.kinks, c, kept.to_w, system, control)
-    if (
-        solved
-        and missed <= 1.0
-        and (not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed))
-    ):
+    aside = crossing or (near_kink(control.kinks) and h < SHORT * progress[WANTED])
+    good = not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)
+    if solved and missed <= 1.0 and good:
         progress[REPEATED] = repeated(
             h, state.flat[5], state.flat[3], lag.rate, newton.scale, state.q.shape[1]
         )
@@ -323,21 +307,47 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort_of(newton.history) > HARD else np.inf)
         progress[STEADY_STEPS] += 1.0
         if look:
-            measure_motion(state.q, control)
-            measure_speed(state.v, control)
-            follow_turns(state.q, progress[TIME], control.t_end, control.turns)
-            follow_returning(state.q, control)
-            remember(lag)
-            if aside:
-                spend(error, progress)
-            else:
-                aim(h, error, 2, STEADY, 1.0, control)
+            _look_back(h, error, aside, state, control, lag)
         if pass_kink(control.kinks, progress[TIME], h):
             progress[STARTS] = 1.0
     elif solved and missed > 1.0:
         _go_back_to_kink(missed, h, system, control, lag)
     else:
         _refuse(solved, h, error, allowed, system, control, lag)
+
+
+@inlined
+def _find_end(h, stop, c, system, control, lag):  # type: ignore[no-untyped-def]
+    """Find the end of a step, and what to expect of its matrix in the next one; whether it was found."""
+    newton, progress = system.newton, control.progress
+    _begin(h, stop, c, system, control, lag)
+    stiffen(system.damping, control, c)
+    left = left_by_newton(_newton_part(system, control), h, system, control)
+    factored, slow = newton.counts[1], STAYS if goes_on(control) else SLOW
+    solved = solve_step(system, c, control.values[1], left)
+    renewed = newton.counts[1] != factored
+    found = contraction_or_bound(newton.history, CLEAR * control.rounding, control.rounding, slow)
+    expect_aged(found, FORGETS, slow, renewed, newton, progress)
+    if renewed:
+        progress[FACTORED] = h
+        if drives_rigid(control):
+            newton.expected[0] = max(newton.expected[0], AGED)
+    return solved
+
+
+@inlined
+def _look_back(h, error, aside, state, control, lag):  # type: ignore[no-untyped-def]
+    """After steps whose error was estimated: measure the motion, and choose the next step, but `aside` of a bend."""
+    progress = control.progress
+    measure_motion(state.q, control)
+    measure_speed(state.v, control)
+    follow_turns(state.q, progress[TIME], control.t_end, control.turns)
+    follow_returning(state.q, control)
+    remember(lag)
+    if aside:
+        spend(error, progress)
+    else:
+        aim(h, error, 2, STEADY, 1.0, control)
 
 
 @embedded

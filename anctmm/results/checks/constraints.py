@@ -107,8 +107,7 @@ def constraint_findings(solution: Solution, places: Places, *, static: bool = Fa
 def constraints_of(scene: Scene) -> Constraints:
     """What the joints of a scene keep."""
     of, names = _numbered(scene), names_of(scene)
-    bodies = {body.name: body for body in scene.bodies}
-    points = [complex(*bodies[name].position_at(key)) for name, key in map(names.__getitem__, of.held)]
+    points = [complex(*scene.body(name).position_at(key)) for name, key in map(names.__getitem__, of.held)]
     along = np.exp([-1j * body.angle for body in scene.beams])
     clamps = (
         ()
