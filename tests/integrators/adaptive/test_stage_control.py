@@ -48,11 +48,6 @@ def mesh_of(scene):
     return 1 if len(scene.beams) > 1 else 2
 
 
-def work(run):
-    """Corrections, and factorizations, which cost about as much as two."""
-    return run.cost.newton_iterations + 2 * run.cost.factorizations
-
-
 @pytest.mark.parametrize("name", SCENES)
 def test_errors_stay_within_three_times_what_is_asked(name):
     make, dt = SCENES[name]
