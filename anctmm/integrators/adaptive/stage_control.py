@@ -53,6 +53,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
     grown,
+    has_met_kinks,
     keep_forces,
     missed_at_kinks,
     pass_kink,
@@ -123,7 +124,7 @@ from anctmm.integrators.output import Output, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded, inlined, kernel, shared
+from anctmm.jit.compiling import inlined, kernel, shared
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.solution import Solution
 
@@ -141,7 +142,7 @@ LATEST = 20.0
 SHORT = 0.1
 #: Part of the error allowed in a step that the iteration of its last stage may leave: what it leaves is noise of w,
 #: which the estimate answers with smaller steps, and of the velocity, which stays where bodies move freely. In
-#: structures which joints hold it dies out. The third is that of rigid mechanisms, which need little more for it.
+#: structures which joints hold it dies out. The third is that of rigid bodies, which need little more for it.
 NEWTON_PART, HELD_PART, RIGID_PART = 0.5, 1.0, 0.15
 #: Times as much that the other stages may leave: w of the last one starts the next step, and is in the estimate.
 INNER = 3.0
@@ -368,7 +369,7 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
         expect(h, STALE, newton, progress)
     factored, slowest, shown, effort = newton.counts[1], 0.0, 0, 0
     method = track.euler if guess else track.method
-    left = left_by_newton(_newton_part(system, control), h, system, control)
+    left = left_by_newton(_newton_part(control), h, system, control)
     row, solved = last if guess else 1, True
     while solved and row <= last:
         most = left if row == last else INNER * left
@@ -391,10 +392,10 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
 
 
-@embedded
-def _newton_part(system, control):  # type: ignore[no-untyped-def]
+@inlined
+def _newton_part(control):  # type: ignore[no-untyped-def]
     """Part of the error allowed in a step that Newton's iteration may leave in its last stage."""
-    if system.factors.loops is not None and not control.turns.elastic:
+    if not control.turns.elastic:
         return RIGID_PART
     return HELD_PART if control.restrained else NEWTON_PART
 
@@ -444,6 +445,8 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
     if control.allowed < np.inf:  # a guess has no stages
         predict(row, h, state.flat[5], system.factors.loops, track.prediction)
     move_drives(system.factors, system.clamps, angles)
+    if has_met_kinks(control.kinks):  # a new matrix tells nothing of what is beyond
+        system.newton.of_new[0] = 1.0
     solved = solve_stage(1, system, c, values, left)
     keep_forces(control.kinks, system.loads.connectors, row)
     for k in range(len(flat_v)):

@@ -116,7 +116,8 @@ def iterate(
         least = min(least, size)
         # the corrections fall by `rate` each: what is left is at most their geometric series
         rate = size / last if iteration > 0 else _expected(new, size, expected, of_new)
-        small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
+        sure = size if iteration > 0 else size * _worse(rate, of_new)
+        small = sure <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             cost = _needed(iteration + 1, history, shows * tolerance)
             counts[2] = 1 if worn(new, cost, counts[1] - renewed, wear) else 0
@@ -156,6 +157,12 @@ def _expected(new, size, expected, of_new):  # type: ignore[no-untyped-def]
     if of_new is not None:
         rate = SAFE * of_new[0] * max(1.0, size / of_new[1]) if new else rate
     return rate
+
+
+@embedded
+def _worse(rate, of_new):  # type: ignore[no-untyped-def]
+    """Times a first correction that it may leave with a matrix which is known to make it worse."""
+    return 1.0 if of_new is None else max(1.0, rate)
 
 
 @embedded
