@@ -8,7 +8,7 @@ outputs within, and where that is less than the way to the next output, steps en
 its outputs: half of the work of some runs had gone into steps that were tried again and again.
 
 The first correction of a stage starts from where linear prediction puts it, see `prediction`. It is a tenth of what it
-was from a part of the last change: runs of seventeen scenes take 0.79 of the corrections, at 1e-5 0.72.
+was from a part of the last change: runs of seventeen scenes take 0.79 of the corrections, at 1e-5 0.74.
 
 All stages have one matrix, which is kept as long as the length is. One Newton correction may do for a stage, where the
 contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). With a new matrix
@@ -23,7 +23,7 @@ kept if that costs fewer corrections than a new one.
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 0.87 in the mean, at most 1.3 in 67 of the 68 runs, and 1.4 in one of a
+moving scenes with tolerances of 1e-2 … 1e-5 0.89 in the mean, at most 1.3 in 67 of the 68 runs, and 1.6 in one of a
 crane, beside steps of which one of 72 settings happens to be 1.2 times as cheap as its neighbours. Fixed steps start
 from the w before. With linear prediction they would cost 0.74 of it, and runs with a tolerance 1.16 times as much.
 
