@@ -11,8 +11,8 @@ another place makes it one: second corrections of Andrews' squeezer were as larg
 twice as many.
 
 What no correction reaches must not go on. Ends at a joint have the same unknowns, each of its own; predicted from what
-they differ by, rounding grew by a hundredth in a stage, and a welded triangle came apart after 2,000. So their changes
-are made alike.
+they differ by, rounding grew by a hundredth in a stage, and a welded triangle came apart after 2,000 stages. So their
+changes are made alike.
 
 A prediction with more than twice the largest of the last changes is none: a load that begins makes much of what was
 rounding before.
@@ -105,7 +105,7 @@ def begin_prediction(prediction):  # type: ignore[no-untyped-def]
 
 @inlined
 def take_back(loops, prediction):  # type: ignore[no-untyped-def]
-    """Go back to the start of a step."""
+    """Go back to the start of a step; what was learned from its stages holds."""
     prediction.known[0] = prediction.known[1]
     for k in range(prediction.multipliers.shape[1]):
         prediction.multipliers[0, k] = prediction.multipliers[1, k]
