@@ -36,8 +36,8 @@ from anctmm.jit.compiling import embedded, inlined, shared, summed
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Changes of which a prediction is made: those of two steps.
-DEPTH = 10
+#: Changes of which a prediction is made: those of a step.
+DEPTH = 5
 #: Weight of a step in the least squares, over that of the next one.
 FORGETS = 0.7
 #: Part of each square, relative, that is added to it. Without it noise was predicted: largest first corrections of a
@@ -133,8 +133,8 @@ def predict(stage, h, w, loops, prediction):  # type: ignore[no-untyped-def]
     """Let w, flat, and the multipliers change over a step of h as is expected of this stage."""
     rates, parts, last = prediction.rates, prediction.parts, prediction.known[0] - 1
     _find_parts(stage, prediction)
-    for j in range(min(DEPTH, last + 1)):
-        if parts[j] != 0.0:
+    if parts[0] != 0.0:
+        for j in range(min(DEPTH, last + 1)):
             slot = (last - j) % len(rates)
             _add(h * parts[j], rates[slot], w)
             _add_multipliers(h * parts[j], slot, loops, prediction)
@@ -174,23 +174,28 @@ def _find_parts(stage, prediction):  # type: ignore[no-untyped-def]
 
 @inlined
 def _solve(a):  # type: ignore[no-untyped-def]
-    """Solve symmetric equations with right sides in the last column, where the solution stands then, by Cholesky."""
+    """Solve symmetric equations with right sides in the last column, where the solution stands then, by Cholesky.
+
+    The diagonal has the inverses of the factor's.
+    """
     for i in range(DEPTH):
-        for j in range(i + 1):
+        for j in range(i):
             x = a[i, j]
             for k in range(j):
                 x -= a[i, k] * a[j, k]
-            a[i, j] = x / a[j, j] if j < i else np.sqrt(max(x, LEAST))
-        x = a[i, DEPTH]
+            a[i, j] = x * a[j, j]
+        x, y = a[i, i], a[i, DEPTH]
         for k in range(i):
-            x -= a[i, k] * a[k, DEPTH]
-        a[i, DEPTH] = x / a[i, i]
+            x -= a[i, k] * a[i, k]
+            y -= a[i, k] * a[k, DEPTH]
+        a[i, i] = 1.0 / np.sqrt(max(x, LEAST))
+        a[i, DEPTH] = y * a[i, i]
     for n in range(DEPTH):
         i = DEPTH - 1 - n
         x = a[i, DEPTH]
         for k in range(i + 1, DEPTH):
             x -= a[k, i] * a[k, DEPTH]
-        a[i, DEPTH] = x / a[i, i]
+        a[i, DEPTH] = x * a[i, i]
 
 
 @inlined
@@ -199,11 +204,11 @@ def _too_large(prediction):  # type: ignore[no-untyped-def]
     products, parts, last = prediction.products, prediction.parts, prediction.known[0] - 1
     most, square, count, slots = 0.0, 0.0, min(DEPTH, last + 1), len(products)
     for i in range(count):
-        own = products[(last - i) % slots]
-        most = max(most, own[0])
-        square += parts[i] * parts[i] * own[0]
+        at = (last - i) % slots
+        most = max(most, products[at, 0])
+        square += parts[i] * parts[i] * products[at, 0]
         for j in range(i + 1, count):
-            square += 2.0 * parts[i] * parts[j] * own[j - i]
+            square += 2.0 * parts[i] * parts[j] * products[at, j - i]
     return not square <= LARGEST * LARGEST * most
 
 
@@ -221,10 +226,11 @@ def learn(stage, h, before, now, scale, nodes, loops, prediction):  # type: igno
         old = rates[(count - lag) % slots]
         product = _product(rates[new, :places], old[:places]) / (scale * scale)
         products[new, lag] = product + _product(rates[new, places:], old[places:])
-    for i in range(min(DEPTH, count)):
-        squares[i, DEPTH] = FORGETS * squares[i, DEPTH] + products[new, i + 1]
-        for j in range(i + 1):
-            squares[i, j] = FORGETS * squares[i, j] + products[(count - 1 - j) % slots, i - j]
+    for j in range(min(DEPTH, count)):
+        squares[j, DEPTH] = FORGETS * squares[j, DEPTH] + products[new, j + 1]
+        at = (count - 1 - j) % slots
+        for i in range(j, min(DEPTH, count)):
+            squares[i, j] = FORGETS * squares[i, j] + products[at, i - j]
     prediction.known[0] += 1
 
 
