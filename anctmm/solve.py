@@ -25,8 +25,6 @@ __all__ = ["solve", "solve_static"]
 
 #: Bytes that a run takes for each coordinate, by integrator: as measured, and 8 more for each of 8 vectors of stages.
 BYTES = {Zhai.name: 150.0, GeneralizedAlpha.name: 240.0, Esdirk.name: 304.0}
-#: The same of `prediction`, with a tolerance: 8 for each of 16 changes.
-PREDICTED = {Esdirk.name: 128.0}
 OFFER = Offer(lacks=uncombined() | LACKING, extras=frozenset({Esdirk.name}))
 
 
@@ -83,9 +81,9 @@ def _method(chain: Chain) -> Method:
 def _checked_chain(scene: Scene, run: Discretisation) -> Chain:
     """A scene cut into elements, if ANC-TMM has what it needs, and the machine the memory."""
     refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
-    name = run.method.name
-    each = BYTES[name] + (PREDICTED.get(name, 0.0) if run.tolerance is not None else 0.0)
-    check_memory(scene, run, each, coupled=NONE if run.explicit else couplings_of(scene, run))
+    check_memory(
+        scene, run, BYTES[run.method.name], coupled=NONE if run.explicit else couplings_of(scene, run)
+    )
     check_kinds(run.of(scene), moved_by(run.integrator), f"integrator {run.integrator!r}")
     for name, (_, kind) in run.of(scene).items():
         if kind_of(kind).rigid:

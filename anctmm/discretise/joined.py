@@ -1,49 +1,14 @@
 """Independent unknowns of a scene: those of all nodes, reduced by the joints."""
 
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
-from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import embedded
 
 Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-
-@by_address
-class Doubles(NamedTuple):
-    """Unknowns that joints make doubles of others: each is the sum of its terms, factors times others.
-
-    Parameters
-    ----------
-    place, source : ndarray of int, shape (terms,)
-        Of a double and of one of the others, among those of all nodes, flat.
-    factor : ndarray, shape (terms,)
-    """
-
-    place: Ints
-    source: Ints
-    factor: Array
-
-
-def doubles_of(chain: Chain) -> Doubles:
-    """The doubles of a scene, guides left out."""
-    return Joined(chain, free=True).doubles
-
-
-@embedded
-def repeat_at_joints(doubles, x):  # type: ignore[no-untyped-def]
-    """Give the doubles among x, flat, the values that joints give them."""
-    place, source, factor = doubles
-    for n in range(len(place)):
-        x[place[n]] = 0.0
-    for n in range(len(place)):
-        x[place[n]] += factor[n] * x[source[n]]
 
 
 class Joined:
@@ -92,11 +57,6 @@ class Joined:
                 master[:2, j] = False
                 entries += [(index[0, j], index[0, i], x), (index[1, j], index[0, i], y)]
         self.masters = index[master]
-        double, source, factor = zip(*entries, strict=True) if entries else ((), (), ())
-        #: Unknowns at joints that follow from others.
-        self.doubles = Doubles(
-            np.array(double, dtype=np.int64), np.array(source, dtype=np.int64), np.array(factor, dtype=float)
-        )
         number = np.full(index.size, -1)
         number[self.masters] = np.arange(self.masters.size)
         rows = np.concatenate([self.masters, [e[0] for e in entries]]).astype(int)

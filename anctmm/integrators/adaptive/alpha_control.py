@@ -19,7 +19,7 @@ constraints: see `velocity_error`.
 
 Outputs are ends of steps; accelerations there that break constraints are found anew at the end (`implicit.balanced`).
 
-The first correction of a step starts from what the last one did, see `repetition`, and one does in half of the steps.
+The first correction of a step starts from what the last one did, see `prediction`, and one does in half of the steps.
 What it leaves matters more than with stages: it is an error of w, and so of v, which stays in a mechanism that moves
 freely until the end.
 
@@ -75,7 +75,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.adaptive.repetition import predict, repeated
+from anctmm.integrators.adaptive.prediction import predict, repeated
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.step_control import (
     CAP,

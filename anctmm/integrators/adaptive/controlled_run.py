@@ -124,9 +124,9 @@ class Scheme(NamedTuple):
 
     advance: kernel of the steps, which gives how it ended. adds: what it needs beside the rest. order: of the error of
     a run in its steps. places: at which a step sees what acts. constrained, goes_on: the `SHARE` of scenes with
-    constraints between rigid bodies or guides, and where these are known to turn freely or to go to and fro. shows,
-    of_new: of `Newton`. look: (chain, system, time of failure) sees whether constraints can be kept then, where steps
-    do not keep positions.
+    constraints between rigid bodies or guides, and where these are known to turn freely or to go to and fro. shows: of
+    `Newton`. look: (chain, system, time of failure) sees whether constraints can be kept then, where steps do not keep
+    positions.
     """
 
     advance: Any
@@ -136,7 +136,6 @@ class Scheme(NamedTuple):
     constrained: float
     goes_on: float
     shows: float = 0.0
-    of_new: Array | None = None
     look: Callable[[Chain, System, float], None] | None = None
 
     def take(self, most: int, outputs: int, system: System, control: Control, out: Output) -> int:
@@ -294,7 +293,7 @@ def _allowed(chain: Chain, scheme: Scheme, system: System, control: Control) -> 
 def _system(chain: Chain, scheme: Scheme) -> System:
     """What the steps take: without a tolerance of the user's, Newton's is a part of the error of a step alone."""
     system = new_system(chain)
-    newton = system.newton._replace(expected=np.ones(1), of_new=scheme.of_new, shows=scheme.shows)
+    newton = system.newton._replace(expected=np.ones(1), shows=scheme.shows)
     return system._replace(newton=newton if chain.run.newton_given else newton._replace(tolerance=np.inf))
 
 
@@ -391,8 +390,6 @@ def _march(
     system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     if newton.expected is not None:
         newton.expected[0] = 1.0
-    if newton.of_new is not None:
-        newton.of_new[:] = 1.0
     code, stopped = UNFINISHED, False
     for begin, end in paced(UNLIMITED, STEP * chain.bodies.nodes):
         try:

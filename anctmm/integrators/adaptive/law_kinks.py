@@ -162,15 +162,6 @@ def near_kink(kinks):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def has_met_kinks(kinks):  # type: ignore[no-untyped-def]
-    """Whether the run has met a bend, or is made again for one."""
-    met = False
-    if kinks is not None:
-        met = kinks.stops[1] > -np.inf or kinks.crossed[0] > 0.0 or kinks.known[0]
-    return met
-
-
-@embedded
 def pass_kink(kinks, t, h):  # type: ignore[no-untyped-def]
     """After a step of h to t: whether it has crossed a bend."""
     crossed = False

@@ -7,34 +7,33 @@ what vibrates, the quintic from which these start is no motion: its error tells 
 outputs within, and where that is less than the way to the next output, steps end there. So a step is rarely refused for
 its outputs: half of the work of some runs had gone into steps that were tried again and again.
 
-The first correction of a stage starts from where linear prediction puts it, see `prediction`. It is a tenth of what it
-was from a part of the last change: runs of seventeen scenes take 0.79 of the corrections, at 1e-5 0.74.
+The first correction of a stage starts from what the last step did there, see `prediction`: that saves up to a tenth of
+the corrections.
 
 All stages have one matrix, which is kept as long as the length is. One Newton correction may do for a stage, where the
-contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). With a new matrix
-the last new one tells it: what is left goes as the square of the correction, or in proportion to it where something is
-no part of the matrix, and the larger one is expected. Of the stages that follow nothing is known then: in a mechanism
-that moves freely the velocity that one stage leaves wrong stays until the end, and there a contraction in proportion to
-the age of the matrix made the error 2.3 times the one asked for. In structures that joints hold it is expected to do as
-the last new one did in a step all of whose stages have shown it. A matrix is renewed by its cost, as with fixed steps
-(`implicit.renewal`). Where corrections fall slowly, which smaller ones do more often, as what is left is stiff, it is
-kept if that costs fewer corrections than a new one.
+contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). Nothing is known
+of a matrix that is new: in a mechanism that moves freely the velocity that one stage leaves wrong stays until the end,
+and there it made the error 20 times the one asked for. In structures that joints hold it is expected to do as the last
+new one did in a step all of whose stages have shown it. A matrix is renewed by its cost, as with fixed steps
+(`implicit.renewal`), before any stage, and in such structures before a step whose corrections fell by less than 20
+times; before any such step of all scenes it cost as much.
 
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 0.89 in the mean, at most 1.3 in 67 of the 68 runs, and 1.6 in one of a
-crane, beside steps of which one of 72 settings happens to be 1.2 times as cheap as its neighbours. Fixed steps start
-from the w before. With linear prediction they would cost 0.74 of it, and runs with a tolerance 1.16 times as much.
+moving scenes with tolerances of 1e-2 … 1e-5 1.06 in the mean, at most 1.3 in 58 of the 68 runs, and 1.9 at most.
 
-A bound of Newton's iteration that is tighter for the last stage, whose w starts the next step, costs nothing, and
-leaves better forces. Three times as loose in all stages made runs 0.97 times as expensive, and errors of rigid
-mechanisms up to 2.4 times the tolerance. What it leaves is noise: steps of a soft blade that spins at 1e-2 became four
-times as many where a hard one made the next ones short.
+Structures that joints hold take up to a quarter fewer corrections by what is expected of a new matrix: 1,273 in place
+of 1,574 of three supports at 1e-5, which cost 1.5 times the best fixed steps. In all scenes it made the error of a
+four-bar that a torque drives 8 times its tolerance: there a matrix gets old within a step. With the contraction of the
+first stage alone, which is that of a correction near zero, it was 7 times it, and a falling beam took a third more
+steps. Bounds of Newton's iteration ten times as loose take 0.91 times the corrections, but errors grow with them:
+beside fixed steps it costs as much. Beside the best fixed steps of either order the cost is 1.17 in the mean, 1.10 with
+the better one of the two integrators.
 
-The rms error was 0.003 to 0.97 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random. No share
-brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of some motions and 64 times that of
-others, as they cancel or not.
+The rms error was 0.003 to 0.98 of the tolerance on these, the squeezer's up to 1.4 times it, and its peak up to 2.2 on
+scenes drawn at random. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
+some motions and 64 times that of others, as they cancel or not.
 
 Where bodies turn freely many times errors of their speed stay, which is no part of that: see `free_turns`.
 """
@@ -53,21 +52,12 @@ from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
     grown,
-    has_met_kinks,
     keep_forces,
     missed_at_kinks,
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.adaptive.prediction import (
-    Prediction,
-    begin_prediction,
-    forget_changes,
-    learn,
-    new_prediction,
-    predict,
-    take_back,
-)
+from anctmm.integrators.adaptive.prediction import predict, repeated
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.stage_error import stage_error
 from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
@@ -116,7 +106,6 @@ from anctmm.integrators.esdirk import (
     stage_power,
 )
 from anctmm.integrators.implicit.newton import ROUNDING
-from anctmm.integrators.implicit.renewal import new_wear
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
@@ -140,16 +129,15 @@ LEAST, MOST, AT_LAST = 0.3, 2.0, 1e-3
 LATEST = 20.0
 #: Part of the step aimed at, and of the error allowed, below which a step tells nothing: rounding over h⁵.
 SHORT = 0.1
-#: Part of the error allowed in a step that the iteration of its last stage may leave: what it leaves is noise of w,
-#: which the estimate answers with smaller steps, and of the velocity, which stays where bodies move freely. In
-#: structures which joints hold it dies out. The third is that of rigid bodies, which need little more for it.
-NEWTON_PART, HELD_PART, RIGID_PART = 0.5, 1.0, 0.15
-#: Times as much that the other stages may leave: w of the last one starts the next step, and is in the estimate.
-INNER = 3.0
-#: Part of that bound up to which a correction shows what the one before has left, and is no wear of the matrix.
-SHOWS = 0.5
+#: Part of the error allowed in a step that the iteration of a stage may leave: what it leaves is noise of w, and with
+#: as much as all of it the estimate would answer that noise with ever smaller steps. The second is that in structures
+#: which joints hold: with 3.5 to 6 reactions at 1e-2 and a portal's error at 1e-5 were up to six times as large.
+NEWTON_PART, HELD_PART = 0.3, 1.0
 #: Relative change of the step beyond which the matrix is renewed.
 STALE = 0.1
+#: Contraction of Newton's corrections in a step above which structures that joints hold have a new matrix in the next
+#: one: renewed within a step it costs a second correction in some stages, a fifth more of them at 1e-2 and 1e-3.
+SLOW = 0.05
 #: Power of the contraction in a step that is expected of the next one: it gets worse as the matrix gets older, and a
 #: single correction shows none.
 FORGETS = 0.8
@@ -167,8 +155,6 @@ ALIKE = 0.8
 LEAST_ERROR = 1e-300
 #: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
 HARD = 30
-#: Times that the longest step then grows with each step: with 1.05 a single hard step of a soft beam cost 250 others.
-EASIER = 1.2
 #: Part of a step by which its end and an output may differ and be one.
 CLOSE = 1e-9
 #: Part of its speed, over the fourth power of the angle of a step, that a stiff elastic bar loses which turns freely:
@@ -184,9 +170,10 @@ EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1
 class Track(NamedTuple):
     """What a controlled step keeps beside what one of fixed length does, which is `room`.
 
-    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers,
-    wear: of constraints and of the matrix, kept while an output is found. prediction: of changes of w. Row 0 of what
-    stages keep is that of the start, also between two steps.
+    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers: of
+    constraints at the end. rates: change of w from the stage before to each stage in the last step, over its length,
+    (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). Row 0 of what stages
+    keep is that of the start, also between two steps.
     """
 
     method: Stages
@@ -196,8 +183,8 @@ class Track(NamedTuple):
     end: Array
     found: Array
     multipliers: Array
-    wear: Array
-    prediction: Prediction
+    rates: Array
+    parts: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -217,12 +204,10 @@ def integrate(chain: Chain) -> Solution:
     constraints = len(chain.kept.constraints.names) if chain.plan.kept else 0
     start, end, found = (np.zeros(shape) for _ in range(3))
     room, multipliers = new_room(chain), np.zeros(constraints)
-    wear, prediction = new_wear(0.0), new_prediction(chain, len(method.c))
-    track = Track(method, EULER, room, start, end, found, multipliers, wear, prediction)
+    rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
+    track = Track(method, EULER, room, start, end, found, multipliers, rates, parts)
 
-    return run_controlled(
-        chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, SHOWS, np.ones(2), look_ahead)
-    )
+    return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look=look_ahead))
 
 
 @kernel
@@ -282,7 +267,7 @@ def _start_anew(system, control, track):  # type: ignore[no-untyped-def]
         state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
     )
     control.progress[STARTS] = 0.0
-    forget_changes(system.factors.loops, track.prediction)
+    track.rates[:], track.parts[:] = 0.0, 0.0
 
 
 @inlined
@@ -322,7 +307,7 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
         _accept(h, stop, system, control, track, out)
         pass_kink(control.kinks, progress[TIME], h)
         if not crossing:
-            progress[CAP] = min(progress[CAP] * EASIER, 0.7 * h if effort > HARD else np.inf)
+            progress[CAP] = min(progress[CAP] * 1.05, 0.7 * h if effort > HARD else np.inf)
         if not crossing and (h > SHORT * progress[WANTED] or error > SHORT * allowed):
             _forget(h, error, control)
             aim(h, error, 4, 0, _times_left(control), control)
@@ -362,18 +347,16 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
     """
     newton, progress, last = system.newton, control.progress, len(track.method.c) - 1
     _begin(system.state, track)
-    begin_prediction(track.prediction)
     if guess:
         newton.counts[2] = 1
     else:
         expect(h, STALE, newton, progress)
     factored, slowest, shown, effort = newton.counts[1], 0.0, 0, 0
     method = track.euler if guess else track.method
-    left = left_by_newton(_newton_part(control), h, system, control)
-    row, solved = last if guess else 1, True
+    part = HELD_PART if control.restrained else NEWTON_PART
+    left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
     while solved and row <= last:
-        most = left if row == last else INNER * left
-        solved = _take_stage(1 if guess else row, row, h, most, c, method, system, control, track)
+        solved = _take_stage(1 if guess else row, row, h, left, c, method, system, control, track)
         if solved:
             slowest = max(slowest, contraction(newton.history, ROUNDING))
             shown += 1 if newton.history[1] > 0.0 else 0
@@ -389,15 +372,9 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
                 slowest = _learn_of_new(slowest, shown == last, progress)
         progress[AGE] = 0.0 if renewed else progress[AGE] + 1.0
         expect_next(slowest, FORGETS, newton)
+        if control.restrained and slowest > SLOW:
+            newton.counts[2] = 1
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
-
-
-@inlined
-def _newton_part(control):  # type: ignore[no-untyped-def]
-    """Part of the error allowed in a step that Newton's iteration may leave in its last stage."""
-    if not control.turns.elastic:
-        return RIGID_PART
-    return HELD_PART if control.restrained else NEWTON_PART
 
 
 @inlined
@@ -442,30 +419,18 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
     state, room, angles, values = system.state, track.room, control.angles[row], control.values[row]
     _, flat_v, _, flat_w, _, _ = state.flat
     begin_stage(i, h, c.h, method, room, state.flat)
-    if control.allowed < np.inf:  # a guess has no stages
-        predict(row, h, state.flat[5], system.factors.loops, track.prediction)
+    predict(h * track.parts[row], track.rates[row], state.flat[5])
     move_drives(system.factors, system.clamps, angles)
-    if has_met_kinks(control.kinks):  # a new matrix tells nothing of what is beyond
-        system.newton.of_new[0] = 1.0
     solved = solve_stage(1, system, c, values, left)
     keep_forces(control.kinks, system.loads.connectors, row)
     for k in range(len(flat_v)):
         flat_v[k] += c.h * flat_w[k]
     copy(flat_w, room.w[row])
-    if solved and control.allowed < np.inf:
-        _learn(row, h, system, track)
     if solved:  # it counts the turns of rotational springs
         room.power[row] = stage_power(
             state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
         )
     return solved
-
-
-@inlined
-def _learn(row, h, system, track):  # type: ignore[no-untyped-def]
-    """Learn from the change of w from the stage before to this one."""
-    w, newton, nodes = track.room.w, system.newton, system.state.q.shape[1]
-    learn(row, h, w[row - 1], w[row], newton.scale, nodes, system.factors.loops, track.prediction)
 
 
 @inlined
@@ -485,7 +450,6 @@ def _refuse(solved, h, error, allowed, system, control, track):  # type: ignore[
 def _go_back(system, control, track):  # type: ignore[no-untyped-def]
     """Go back to the start of the step."""
     state, start = system.state, track.start
-    take_back(system.factors.loops, track.prediction)
     for k in range(start.shape[1]):
         for i in range(start.shape[2]):
             state.q[k, i], state.v[k, i], state.w[k, i] = start[0, k, i], start[1, k, i], start[2, k, i]
@@ -514,6 +478,11 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
     if progress[TIME] != event and control.times[int(progress[KEPT])] < progress[TIME] + CLOSE * h:
         progress[TIME] = control.times[int(progress[KEPT])]
     out.work[0] = before + work
+    if control.allowed < np.inf:  # a guess has no stages
+        for i in range(1, last + 1):
+            track.parts[i] = repeated(
+                h, room.w[i - 1], room.w[i], track.rates[i], system.newton.scale, system.state.q.shape[1]
+            )
     copy(room.w[last], room.w[0])
     room.power[0] = room.power[last]
     copy_actions(control.angles, control.values, last, 0)

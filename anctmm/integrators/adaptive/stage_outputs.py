@@ -24,7 +24,6 @@ from anctmm.forces.connectors import add_connectors
 from anctmm.forces.timeline import set_actions
 from anctmm.integrators.esdirk import correct_stage, move_drives
 from anctmm.integrators.implicit.newton import SLOW
-from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.stage_constraints import project
 from anctmm.jit.compiling import inlined
 from anctmm.recursion.constrained import give_back_multipliers, keep_multipliers
@@ -83,12 +82,10 @@ def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-d
             state.v[k, i] = found[1, k, i] - c.h * found[2, k, i]
     keep_multipliers(system.factors.loops, track.multipliers)
     move_drives(system.factors, system.clamps, control.angles[row])
-    stale, expected, of_new = newton.counts[2], newton.expected[0], newton.of_new[0]
-    copy(newton.wear, track.wear)
+    stale, expected = newton.counts[2], newton.expected[0]
     newton.counts[2] = 1 if stale != 0 and expected > SLOW else 0
     solved = correct_stage(False, system, c, control.values[row], np.inf)
-    newton.counts[2], newton.expected[0], newton.of_new[0] = stale, expected, of_new
-    copy(track.wear, newton.wear)
+    newton.counts[2], newton.expected[0] = stale, expected
     give_back_multipliers(system.factors.loops, track.multipliers)
     small = newton.history[0] * newton.scale <= control.allowed * control.scale[0]
     for k in range(found.shape[1]):

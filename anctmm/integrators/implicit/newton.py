@@ -18,7 +18,7 @@ from anctmm.discretise.methods import Coefficients
 from anctmm.elements.force_blocks import BLOCK
 from anctmm.forces.connectors import add_connectors_at_end, end_velocities
 from anctmm.forces.loads import set_loads
-from anctmm.integrators.implicit.renewal import PRICE, worn
+from anctmm.integrators.implicit.renewal import worn
 from anctmm.integrators.implicit.step import damp_at_end, predict
 from anctmm.integrators.implicit.system import ITERATIONS, System
 from anctmm.jit.compiling import embedded, inlined, separate
@@ -42,9 +42,6 @@ Array = NDArray[np.float64]
 
 #: Contraction above which the iteration matrix is renewed.
 SLOW = 0.5
-#: Times the contraction seen with a new matrix that is expected of the next one, and growth of it with each that shows
-#: none.
-SAFE, GROWS = 2.0, 1.2
 #: Size below which corrections that do not fall are rounding.
 ROUNDING = 1e-8
 #: Growth of corrections over the smallest, and over what is no rounding, at which accelerations cannot be kept.
@@ -87,7 +84,7 @@ def iterate(
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
-    scale, _, counts, history, wear, expected, of_new, shows = newton
+    scale, _, counts, history, wear, expected, shows = newton
     new, renewed = full or counts[2] != 0, counts[1]
     last, stalls, least = 0.0, 0, np.inf
     by_rates = coefficients.level * coefficients.to_q != 0.0
@@ -115,17 +112,14 @@ def iterate(
             break
         least = min(least, size)
         # the corrections fall by `rate` each: what is left is at most their geometric series
-        rate = size / last if iteration > 0 else _expected(new, size, expected, of_new)
-        sure = size if iteration > 0 else size * _worse(rate, of_new)
-        small = sure <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
+        rate = size / last if iteration > 0 else _expected(expected)
+        small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             cost = _needed(iteration + 1, history, shows * tolerance)
             counts[2] = 1 if worn(new, cost, counts[1] - renewed, wear) else 0
-            if new:
-                _learn_of_new(iteration, history, of_new)
             end_newton(factors.loops)
             return True
-        if iteration > 0 and rate > SLOW and not _soon(size, rate, tolerance, wear, of_new):
+        if iteration > 0 and rate > SLOW:
             counts[2] = 1
             stalls += 1 if size < ROUNDING else 0
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
@@ -147,41 +141,9 @@ def _needed(corrections, history, least):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _expected(new, size, expected, of_new):  # type: ignore[no-untyped-def]
-    """Contraction to expect of a first correction: 1 where nothing is known of the matrix.
-
-    With a new matrix the error left goes as the square of the correction, or in proportion to it where something is no
-    part of the matrix: the larger one of both is expected.
-    """
-    rate = 1.0 if expected is None else expected[0]
-    if of_new is not None:
-        rate = SAFE * of_new[0] * max(1.0, size / of_new[1]) if new else rate
-    return rate
-
-
-@embedded
-def _worse(rate, of_new):  # type: ignore[no-untyped-def]
-    """Times a first correction that it may leave with a matrix which is known to make it worse."""
-    return 1.0 if of_new is None else max(1.0, rate)
-
-
-@embedded
-def _learn_of_new(iteration, history, of_new):  # type: ignore[no-untyped-def]
-    """Learn the contraction of a first correction with a new matrix, if a second one has shown it."""
-    if of_new is not None:
-        if iteration > 0:
-            of_new[0], of_new[1] = history[1] / history[0], history[0]
-        else:
-            of_new[0] *= GROWS
-
-
-@embedded
-def _soon(size, rate, tolerance, wear, of_new):  # type: ignore[no-untyped-def]
-    """Whether corrections that fall slowly will do before they cost as much as a new matrix."""
-    soon = False
-    if of_new is not None:
-        soon = rate < 1.0 and size * rate ** wear[PRICE] <= tolerance * (1.0 - rate)
-    return soon
+def _expected(expected):  # type: ignore[no-untyped-def]
+    """Contraction to expect of a first correction: 1 where nothing is known of the matrix."""
+    return 1.0 if expected is None else expected[0]
 
 
 @embedded

@@ -70,16 +70,14 @@ class Damping(NamedTuple):
     flat: Array
 
 
-@writes("counts", "history", "expected", "of_new", "wear")
+@writes("counts", "history", "expected", "wear")
 @by_address
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
     of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. expected: contraction to expect of a first
-    correction, (1,), so that one may do; None with fixed steps. of_new: the same with a new matrix, and the size of the
-    correction that has shown it, (2,); None where nothing is made of it, and any matrix is renewed with which
-    corrections fall slowly. shows: part of the bound up to which a further
+    correction, (1,), so that one may do; None with fixed steps. shows: part of the bound up to which a further
     correction does no more than show what the one before has left: that is no wear of the matrix.
     """
 
@@ -89,7 +87,6 @@ class Newton(NamedTuple):
     history: Array
     wear: Array
     expected: Array | None = None
-    of_new: Array | None = None
     shows: float = 0.0
 
 

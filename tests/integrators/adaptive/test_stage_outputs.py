@@ -54,7 +54,7 @@ def test_reactions_of_a_steel_linkage_are_those_of_small_steps(fine, tolerance):
     for joint in scene.joints:
         found, exact = run.reaction(joint)[:, :2], fine.reaction(joint)[:, :2]
         missed = np.abs(found - exact).max()  # of vibrations that neither resolves
-        assert missed <= 0.5 * np.abs(exact).max()
+        assert missed <= 0.25 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("stiffness", [1e2, 1e4, 1e6])
