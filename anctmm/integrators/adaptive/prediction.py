@@ -8,14 +8,14 @@ the stage before it: a line through the stages of the same step saves nothing, a
 The change of the change beside it, with a part of its own, saved up to 15 % of the corrections of some runs and cost
 others as much.
 
-Linear prediction of stages, from their last five to ten changes with parts by least squares over all nodes and steps
-before (Makhoul 1975, Proc. IEEE 63), makes first corrections a tenth as large. With it, and with what the last new
-matrix tells of the next one, runs of seventeen scenes took 0.86 of the corrections and factorizations, but 1.00 times
-the time: 0.72 to 0.85 of Andrews' squeezer, up to 1.3 of a falling beam. What is left after a correction is stiff, so
-that the next one falls slowly, and matrices were renewed more often; and the sums took as long as half a correction in
-short chains. Who tries again: multipliers must be predicted, too, as corrections with an older matrix turn what they
-lack into accelerations; and ends at a joint must be made alike, as no correction reaches what they differ by, which
-grew by a hundredth in a stage.
+Linear prediction of stages, from their last changes with parts by least squares over all nodes and steps before
+(Makhoul 1975, Proc. IEEE 63), makes first corrections a tenth as large. With it, and with what the last new matrix
+tells of the next one, runs of seventeen scenes took 0.86 of the corrections and factorizations, from ten changes. From
+five they took 1.00 times the time: 0.72 to 0.85 of Andrews' squeezer, up to 1.3 of a falling beam; from ten the beam
+took up to 1.7. What is left after a correction is stiff, so that the next one falls slowly, and matrices were renewed
+more often; and the sums took as long as half a correction in short chains. Who tries again: multipliers must be
+predicted, too, as corrections with an older matrix turn what they lack into accelerations; and ends at a joint must be
+made alike, as no correction reaches what they differ by, which grew by a hundredth in a stage.
 """
 
 from anctmm.jit.compiling import inlined, summed
