@@ -29,7 +29,7 @@ from anctmm.solve import solve
 from studies.engine.measuring.clock import Effort, Sampler, Samples, more_than_noise
 from studies.engine.measuring.setting import MATERIAL, SECTION, explicit_run, implicit_run
 from studies.engine.measuring.timing import in_turn
-from studies.engine.running.pool import WorkerPool
+from studies.engine.running.pool import in_new_process
 from studies.engine.tables import Table
 
 #: Elements of the beam, its length (m), steps of both integrators (s).
@@ -90,7 +90,7 @@ def added_costs(effort: Effort, samples: Samples) -> Table:
     rows: list[dict[str, Any]] = []
     for integrator in STEPS:
         for process in range(processes):
-            found = in_new_process(integrator, ELEMENTS, rounds, process)
+            found: Measured = in_new_process(measured, integrator, ELEMENTS, rounds, process)
             for label, values in found.times.items():
                 samples.keep(f"additions, {integrator}, process {process}", label, values)
             rows += _rows(integrator, found)
@@ -105,13 +105,6 @@ def added_costs(effort: Effort, samples: Samples) -> Table:
         "and Newton's corrections and factorizations equal in number.",
     )
     return Table("additions", "What one thing adds to a step of a hundred elements", frame, notes)
-
-
-def in_new_process(integrator: str, elements: int, rounds: int, process: int) -> Measured:
-    """`measured` in a new interpreter: a copy of this process would have the code where it lies here."""
-    with WorkerPool(1) as pool:
-        found: Measured = pool.submit(measured, integrator, elements, rounds, process).result()
-    return found
 
 
 def measured(integrator: str, elements: int, rounds: int, process: int) -> Measured:

@@ -1,4 +1,8 @@
-"""What a call of `solve` costs beside its steps, of small scenes in short runs: there it counts."""
+"""What a call of `solve` costs beside its steps, of small scenes in short runs: there it counts.
+
+A process that has run the rest of the benchmark holds hundreds of scenes, and its calls take a few percent longer. So a
+new process measures, in which a user's first study runs, too.
+"""
 
 from collections.abc import Callable, Mapping
 from itertools import count
@@ -16,6 +20,7 @@ from anctmm.results.solution import Solution
 from anctmm.solve import solve
 from studies.engine.measuring.clock import Effort, Samples, figures
 from studies.engine.measuring.timing import in_turn
+from studies.engine.running.pool import in_new_process
 from studies.engine.tables import Table
 
 #: Short runs, as `recommend` takes them for errors of some percent.
@@ -34,19 +39,27 @@ MOST_BUILD = 2e-4
 
 def call_costs(effort: Effort, samples: Samples) -> Table:
     """Times of steps and of all else that a call does, of a scene again and of fresh scenes with other numbers."""
+    rows, kept = in_new_process(measured, effort)
+    samples.rows += kept.rows
+    notes = (
+        "cpu_s, build_s: medians of the CPU time of the steps and of all else in the call of `solve`, s; spreads are "
+        "(largest − smallest) / median. Calls of one scene and integrator are made in turn, all in one new process.",
+        "A fresh scene differs from all before it in its numbers alone: in its stiffness, or in all lengths and "
+        "masses. To make the scene itself is not counted.",
+    )
+    return Table("calls", "What a call costs beside its steps", pd.DataFrame(rows), notes)
+
+
+def measured(effort: Effort) -> tuple[list[dict[str, Any]], Samples]:
+    """Rows of all scenes and integrators, and the samples that they come from, measured in this process."""
+    samples = Samples()
     rows = [
         row
         for name, make in SCENES.items()
         for integrator, run in RUNS.items()
         for row in _costs(name, make, integrator, run, effort, samples)
     ]
-    notes = (
-        "cpu_s, build_s: medians of the CPU time of the steps and of all else in the call of `solve`, s; spreads are "
-        "(largest − smallest) / median. Calls of one scene and integrator are made in turn.",
-        "A fresh scene differs from all before it in its numbers alone: in its stiffness, or in all lengths and "
-        "masses. To make the scene itself is not counted.",
-    )
-    return Table("calls", "What a call costs beside its steps", pd.DataFrame(rows), notes)
+    return rows, samples
 
 
 def _costs(

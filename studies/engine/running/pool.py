@@ -118,6 +118,12 @@ class WorkerPool(Executor):
         return process
 
 
+def in_new_process(call: Callable[..., Any], *args: Any) -> Any:
+    """Have a call done in a new interpreter: a copy of this process would have its code, and all that it holds."""
+    with WorkerPool(1) as pool:
+        return pool.submit(call, *args).result()
+
+
 def serve(calls: IO[bytes]) -> None:
     """In a worker process: answer calls until the main process is gone."""
     answers = _private_stream()

@@ -219,6 +219,7 @@ def test_calls_differ_in_their_numbers_alone(monkeypatch):
     monkeypatch.setattr(bench_calls, "CALLS", 1)
     monkeypatch.setattr(bench_calls, "RUNS", {"generalized-alpha": bench_calls.RUNS["generalized-alpha"]})
     monkeypatch.setattr(bench_calls, "solve", lambda scene, run: asked.append(scene) or solve(scene, run))
+    monkeypatch.setattr(bench_calls, "in_new_process", lambda call, *args: call(*args))
     frame, samples = bench_calls.call_costs(Effort(True), found := Samples()).frame, found.rows
     assert set(frame["scene"]) == set(bench_calls.SCENES)
     assert (frame["status"] == "ok").all()
@@ -255,7 +256,7 @@ def test_what_is_added_is_the_median_over_processes(monkeypatch):
     seen, alone = [], (1000.0, 1200.0, 900.0)
     ratios = {"a grounded spring": (1.01, 1.09, 1.02), "a tip mass": (1.01, float("nan"), 1.03)}
 
-    def found(integrator, elements, rounds, process):
+    def found(measured, integrator, elements, rounds, process):
         seen.append((integrator, process))
         of_step = {f"{bench_additions.PLAIN}, axis": alone[process]} | {
             f"{name}, axis": alone[process] * of[process] for name, of in ratios.items()
@@ -287,7 +288,7 @@ def test_processes_that_measure_are_new_ones_and_have_the_arrays_elsewhere(monke
     real = pool.WorkerPool._process
     monkeypatch.setattr(pool.WorkerPool, "_process", lambda self: begun.append(real(self)) or begun[-1])
     for process in range(2):
-        found = bench_additions.in_new_process("zhai", 2, 1, process)
+        found = pool.in_new_process(bench_additions.measured, "zhai", 2, 1, process)
         assert len(found.of_step) == len(found.counts) == 8
         assert len(found.times) == 16
         assert all(len(values) == 1 and values[0] > 0.0 for values in found.times.values())
