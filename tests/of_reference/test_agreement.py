@@ -79,7 +79,7 @@ def test_quadratures_are_told_apart():
 def test_moment_driven_four_bar_is_exudyns():
     scene, run = four_bar_moment().scene, implicit(MESH, 1e-3, 1.2, output_dt=0.01)
     ours, peer = solve(scene, run), exudyn_cable.solve(scene, run, tolerances=FOUR_BAR_TIGHT)
-    assert difference(ours, peer) < 1e-6
+    assert difference(ours, peer) < 1e-8
 
 
 @pytest.mark.parametrize("dt", [2e-3, 1e-3])
@@ -111,7 +111,7 @@ def test_static_cantilever_is_exudyns(load, quadrature):
 def test_four_bar_by_zhai_is_that_of_the_global_dae(kind, base):
     scene = base().scene
     run = explicit(scene, MESH, kind, 0.4, 0.02)
-    assert difference(solve(scene, run), global_dae.solve(scene, run)) < 1e-9
+    assert difference(solve(scene, run), global_dae.solve(scene, run)) < 1e-10
 
 
 @every_four_bar
@@ -120,7 +120,7 @@ def test_four_bar_by_generalized_alpha_is_that_of_the_global_dae(kind, base):
     scene = base().scene
     run = implicit(MESH, 2e-3, base().t_end, element=kind, output_dt=0.02)
     ours, peer = solve(scene, run), global_dae.solve(scene, run)
-    assert difference(ours, peer) < 1e-8
+    assert difference(ours, peer) < 2e-9
     for name, series in vars(ours.energy).items():
         scale = np.abs(ours.energy.kinetic).max()
         assert np.abs(series - getattr(peer.energy, name)).max() < 1e-5 * scale

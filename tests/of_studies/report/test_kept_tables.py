@@ -84,6 +84,22 @@ def test_the_readme_tells_the_cost_of_long_chains_of_the_benchmark(bench):
     assert told in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize(
+    ("others", "name"),
+    [(("global-dae", "global-dae-dense"), "the global DAE"), (("exudyn-cable",), "Exudyn")],
+)
+def test_the_readmes_tell_the_largest_differences_of_the_kept_table(others, name):
+    pairs = pd.read_csv(ROOT / "reports" / "agreement" / "pairs.csv")
+    ours = pairs[(pairs["solver"] == "anctmm") & pairs["other"].isin(others) & pairs["same_element"]]
+    largest = ours[ours["status"] == "ok"].groupby("scene")["difference"].max()
+    told = [f"{largest[scene]:.1e}".replace("e-0", "e-") for scene in SCENES]
+    readme, of_reports = (
+        (ROOT / folder / "README.md").read_text(encoding="utf-8") for folder in (".", "reports")
+    )
+    assert re.search(rf"largest difference from {name}, .*\| {', '.join(told)} \|$", readme, re.MULTILINE)
+    assert f"| {name.removeprefix('the ')} | {'; '.join(told)} |" in of_reports
+
+
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("budget", [None, 1e-9, 1e-2])
 @pytest.mark.parametrize("error", [None, 1e-300, 1e-6, 1e-3, 1e300])
