@@ -57,7 +57,12 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.adaptive.prediction import predict, repeated
+from anctmm.integrators.adaptive.prediction import (
+    learn_multipliers,
+    predict,
+    predict_multipliers,
+    repeated,
+)
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.stage_error import stage_error
 from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
@@ -170,10 +175,11 @@ EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1
 class Track(NamedTuple):
     """What a controlled step keeps beside what one of fixed length does, which is `room`.
 
-    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers: of
-    constraints at the end. rates: change of w from the stage before to each stage in the last step, over its length,
-    (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). Row 0 of what stages
-    keep is that of the start, also between two steps.
+    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers:
+    of constraints at the end. rates: change of w from the stage before to each stage in the last step, over its
+    length, (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). multiplier_rates:
+    change of the multipliers, as `rates`, (stages, constraints). before: those before the stage, (constraints,).
+    Row 0 of what stages keep is that of the start, also between two steps.
     """
 
     method: Stages
@@ -185,6 +191,8 @@ class Track(NamedTuple):
     multipliers: Array
     rates: Array
     parts: Array
+    multiplier_rates: Array
+    before: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -205,7 +213,19 @@ def integrate(chain: Chain) -> Solution:
     start, end, found = (np.zeros(shape) for _ in range(3))
     room, multipliers = new_room(chain), np.zeros(constraints)
     rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
-    track = Track(method, EULER, room, start, end, found, multipliers, rates, parts)
+    track = Track(
+        method,
+        EULER,
+        room,
+        start,
+        end,
+        found,
+        multipliers,
+        rates,
+        parts,
+        np.zeros((len(method.c), constraints)),
+        np.zeros(constraints),
+    )
 
     return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look=look_ahead))
 
@@ -267,7 +287,7 @@ def _start_anew(system, control, track):  # type: ignore[no-untyped-def]
         state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
     )
     control.progress[STARTS] = 0.0
-    track.rates[:], track.parts[:] = 0.0, 0.0
+    track.rates[:], track.parts[:], track.multiplier_rates[:] = 0.0, 0.0, 0.0
 
 
 @inlined
@@ -420,8 +440,10 @@ def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ig
     _, flat_v, _, flat_w, _, _ = state.flat
     begin_stage(i, h, c.h, method, room, state.flat)
     predict(h * track.parts[row], track.rates[row], state.flat[5])
+    predict_multipliers(h * track.parts[row], track.multiplier_rates[row], track.before, system.factors.loops)
     move_drives(system.factors, system.clamps, angles)
     solved = solve_stage(1, system, c, values, left)
+    learn_multipliers(solved, h, track.multiplier_rates[row], track.before, system.factors.loops)
     keep_forces(control.kinks, system.loads.connectors, row)
     for k in range(len(flat_v)):
         flat_v[k] += c.h * flat_w[k]
