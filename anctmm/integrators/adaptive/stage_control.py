@@ -99,6 +99,7 @@ from anctmm.integrators.adaptive.step_control import (
     pass_stops,
     spend,
     stiffen,
+    times_for_many,
 )
 from anctmm.integrators.adaptive.step_error import measure_motion
 from anctmm.integrators.adaptive.velocity_error import measure_speed
@@ -138,6 +139,11 @@ SHORT = 0.1
 #: as much as all of it the estimate would answer that noise with ever smaller steps. The second is that in structures
 #: which joints hold: with 3.5 to 6 reactions at 1e-2 and a portal's error at 1e-5 were up to six times as large.
 NEWTON_PART, HELD_PART = 0.3, 1.0
+#: Times what the last stage may leave that the first one and the others may: the end of a step has no part of the w of
+#: the first one, whose weights are 0 in b and in b A, and what the others leave of stiff parts, the next ones correct.
+FIRST, BETWEEN_THEM = 30.0, 5.0
+#: Steps in a run above which each may leave more than its part.
+MANY = 100.0
 #: Relative change of the step beyond which the matrix is renewed.
 STALE = 0.1
 #: Contraction of Newton's corrections in a step above which structures that joints hold have a new matrix in the next
@@ -175,11 +181,11 @@ EULER = Stages(np.array([[0.0, 0.0], [0.0, 1.0]]), np.array([[0.0, 0.0], [0.0, 1
 class Track(NamedTuple):
     """What a controlled step keeps beside what one of fixed length does, which is `room`.
 
-    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers:
-    of constraints at the end. rates: change of w from the stage before to each stage in the last step, over its
-    length, (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). multiplier_rates:
-    change of the multipliers, as `rates`, (stages, constraints). before: those before the stage, (constraints,).
-    Row 0 of what stages keep is that of the start, also between two steps.
+    start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers: of
+    constraints at the end. rates: change of w from the stage before to each stage in the last step, over its length,
+    (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). multiplier_rates:
+    change of the multipliers, as `rates`, (stages, constraints). before: those before the stage, (constraints,). Row 0
+    of what stages keep is that of the start, also between two steps.
     """
 
     method: Stages
@@ -374,9 +380,11 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
     factored, slowest, shown, effort = newton.counts[1], 0.0, 0, 0
     method = track.euler if guess else track.method
     part = HELD_PART if control.restrained else NEWTON_PART
+    part *= times_for_many(h, MANY, control)
     left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
     while solved and row <= last:
-        solved = _take_stage(1 if guess else row, row, h, left, c, method, system, control, track)
+        may = min(_times(row, last) * left, newton.tolerance)
+        solved = _take_stage(1 if guess else row, row, h, may, c, method, system, control, track)
         if solved:
             slowest = max(slowest, contraction(newton.history, ROUNDING))
             shown += 1 if newton.history[1] > 0.0 else 0
@@ -395,6 +403,12 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
         if control.restrained and slowest > SLOW:
             newton.counts[2] = 1
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
+
+
+@inlined
+def _times(row, last):  # type: ignore[no-untyped-def]
+    """Times what the last stage may leave that this one may."""
+    return 1.0 if row == last else FIRST if row == 1 else BETWEEN_THEM
 
 
 @inlined

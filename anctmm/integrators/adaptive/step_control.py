@@ -217,6 +217,15 @@ def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def times_for_many(h, many, control):  # type: ignore[no-untyped-def]
+    """Times its part of the error allowed that a step may leave, where there are more than so many steps of h in a run.
+
+    What the iteration leaves has any sign, so that a sum of N such grows as √N, not as N.
+    """
+    return max(1.0, (control.t_end / (many * h)) ** 0.5)
+
+
+@inlined
 def spend(error, progress):  # type: ignore[no-untyped-def]
     """Add the error since the last estimate to those of the run."""
     progress[SPENT] += error
