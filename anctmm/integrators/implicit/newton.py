@@ -80,7 +80,8 @@ def iterate(
 ) -> bool:
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
 
-    It ends where the error left, positions relative to Newton's scale, is at most `tolerance`.
+    It ends where the error left, positions relative to Newton's scale, is at most `tolerance`. An infinite one asks for
+    one correction, which tells nothing of what solutions cost with the matrix.
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
@@ -115,8 +116,10 @@ def iterate(
         rate = size / last if iteration > 0 else _expected(expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
-            cost = _needed(iteration + 1, history, shows * tolerance)
-            counts[2] = 1 if worn(new, cost, counts[1] - renewed, wear) else 0
+            counts[2] = 0
+            if tolerance < np.inf:
+                cost = _needed(iteration + 1, history, shows * tolerance)
+                counts[2] = 1 if worn(new, cost, counts[1] - renewed, wear) else 0
             end_newton(factors.loops)
             return True
         if iteration > 0 and rate > SLOW:
