@@ -79,7 +79,7 @@ def roll_up(quick: bool) -> Published:
     meshes = (8, 16, 32) if quick else (16, 32, 64)
     return Published(
         "roll-up, M L/EI = 2π", "tip displacement x", "m", -1.0, 1e-15, "exact",
-        {"cable": converged(lambda n: tip(at.solve_static(scene, mesh=n, load_steps=16), 0), meshes)},
+        {"cable": converged(lambda n: tip(at.solve_static(scene, mesh=n, load_steps=16), 0), meshes)}, kind="exact",
     )  # fmt: skip
 
 
@@ -136,7 +136,7 @@ def lees_frame(quick: bool) -> Iterator[Published]:
     for k, (name, value) in enumerate([("first limit load", 18.7e3), ("second limit load", -9.3e3)]):
         yield Published(
             "Lee's frame", name, "N", value, DIGITISED * abs(value), "digitised",
-            {"cable": converged(lambda n, k=k: paths[n][k], tuple(paths))},  # type: ignore[misc]
+            {"cable": converged(lambda n, k=k: paths[n][k], tuple(paths))}, kind="curve",  # type: ignore[misc]
         )  # fmt: skip
 
 
@@ -160,6 +160,7 @@ def catenary(quick: bool) -> Published:
         {"cable": converged(
             lambda n: float(at.solve_static(scene, mesh=n).position("left.end")[-1, 1]), meshes
         )},
+        kind="exact",
     )  # fmt: skip
 
 
