@@ -290,11 +290,8 @@ def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sw
         drawn.append(cantilever_pictures.fall(reference, SNAPSHOTS))
         curves = _curves(fallen, element)
         drawn += [cantilever_pictures.tip_errors(curves, reference)] if curves else []
-    frame = fallen.frame
-    if (frame["error"] > 0).any():
-        drawn.append(error_pictures.over_mesh(frame))
-        drawn += [error_pictures.over_step(timed.frame, mesh_label(STEP_MESH))] if timed.outcomes else []
-        drawn.append(error_pictures.against_cost(frame))
+    steps = timed.frame if timed.outcomes else None
+    drawn += error_pictures.of_sweep(fallen.frame, steps, mesh_label(STEP_MESH))
     return drawn
 
 
