@@ -26,9 +26,9 @@ HELD = 1e-9
 
 
 def zhai_limit(psi: float, phi: float) -> float:
-    """Largest stable Δt·ω_max of undamped motion: √(2/ψ) for ψ = φ ≥ ½, else none, 0.
+    """Largest stable Δt·ω_max of undamped motion: √(2/ψ) for ψ = φ ≥ ½; 0 for all others, which the solver refuses.
 
-    See anctmm/recursion/method.md, section 3.
+    Some of those have smaller limits, and none a larger one than ½, ½: see anctmm/recursion/method.md, section 3.
     """
     return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
 

@@ -129,7 +129,7 @@ def _forward(tables, clamps, factors, q, f, a):  # type: ignore[no-untyped-def]
 
 @inlined
 def _taken(director, c, rx, ry, gx, gy, dx, dy):  # type: ignore[no-untyped-def]
-    """What comes and what waited, c, which is 0 then."""
+    """Sum of the arriving load and the load stored at the branch, c; c is reset to 0."""
     rx, ry, gx, gy = rx + c[0], ry + c[1], gx + c[2], gy + c[3]
     c[0] = c[1] = c[2] = c[3] = 0.0
     if director:

@@ -100,36 +100,71 @@ def eliminate(size, known, i, work):  # type: ignore[no-untyped-def]
     would be a difference of numbers that are wrong by as much. Returns the number of negative pivots.
     """
     d = len(size)
-    D, A, K, L = matrices(size)
+    _, A, K, L = matrices(size)
     column, beyond, _, _ = vectors(size)
     negative = 0
     for k in range(d):
         if known[k, i]:
-            for m in range(d):
-                work[A + d * max(k, m) + min(k, m)] = work[K + d * m + k] = 0.0
+            leave_out(size, k, work)
     for k in range(d):
         if known[k, i]:
             continue
         pivot = work[A + d * k + k]
         negative += 0 if pivot > 0.0 else 1
         inverse = 1.0 / pivot
-        for m in range(d):
-            work[column + m] = work[A + d * max(k, m) + min(k, m)]
-            work[beyond + m] = work[K + d * m + k]
+        take_column(size, k, work)
         for n in range(d):
             f, g = work[beyond + n] * inverse, work[column + n] * inverse
-            for m in range(n + 1):
-                work[D + d * n + m] -= f * work[beyond + m]
-                work[A + d * n + m] -= g * work[column + m]
-            for m in range(d):
-                work[K + d * n + m] -= f * work[column + m]
-        for m in range(d):  # column k, which the loops above need not spare
-            work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
-            work[K + d * m + k] = work[beyond + m] * inverse
-        work[A + d * k + k] = -inverse
+            update_row(size, n, f, g, work)
+        put_column(size, k, inverse, work)
     for k in range(d * d):
         work[L + k] = work[K + k]
     return negative
+
+
+@inlined
+def leave_out(size, k, work):  # type: ignore[no-untyped-def]
+    """Take component k, which is known to rest, out of a node's own matrix and of its coupling with the next node."""
+    d = len(size)
+    _, A, K, _ = matrices(size)
+    for m in range(d):
+        work[A + d * max(k, m) + min(k, m)] = work[K + d * m + k] = 0.0
+
+
+@inlined
+def take_column(size, k, work):  # type: ignore[no-untyped-def]
+    """Put component k's columns of a node's own matrix and of its coupling into the first two vectors."""
+    d = len(size)
+    _, A, K, _ = matrices(size)
+    column, beyond, _, _ = vectors(size)
+    for m in range(d):
+        work[column + m] = work[A + d * max(k, m) + min(k, m)]
+        work[beyond + m] = work[K + d * m + k]
+
+
+@inlined
+def update_row(size, n, f, g, work):  # type: ignore[no-untyped-def]
+    """Take the eliminated component out of row n of D, of the node's own matrix, and of the coupling."""
+    d = len(size)
+    D, A, K, _ = matrices(size)
+    column, beyond, _, _ = vectors(size)
+    for m in range(n + 1):
+        work[D + d * n + m] -= f * work[beyond + m]
+        work[A + d * n + m] -= g * work[column + m]
+    for m in range(d):
+        work[K + d * n + m] -= f * work[column + m]
+
+
+@inlined
+def put_column(size, k, inverse, work):  # type: ignore[no-untyped-def]
+    """Write component k's columns, which `update_row` need not spare."""
+    d = len(size)
+    _, A, K, _ = matrices(size)
+    column, beyond, _, _ = vectors(size)
+    for m in range(d):
+        work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
+        work[K + d * m + k] = work[beyond + m] * inverse
+    work[A + d * k + k] = -inverse
 
 
 @embedded

@@ -207,7 +207,10 @@ def factorize(
 
 @embedded
 def _factorize(q, tables, links, mass, stiffness, loads, load_values, factors, loops, turned):  # type: ignore[no-untyped-def]
-    """The same; only of arguments that are None the compiler leaves out what needs them."""
+    """Body of `factorize`.
+
+    `loops` and `turned` are separate arguments so that numba omits the code for them where they are None.
+    """
     size, L, G, _, work, buffer, places, _ = factors
     first, formulations, kinds, constants, masses, _ = tables
     link, turn, known, _ = links

@@ -46,8 +46,8 @@ class _Passed:
     e: Complex = field(default_factory=lambda: np.empty(0))
 
 
-def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
-    """Accelerations of a scene without loops and driven clamps, (k, nodes), as complex numbers.
+def accelerations_tree(chain: Chain, q: Real, f: Real, clamp: Real | None = None) -> Complex:
+    """Accelerations of a scene without loops, (k, nodes), as complex numbers.
 
     Parameters
     ----------
@@ -55,6 +55,8 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
         Of one kind of element.
     q, f : ndarray, shape (rows, nodes)
         Coordinates and external forces.
+    clamp : ndarray, shape (rows, nodes), optional
+        Known accelerations of driven clamps; 0 without it.
 
     Raises
     ------
@@ -75,22 +77,25 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
             f"elements; one kind is needed here"
         )
     check_kinds(chain.run.of(chain.scene), flexible(), "the readable form")
-    first, known = chain.bodies.first, chain.prescribed[::2]
+    first, held = chain.bodies.first, chain.prescribed[::2]
+    given = held * (0.0j if clamp is None else complex_of(clamp))
     waiting: dict[int, tuple[Complex, Complex]] = {}
     passed = []
     for b in range(len(first) - 1):
         start, last = int(first[b]), int(first[b + 1]) - 1
         body = _Passed(body_passages(chain, b, q, complex_of(f)))
-        _pass_body(body, *_taken(waiting, start, known[:, start]))
-        S, e = _taken(waiting, last, known[:, last])[1:]
+        S, e = _taken(waiting, start, held[:, start], given[:, start])
+        _pass_body(body, ~held[:, start], S, np.where(held[:, start], given[:, start], e))
+        S, e = _taken(waiting, last, held[:, last], given[:, last])
         body.S, body.e = body.memory[-1][1] + S, body.memory[-1][2] + e
         if chain.onward[b] >= 0:
-            _send(waiting, int(chain.onward[b]), *_linked(chain, b, body.S, body.e, known[:, last]))
+            S, e = _without_known(body.S, body.e, held[:, last], given[:, last])
+            _send(waiting, int(chain.onward[b]), *_linked(chain, b, S, e))
         passed.append(body)
     out = np.zeros((chain.bodies.rows // 2, chain.bodies.nodes), dtype=complex)
     for b in range(len(first) - 2, -1, -1):
         last = int(first[b + 1]) - 1
-        out[:, last] = _at_end(chain, b, passed[b], out, known[:, last])
+        out[:, last] = _at_end(chain, b, passed[b], out, held[:, last], given[:, last])
         z = state_of(*passed[b].memory[-1], out[:, last])
         for i, passage in zip(
             range(last - 1, int(first[b]) - 1, -1), reversed(passed[b].passages), strict=True
@@ -101,13 +106,18 @@ def accelerations_tree(chain: Chain, q: Real, f: Real) -> Complex:
 
 
 def _taken(
-    waiting: dict[int, tuple[Complex, Complex]], node: int, known: Mask
-) -> tuple[Mask, Complex, Complex]:
-    """Partition, S and e of what waits at a node; what is known to rest there stands in za, and S is 0 for it."""
-    k = len(known)
+    waiting: dict[int, tuple[Complex, Complex]], node: int, held: Mask, given: Complex
+) -> tuple[Complex, Complex]:
+    """S and e of what waits at a node, of the components that are not held there."""
+    k = len(held)
     S, e = waiting.pop(node, (np.zeros((k, k), dtype=complex), np.zeros(k, dtype=complex)))
-    free = ~known
-    return free, S * np.outer(free, free), e * free
+    return _without_known(S, e, held, given)
+
+
+def _without_known(S: Complex, e: Complex, held: Mask, given: Complex) -> tuple[Complex, Complex]:
+    """S and e of the components that are not held; accelerations given of the others are part of e."""
+    free = ~held
+    return S * np.outer(free, free), (e + S @ given) * free
 
 
 def _send(waiting: dict[int, tuple[Complex, Complex]], node: int, S: Complex, e: Complex) -> None:
@@ -127,10 +137,8 @@ def _pass_body(body: _Passed, by_force: Mask, S: Complex, e: Complex) -> None:
     body.memory[-1] = swapped(by_force, S, e, np.arange(len(e)))
 
 
-def _linked(chain: Chain, b: int, S: Complex, e: Complex, known: Mask) -> tuple[Complex, Complex]:
+def _linked(chain: Chain, b: int, S: Complex, e: Complex) -> tuple[Complex, Complex]:
     """S and e in the frame of the end that a body passes on to."""
-    free = ~known
-    S, e = S * np.outer(free, free), e * free
     if chain.link[b] == WELD:
         W = _turn(chain, b)
         return W[:, None] * S * np.conj(W), W * e
@@ -149,12 +157,14 @@ def _turn(chain: Chain, b: int) -> Complex:
     return W
 
 
-def _at_end(chain: Chain, b: int, body: _Passed, found: Complex, known: Mask) -> Complex:
+def _at_end(
+    chain: Chain, b: int, body: _Passed, found: Complex, held: Mask, accelerations: Complex
+) -> Complex:
     """Accelerations of a body's last node from those of the node that it passed on to: what that leaves free bears no
     force.
     """
-    k = len(known)
-    a, given = np.zeros(k, dtype=complex), known.copy()
+    k = len(held)
+    a, given = accelerations.copy(), held.copy()
     if chain.onward[b] >= 0 and chain.link[b] == WELD:
         a, given = np.conj(_turn(chain, b)) * found[:, chain.onward[b]], np.ones(k, dtype=bool)
     elif chain.onward[b] >= 0 and chain.link[b] == TANGENT:

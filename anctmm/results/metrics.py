@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import SolverError, reason, shown
+from anctmm.model.bodies import distance
 from anctmm.model.scene import Probe
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
@@ -20,6 +21,8 @@ EPS = float(np.finfo(float).eps)
 ROUNDINGS = 1e3
 #: Largest number of probes of a comparison: an infinite iterable is refused.
 MOST_PROBES = 100_000
+#: Of the size of a scene: distance by which places of a probe in two scenes may differ, as they may be rounded.
+SAME_PLACE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -80,6 +83,9 @@ def rounding_at(solution: Solution, probe: Probe) -> float:
 def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) -> Comparison:
     """Compare two solutions of one scene at probes.
 
+    Each may have its own mesh, elements, loads and solver, and bodies of other kinds, but probes must stand in the same
+    places where nothing has moved yet.
+
     Parameters
     ----------
     solution, reference : Solution
@@ -94,10 +100,10 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     Raises
     ------
     SolverError
-        If both have histories but no common output times, one holds equilibria and the other a motion, or no probe is
-        given.
+        If both have histories but no common output times, one holds equilibria and the other a motion, no probe is
+        given, or a probe has two places in the two scenes.
     UnknownNameError
-        If a probe is not of the scene.
+        If a probe is not of both scenes.
     """
     probes = _given(probes)
     for name, value in (("solution", solution), ("reference", reference)):
@@ -120,6 +126,7 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
     largest, scale, blur = (0.0, 0.0, 0.0) if moving else (np.nan, np.nan, np.nan)
     for probe in probes:
         place = solution.scene.probe(probe)
+        _check_place(solution, reference, probe)
         key: Any = probe if isinstance(probe, str) else place
         if not moving:
             by_probe[key] = float("nan")
@@ -138,6 +145,19 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         statuses=(solution.status, reference.status),
         common=int(mine.size),
     )
+
+
+def _check_place(solution: Solution, reference: Solution, probe: Probe) -> None:
+    """Of the undeformed scenes: an equilibrium, from which a motion may start, depends on mesh and loads."""
+    scenes = solution.scene, reference.scene
+    if scenes[0] is scenes[1]:
+        return
+    one, other = (scene.place(probe).position for scene in scenes)
+    if distance(one, other) > SAME_PLACE * max(scene.length for scene in scenes):
+        raise SolverError(
+            f"probe {shown(probe)} is at {shown(one)} m in scene {scenes[0].name!r} of the solution and at "
+            f"{shown(other)} m in scene {scenes[1].name!r} of the reference; two solutions of one scene are needed"
+        )
 
 
 def _given(probes: object) -> list[Probe]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.sparse.linalg import splu
 
+from reference.global_dae.lu import solved
 from reference.global_dae.model import Matrix, Model
 from reference.global_dae.stability import DENSE, null_space, tangent
 
@@ -57,23 +58,15 @@ def _singular(model: Model, Z: Matrix, A: Matrix, q: Array, factor: float) -> bo
     """Whether a solve changes as a whole when coordinates change by a few roundings."""
     rng = np.random.default_rng(1)
     right = rng.standard_normal(A.shape[0])
-    first = _solved(A, right)
+    first = solved(A, right)
     for _ in range(TRIALS):
         moved = q * (1.0 + ROUNDING * rng.uniform(-1.0, 1.0, q.shape))
-        other = _solved(_projected(model, Z, moved, factor), right)
+        other = solved(_projected(model, Z, moved, factor), right)
         if first is None or other is None:
             return True
         if np.linalg.norm(other - first) >= SINGULAR * max(np.linalg.norm(first), np.linalg.norm(other)):
             return True
     return False
-
-
-def _solved(A: Matrix, right: Array) -> Array | None:
-    try:
-        x = splu(A).solve(right)
-    except RuntimeError:  # exactly singular
-        return None
-    return x if np.isfinite(x).all() else None
 
 
 def _negative(A: Matrix) -> int | None:

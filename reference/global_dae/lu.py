@@ -84,6 +84,15 @@ def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
     return best
 
 
+def solved(A: Matrix, right: Array) -> Array | None:
+    """Solution of A x = right; None where A is exactly singular, or x is not finite."""
+    try:
+        x = splu(A).solve(right)
+    except RuntimeError:  # exactly singular
+        return None
+    return x if np.isfinite(x).all() else None
+
+
 def factorise(A: Matrix, places: Ints) -> Factors:
     """Factors of a constant matrix; places (n, width) of its unknowns in the flat vectors."""
     if A.shape[0] == 0:

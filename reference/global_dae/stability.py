@@ -96,7 +96,7 @@ def highest_frequency(model: Model, bodies: Bodies | None = None) -> float:
 
 
 def limit(psi: float, phi: float) -> float:
-    """Largest stable h ω of Zhai's integrator without damping: √(2/ψ) for ψ = φ ≥ ½; else there is none, 0."""
+    """Largest stable h ω of Zhai's integrator without damping: √(2/ψ) for ψ = φ ≥ ½; 0 for others: refused."""
     return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
 
 
@@ -112,8 +112,8 @@ def check_step(model: Model) -> None:
     allowed = limit(run.psi, run.phi)
     if allowed == 0.0:
         raise StabilityError(
-            f"psi is {run.psi!r} and phi is {run.phi!r}; no step is stable unless psi = phi >= 0.5 "
-            f"(check_stability=False runs it all the same)"
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
+            f"at any step or have no larger stable step (check_stability=False runs it all the same)"
         )
     frequency = highest_frequency(model)
     largest = allowed / frequency if frequency > 0.0 else inf

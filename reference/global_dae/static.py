@@ -7,7 +7,6 @@ from typing import assert_never
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from anctmm.discretise.assembly import elastic_forces, strain_energy
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
@@ -19,6 +18,7 @@ from reference.global_dae.assemble import assemble, matrix_of, system_of
 from reference.global_dae.equilibrium_stability import verdict
 from reference.global_dae.history import solution
 from reference.global_dae.loads import add_loads, load_table
+from reference.global_dae.lu import solved
 from reference.global_dae.model import Matrix, Model, typical
 from reference.global_dae.stability import stiffness
 
@@ -93,7 +93,7 @@ class Search:
         for _ in range(ITERATIONS):
             right = self._residual(guess.factor, q, multiplier)
             A = self._matrix(value, q)
-            x = _solve(A, right)
+            x = solved(A, right)
             if x is None:  # of a mechanism that is in equilibrium as it stands, every place near is one
                 return Equilibrium(guess.factor, q, multiplier) if self._rounded(A, q, right) else None
             self.iterations += 1
@@ -139,14 +139,6 @@ class Search:
         dofs = self.model.dofs
         terms = abs(A)[:dofs, :dofs] @ np.abs(q.reshape(-1)[self.places[:dofs]])
         return bool(np.abs(right[:dofs]).max() <= ROUNDINGS * np.finfo(float).eps * terms.max())
-
-
-def _solve(A: Matrix, right: Array) -> Array | None:
-    try:
-        x = splu(A).solve(right)
-    except RuntimeError:  # exactly singular
-        return None
-    return x if np.isfinite(x).all() else None
 
 
 def equilibria(model: Model, load_steps: int, solver: str) -> Solution:

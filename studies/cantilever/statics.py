@@ -25,6 +25,8 @@ from studies.scenes import BaseScene
 LIMITS = ("elastica", "reissner", "director")
 #: Errors below this are rounding, whatever the mesh: no order is read from them.
 ROUNDING = 1e-10
+#: Times the level at which the errors of a solver stop falling, or three times rounding: errors above are of the mesh.
+CLEAR = 10.0
 
 
 @dataclass(frozen=True)
@@ -141,10 +143,11 @@ def rates(frame: pd.DataFrame) -> Table:
     for values, line in frame[frame["error"] > 0].groupby(keys, sort=False):
         line = line.sort_values("all_elements")
         n, error = line["all_elements"].to_numpy(float), line["error"].to_numpy()
-        sound = (n[1:] == 2 * n[:-1]) & (error[1:] > 30 * ROUNDING)
-        # a solver's own tolerance may stop the fall long before rounding: nothing beyond is of the mesh
-        falling = np.logical_and.accumulate(error[1:] < 0.5 * error[:-1])
-        sound = np.flatnonzero(sound & falling)
+        falling = error[1:] < 0.5 * error[:-1]
+        # a solver's own tolerance may stop the fall long before rounding: errors near that level are not of the mesh
+        level = np.maximum(error[1:], error[:-1])[~falling].max(initial=3 * ROUNDING)
+        sound = (n[1:] == 2 * n[:-1]) & np.logical_and.accumulate(falling) & (error[1:] > CLEAR * level)
+        sound = np.flatnonzero(sound)
         orders = np.log2(error[sound] / error[sound + 1])
         last = orders[-1] if orders.size else float("nan")
         between = f"{n[sound[-1]]:g} → {n[sound[-1] + 1]:g}" if sound.size else ""
@@ -152,7 +155,8 @@ def rates(frame: pd.DataFrame) -> Table:
                       "between_elements": between})  # fmt: skip
     columns = [*keys, "smallest_error", "order", "between_elements"]
     notes = (
-        "order: of the last doubling of the mesh whose error is still above rounding. The cable tends to the "
+        "order: of the last doubling of the mesh whose error is still far above rounding, and above the level at which "
+        "errors of the solver stop falling, if they do. The cable tends to the "
         "extensible elastica, the shear element to the director continuum of its own energy, the Reissner peers "
         "to Reissner's rod.",
     )

@@ -230,15 +230,25 @@ def findings(
         errors = rest[(rest["element"] == element) & (rest["error"] > 0)].sort_values("error")
         if len(mine):
             said.append(
-                f"At rest, {element} elements tend to their continuum with orders {mine['order'].min():.2f} "
-                f"to {mine['order'].max():.2f}; smallest error {errors['error'].iloc[0]:.1e} with "
-                f"{errors['elements'].iloc[0]} elements."
+                f"At rest, {element} elements tend to their continuum with {_orders(mine)}; "
+                f"smallest error {errors['error'].iloc[0]:.1e} with {errors['elements'].iloc[0]} elements."
             )
     said += _of_limits(limits) if limits is not None else []
     said += _of_cost(cost) if cost is not None else []
     if failures := len(tables.failed(fallen)):
         said.append(f"{failures} of {len(fallen)} falls did not end well; their rows say why.")
     return said
+
+
+def _orders(lines: pd.DataFrame) -> str:
+    """Ranges of observed orders, by quadrature where there are several."""
+    ranges = lines.groupby("quadrature", sort=False)["order"].agg(["min", "max"])
+    texts = [
+        f"{least:.2f}{f' to {most:.2f}' if f'{least:.2f}' != f'{most:.2f}' else ''}"
+        + (f" ({rule} quadrature)" if len(ranges) > 1 else "")
+        for rule, least, most in ranges.itertuples()
+    ]
+    return f"orders {', '.join(texts)}"
 
 
 def _of_limits(limits: pd.DataFrame) -> list[str]:
@@ -280,11 +290,8 @@ def pictures(bases: list[BaseScene], rest: StaticSweep, fallen: Sweep, timed: Sw
         drawn.append(cantilever_pictures.fall(reference, SNAPSHOTS))
         curves = _curves(fallen, element)
         drawn += [cantilever_pictures.tip_errors(curves, reference)] if curves else []
-    frame = fallen.frame
-    if (frame["error"] > 0).any():
-        drawn.append(error_pictures.over_mesh(frame))
-        drawn += [error_pictures.over_step(timed.frame, mesh_label(STEP_MESH))] if timed.outcomes else []
-        drawn.append(error_pictures.against_cost(frame))
+    steps = timed.frame if timed.outcomes else None
+    drawn += error_pictures.of_sweep(fallen.frame, steps, mesh_label(STEP_MESH))
     return drawn
 
 

@@ -250,10 +250,8 @@ def pictures(swept: Sweep, frame: pd.DataFrame, timed: Sweep) -> list[Picture]:
         drawn.insert(0, mechanism_pictures.crank_angle(whole[-1]))
         caption = "Configurations of the mechanism (Fig. 8 of the paper); triangles: ground pivots."
         drawn.append(configurations(whole[-1], "configurations", SNAPSHOTS, caption))
-    if (frame["error"] > 0).any():
-        drawn.append(error_pictures.over_mesh(frame))
-        drawn += [error_pictures.over_step(timed.frame, mesh_label(STEP_MESH))] if timed.outcomes else []
-        drawn.append(error_pictures.against_cost(frame))
+    steps = timed.frame if timed.outcomes else None
+    drawn += error_pictures.of_sweep(frame, steps, mesh_label(STEP_MESH))
     return drawn
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from math import floor, inf, log10
+from typing import Literal
 
 import numpy as np
 
@@ -10,6 +11,8 @@ import numpy as np
 DIGITISED = 0.02
 #: Digits from which on two numbers are the same except for the last ones.
 FEW = 3
+#: Decimal digits that a double has in any case.
+ALL = 15
 
 
 @dataclass(frozen=True)
@@ -25,6 +28,11 @@ class Value:
 
     value: float
     uncertainty: float = 0.0
+
+    @property
+    def digits(self) -> int:
+        """Digits that the uncertainty leaves."""
+        return _digits_of(abs(self.value), self.uncertainty)
 
 
 @dataclass(frozen=True)
@@ -43,6 +51,8 @@ class Published:
     needs : str
         What is not there to model it; empty where it is modelled.
     note : str
+    kind : str
+        "printed": a number with so many digits; "exact": a formula, of which each digit is known; "curve": read off.
     """
 
     problem: str
@@ -54,6 +64,7 @@ class Published:
     found: Mapping[str, Value] = field(default_factory=dict)
     needs: str = ""
     note: str = ""
+    kind: Literal["printed", "exact", "curve"] = "printed"
 
     @property
     def decisive(self) -> Value | None:
@@ -62,18 +73,29 @@ class Published:
 
     @property
     def digits(self) -> int:
-        """Digits in which the published and the found value agree."""
+        """Digits of the published value that agree with the found one, and that its own uncertainty leaves."""
         best = self.decisive
-        return 0 if best is None else agreeing(self.value, best.value)
+        if best is None:
+            return 0
+        if self.as_printed:
+            return self.printed
+        digits = min(agreeing(self.value, best.value), best.digits)
+        return min(digits, self.printed - 1) if self.kind == "printed" else digits
 
     @property
     def printed(self) -> int:
         """Digits that the published number has."""
-        return (
-            15
-            if self.uncertainty == 0.0
-            else max(0, floor(log10(abs(self.value) / (2.0 * self.uncertainty))) + 1)
-        )
+        if self.kind == "exact" or self.uncertainty == 0.0:
+            return ALL
+        return max(0, floor(log10(abs(self.value) / (2.0 * self.uncertainty))) + 1)
+
+    @property
+    def as_printed(self) -> bool:
+        """Whether the found value, wherever it lies within its own uncertainty, is the printed one when rounded."""
+        best = self.decisive
+        if best is None or self.kind != "printed" or best.digits < self.printed:
+            return False
+        return abs(best.value - self.value) + best.uncertainty <= self.uncertainty
 
     @property
     def verdict(self) -> str:
@@ -81,26 +103,34 @@ class Published:
         best = self.decisive
         if best is None:
             return f"not comparable: {self.needs}"
-        apart = abs(best.value - self.value)
-        if apart <= self.uncertainty + best.uncertainty:
-            return f"confirmed to {_digits(self.digits)}"
-        if self.digits >= FEW:
-            return f"confirmed to {self.digits} of {_digits(self.printed)}, not beyond"
-        return (
-            f"contradicted: {apart:.2g} {self.unit} apart, {self.uncertainty + best.uncertainty:.1g} allowed"
-        )
+        if self.as_printed:
+            return f"confirmed as printed ({_counted(self.printed)})"
+        apart, allowed = abs(best.value - self.value), self.uncertainty + best.uncertainty
+        if apart > allowed and self.digits < FEW:
+            return f"contradicted: {apart:.2g} {self.unit} apart, {allowed:.1g} allowed"
+        if self.digits == 0:
+            return f"undecided: what is found here is uncertain by {best.uncertainty:.1g} {self.unit}"
+        beyond = ", not beyond" if apart > allowed else ""
+        if self.kind == "printed":
+            return f"confirmed to {self.digits} of {_counted(self.printed)}{beyond}"
+        within = f", within the {DIGITISED:.0%} of the curve" if self.kind == "curve" and not beyond else ""
+        return f"confirmed to {_counted(self.digits)}{within}{beyond}"
 
 
-def _digits(count: int) -> str:
+def _counted(count: int) -> str:
     return f"{count} digit{'s' if count != 1 else ''}"
 
 
 def agreeing(one: float, two: float) -> int:
-    """Significant digits in which two numbers agree; 15 where all do."""
-    size = max(abs(one), abs(two))
-    if size == 0.0 or one == two:
-        return 15
-    return max(0, min(15, floor(-log10(abs(one - two) / size))))
+    """Significant digits in which two numbers agree; `ALL` where they are equal."""
+    return _digits_of(max(abs(one), abs(two)), abs(one - two))
+
+
+def _digits_of(size: float, error: float) -> int:
+    """Significant digits of a number of this size that an error leaves."""
+    if error == 0.0:
+        return ALL
+    return 0 if error >= size else min(ALL, floor(-log10(error / size)))
 
 
 def last_digit(text: str) -> float:

@@ -33,8 +33,10 @@ def run(options: Options, runner: Runner) -> Result:
     notes = (
         "found: the limit of three meshes, each twice the one before, by Richardson's extrapolation with the observed "
         "order; uncertainty: what is left of it. Empty: the published number is of one mesh, on which it was found.",
-        "verdict: by the first value of a problem. Confirmed to n digits: no further apart than half of the last "
-        "published digit (2 % where it was read off a curve) and the uncertainty together.",
+        "verdict: by the first value of a problem. Confirmed as printed: rounded, the found value is the printed one, "
+        "wherever it lies within its uncertainty. Otherwise confirmed to as many digits as agree and as its own "
+        "uncertainty leaves; not beyond: the two are further apart than half of the last published digit (2 % where it "
+        "was read off a curve) and the uncertainty together.",
     )
     said = findings(found)
     return Result(
@@ -77,12 +79,18 @@ def lines(problem: Published) -> Iterator[dict[str, object]]:
 def findings(found: tuple[Published, ...]) -> tuple[str, ...]:
     """What the table says, in sentences."""
     judged = [p for p in found if p.found]
-    whole = [p for p in judged if p.verdict.startswith("confirmed") and "not beyond" not in p.verdict]
+    whole = [p for p in judged if p.as_printed]
     part = [p for p in judged if "not beyond" in p.verdict]
     against = [p for p in judged if p.verdict.startswith("contradicted")]
+    undecided = [p for p in judged if p.verdict.startswith("undecided")]
+    rest = [p for p in judged if p not in (*whole, *part, *against, *undecided)]
+    known = [p for p in rest if p.kind != "printed"]
     out = [
-        f"Of {len(judged)} published numbers {len(whole)} are confirmed as far as they were printed, {len(part)} to "
-        f"fewer digits, {len(against)} contradicted; {len(found) - len(judged)} cannot be compared."
+        f"Of {len(judged)} published numbers {len(whole)} are confirmed as far as they were printed, "
+        f"{len(rest) - len(known)} to the fewer digits that the uncertainty of the values here leaves, {len(part)} to "
+        f"fewer digits and not beyond, {len(known)} that are exact or were read off curves are confirmed, "
+        + (f"{len(undecided)} are undecided, " if undecided else "")
+        + f"{len(against)} contradicted; {len(found) - len(judged)} cannot be compared."
     ]
     out += [f"{p.problem}, {p.quantity}: {p.verdict} ({p.source})." for p in (*part, *against)]
     out += [f"{p.problem}, {p.quantity}: {p.verdict}." for p in found if not p.found]

@@ -1,7 +1,7 @@
 """The paper's method as it is printed: Zhai's steps on accelerations by transfer matrices, readable and slow.
 
-Elements, damping and transfer are those in their readable form, which the compiled kernels are twins of. So
-`anctmm check` compares both with what is stored, and with each other.
+Elements, damping and transfer, along one chain or through a tree, are those in their readable form, which the compiled
+kernels are twins of. So `anctmm check` compares both with what is stored, and with each other.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,15 +19,17 @@ from anctmm.model.loads import LOADS
 from anctmm.model.needs import not_offered
 from anctmm.model.scene import Force, LineLoad, Scene, Torque
 from anctmm.recursion.transfer import Row, accelerations_plain, accelerations_riccati, row_of
+from anctmm.recursion.tree_transfer import accelerations_tree
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
 
 Array = NDArray[np.float64]
-Method = Callable[[Row], NDArray[np.complex128]]
+#: Accelerations of a chain at coordinates under external forces, where those of driven clamps are known.
+Method = Callable[[Chain, Array, Array, Array], NDArray[np.complex128]]
 
 
 def solve(scene: Scene, run: Discretisation, accelerations: Method) -> Solution:
-    """Motion of a scene of one chain and one kind of element, explicitly.
+    """Motion of a scene of one kind of element, explicitly.
 
     Parameters
     ----------
@@ -35,7 +37,7 @@ def solve(scene: Scene, run: Discretisation, accelerations: Method) -> Solution:
     run : Discretisation
         With integrator "zhai".
     accelerations : callable
-        Of `anctmm.recursion.transfer`.
+        Of `anctmm.recursion.transfer`, for one chain, or of `tree_transfer`.
 
     Raises
     ------
@@ -49,7 +51,7 @@ def solve(scene: Scene, run: Discretisation, accelerations: Method) -> Solution:
     h, psi, phi = run.dt, run.psi, run.phi
     for step in range(run.steps + 1):
         known = _drive(chain, step * h, q, v)
-        answer = accelerations(row_of(chain, q, _forces(chain, step * h, q, v), known))
+        answer = accelerations(chain, q, _forces(chain, step * h, q, v), known)
         a = np.stack([answer.real, answer.imag], axis=1).reshape(q.shape)
         before = a if before is None else before
         if step in run.output_steps:
@@ -125,8 +127,17 @@ def _solution(chain: Chain, kept: list[tuple[Array, float, float]]) -> Solution:
     return Solution("readable", scene, run, t, fields, energy, Cost(steps=run.steps), dofs=chain.dofs)
 
 
-#: By the name that their histories have.
-READABLE: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
-    "transfer-plain": partial(solve, accelerations=accelerations_plain),
-    "transfer-riccati": partial(solve, accelerations=accelerations_riccati),
+def _of_row(method: Callable[[Row], NDArray[np.complex128]]) -> Method:
+    """A method for one chain."""
+    return lambda chain, q, f, known: method(row_of(chain, q, f, known))
+
+
+#: By the name that their histories have: those for one chain, and that for trees.
+OF_CHAINS: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
+    "transfer-plain": partial(solve, accelerations=_of_row(accelerations_plain)),
+    "transfer-riccati": partial(solve, accelerations=_of_row(accelerations_riccati)),
 }
+OF_TREES: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
+    "transfer-tree": partial(solve, accelerations=accelerations_tree),
+}
+READABLE = {**OF_CHAINS, **OF_TREES}

@@ -6,7 +6,7 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.scene import Beam, Probe, Scene
 from studies.regression import small_mechanisms as mechanisms
 from studies.regression import small_scenes as small
-from studies.regression.readable import READABLE
+from studies.regression.readable import OF_CHAINS, OF_TREES
 from studies.regression.scenes import ARC_LENGTH, FromRest, Run, Static, Watch, base_watches
 
 TIGHT = 1e-12
@@ -181,13 +181,14 @@ def _readable() -> tuple[Watch, ...]:
     """Few steps: a readable one takes a millisecond."""
     runs = {f"{e}-readable": explicit(2, e, steps=20) for e in ELEMENTS}
     angled = {"cable-readable": explicit(2, "cable", steps=20)}
-    solvers = ("anctmm", *READABLE)
+    solvers = ("anctmm", *OF_CHAINS)
     return (
         _watch(small.driven_chain(), runs, solvers=solvers),
         _watch(small.driven_tail(), runs, solvers=solvers),
         _watch(small.driven_end(), angled, solvers=solvers),
         _watch(small.held_chain(), angled, solvers=solvers),
-        _watch(small.driven_chain(damping=2e-4), runs, solvers=tuple(READABLE)),
+        _watch(small.driven_chain(damping=2e-4), runs, solvers=tuple(OF_CHAINS)),
+        _watch(small.tree(), angled, solvers=("anctmm", *OF_TREES)),
     )
 
 

@@ -91,11 +91,6 @@ def simulate(task: Task, **options: Any) -> Solution:
         return guarded(task.solver, task.scene, solve)
 
 
-def tolerances_of(task: Task, history: History) -> dict[str, Tolerance]:
-    """Tolerance of every quantity of a history, see `measured`."""
-    return dict(measured(task, history).tolerances)
-
-
 def measured(task: Task, history: History) -> Baseline:
     """A history with the tolerance of every quantity, and how far counts of the work may lie from it.
 

@@ -97,13 +97,6 @@ def encoded(curve: Array) -> list[Any]:
     return [curve.shape[1], changes.ravel().tolist()]
 
 
-def decoded(nodes: int, numbers: list[int]) -> NDArray[np.int64]:
-    """What `encoded` wrote, (frames, nodes, 4): the page's script does the same."""
-    changes = np.array(numbers).reshape(-1, nodes * 4)
-    steps = np.concatenate([changes[:1], np.cumsum(changes[1:], axis=0)])
-    return np.cumsum(steps, axis=0).reshape(-1, nodes, 4)
-
-
 def supports(scene: Scene, unit: float) -> tuple[tuple[str, int, int], ...]:
     """Where the scene is held by the ground."""
     return tuple(

@@ -55,6 +55,17 @@ def _tip(line: Mapping[Any, Any]) -> str:
     return f"{words}{step}: error {line['error']:.2g}{cost}"
 
 
+def of_sweep(rows: pd.DataFrame, timed: pd.DataFrame | None, mesh: str) -> list[Picture]:
+    """Errors over the mesh, over steps on one mesh if runs with several were made, and against CPU time.
+
+    Nothing where no error is known.
+    """
+    if not (rows["error"] > 0).any():
+        return []
+    steps = [] if timed is None else [over_step(timed, mesh)]
+    return [over_mesh(rows), *steps, against_cost(rows)]
+
+
 def over_mesh(rows: pd.DataFrame, name: str = "convergence_mesh", caption: str = "") -> Picture:
     """Error over the number of elements, each mesh at its smallest step; a panel an element kind."""
     keys = ["family", "quadrature", "solver", "integrator", "elements"]

@@ -13,7 +13,7 @@ from studies.trade.choice import CONTROLLED, stepping
 #: What another way to step is called beside the one chosen.
 OTHER_STEPS = {
     "explicit": "explicit steps",
-    "implicit": "steps of one length",
+    "implicit": "fixed steps of second order",
     "implicit, error-controlled": "error-controlled steps",
     "implicit, fourth order": "steps of fourth order",
     "implicit, fourth order, error-controlled": "error-controlled steps of fourth order",

@@ -15,6 +15,7 @@ from anctmm.recursion.accelerations import by_scalars
 from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
 from anctmm.recursion.split import split_factors
 from anctmm.recursion.tree_transfer import accelerations_tree
+from studies.regression.small_scenes import tree
 
 every_scene = pytest.mark.parametrize("name", SCENES)
 #: Roundings of the mass of quintic cables, whose functions are more alike, are larger by so much.
@@ -87,6 +88,21 @@ def test_branches_add_up_in_the_readable_form(name, element):
     a = accelerations_tree(d.chain, d.q, d.f)
     found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
     assert error(found, d.solved(d.mass(), d.f - d.elastic())) < 1e-10 * ROUNDING[element]
+
+
+@every_element
+@pytest.mark.parametrize("place", ["trunk.start", "right.end", "twig.end"])
+def test_driven_clamps_of_trees_in_the_readable_form(place, element):
+    scene = tree()
+    others = [joint for joint in scene.joints if not isinstance(joint, at.Clamp)]
+    d = Direct(at.Scene("driven", scene.bodies, (at.Clamp(place, at.Quintic(0.7, 0.05)), *others)), element)
+    known = np.where(d.chain.prescribed, np.random.default_rng(1).standard_normal(d.q.shape), 0.0)
+    known[:2] = 0.0
+    assert np.abs(known).max() > 0.1
+    a = accelerations_tree(d.chain, d.q, d.f, known)
+    found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
+    load = d.f - d.elastic() - (d.mass() @ known.reshape(-1)).reshape(d.q.shape)
+    assert error(found, known + d.solved(d.mass(), load)) < 1e-10 * ROUNDING[element]
 
 
 def test_readable_form_refuses_loops():

@@ -215,3 +215,55 @@ def test_equilibria_are_not_compared_with_a_motion():
             SolverError, match=r"equilibria at load factors.*; two of one kind|motion.*; two of one kind"
         ):
             at.compare(one, other, probes=["beam.end"])
+
+
+def beam_of(length, height=0.02, name="beam"):
+    return at.Beam(name, (0.0, 0.0), (length, 0.0), at.Rectangle(0.02, height), at.Material(1e7, 1000.0))
+
+
+def swinging(body, *loads, gravity=(0.0, -9.81)):
+    return at.Scene("swing", [body], [at.Pin("beam.start")], loads, gravity)
+
+
+def test_solutions_of_two_scenes_are_not_compared():
+    options = {"mesh": 1, "element": "rigid", "dt": 0.01, "t_end": 0.02}
+    short, long = (at.solve(swinging(beam_of(length)), **options) for length in (0.5, 0.7))
+    for one, other in ((short, long), (long, short)):
+        with pytest.raises(
+            SolverError, match=r"probe 'beam.end' is at \(0\.\d, 0\.0\) m in scene 'swing' of the s"
+        ):
+            compare(one, other, ["beam.end"])
+        assert compare(one, other, ["beam.start"]).error < 1e-15  # where it stands, both are alike
+    with pytest.raises(
+        SolverError, match=r"probe \('beam', 0.5\) is at \(0.25, 0.0\) m .* and at \(0.35, 0.0\) m"
+    ):
+        compare(short, long, ["beam.start", ("beam", 0.5)])
+    rounded = at.solve(swinging(beam_of(0.5 + 1e-13)), **options)
+    assert compare(rounded, short, ["beam.end"]).error < 1e-9
+
+
+def test_meshes_elements_kinds_and_loads_may_differ():
+    options = {"dt": 0.01, "t_end": 0.02}
+    fine = at.solve(swinging(beam_of(0.5)), mesh=4, **options)
+    rod = at.RigidBody("beam", 0.2, 0.2 * 0.5**2 / 12, (0.25, 0.0), {"start": (0.0, 0.0), "end": (0.5, 0.0)})
+    others = [
+        at.solve(swinging(beam_of(0.5)), mesh=1, element="rigid", **options),
+        at.solve(swinging(rod), **options),
+        at.solve(swinging(beam_of(0.5, 0.03), at.Force("beam.end", (0.1, 0.2))), mesh=1, **options),
+    ]
+    for other in others:
+        assert 0.0 < compare(other, fine, ["beam.end"]).error < 0.5
+
+
+def test_what_starts_deformed_is_compared_by_where_its_scene_stands():
+    """Equilibria of two meshes, and motions that start there, are as far apart as the meshes are coarse."""
+    scene = at.Scene("sag", [beam_of(0.5)], [at.Clamp("beam.start")], gravity=(0.0, -9.81))
+    pulled = at.Scene("pulled", scene.bodies, scene.joints, [at.Force("beam.end", (0.0, 0.05))], (0.0, -9.81))
+    rests = [at.solve_static(scene, mesh=mesh) for mesh in (1, 4)]
+    assert 0.0 < compare(*rests, ["beam.end"]).error < 0.5
+    runs = [
+        at.solve(pulled, mesh=m, dt=0.01, t_end=0.02, start=rest)
+        for m, rest in zip((1, 4), rests, strict=True)
+    ]
+    assert np.abs(runs[0].position("beam.end")[0] - runs[1].position("beam.end")[0]).max() > 1e-7
+    assert 0.0 < compare(*runs, ["beam.end"]).error < 0.5

@@ -31,6 +31,7 @@ from anctmm.recursion.branches import Branches
 from anctmm.recursion.kept.coupled import Coupled, coupled_of, entries_of
 from anctmm.recursion.kept.rows import Rows, rows_of
 from anctmm.recursion.kept.sparse import Sparse, matrix_places, order_of, sparse, with_room
+from anctmm.recursion.node_blocks import leave_out, put_column, take_column, update_row
 from anctmm.recursion.scratch import matrices, vectors
 
 Array = NDArray[np.float64]
@@ -266,40 +267,34 @@ def _eliminate(size, loops, known, least, i, work):  # type: ignore[no-untyped-d
     their parts. Returns the number of negative pivots.
     """
     d = len(size)
-    D, A, K, L = matrices(size)
+    _, A, K, L = matrices(size)
     column, beyond, start, _ = vectors(size)
     C, S, P = loops.coupling, loops.condensed, loops.passed
     negative = 0
     for k in range(d):
         if k < least or known[k, i]:
+            leave_out(size, k, work)
             for m in range(d):
-                work[A + d * max(k, m) + min(k, m)] = work[K + d * m + k] = C[k, m] = 0.0
+                C[k, m] = 0.0
     for k in range(d):
         if k < least or known[k, i]:
             continue
         pivot = work[A + d * k + k]
         negative += 0 if pivot > 0.0 else 1
         inverse = 1.0 / pivot
+        take_column(size, k, work)
         for m in range(d):
-            work[column + m] = work[A + d * max(k, m) + min(k, m)]
-            work[beyond + m] = work[K + d * m + k]
             work[start + m] = C[k, m]
         for n in range(d):
-            f, g = work[beyond + n] * inverse, work[column + n] * inverse
-            h = work[start + n] * inverse
-            for m in range(n + 1):
-                work[D + d * n + m] -= f * work[beyond + m]
-                work[A + d * n + m] -= g * work[column + m]
+            f, g, h = work[beyond + n] * inverse, work[column + n] * inverse, work[start + n] * inverse
+            update_row(size, n, f, g, work)
             for m in range(d):
-                work[K + d * n + m] -= f * work[column + m]
                 P[n, m] -= f * work[start + m]
                 C[n, m] -= g * work[start + m]
                 S[n, m] -= h * work[start + m]
+        put_column(size, k, inverse, work)
         for m in range(d):
-            work[A + d * max(k, m) + min(k, m)] = work[column + m] * inverse
-            work[K + d * m + k] = work[beyond + m] * inverse
             C[k, m] = work[start + m] * inverse
-        work[A + d * k + k] = -inverse
     for k in range(d * d):
         work[L + k] = work[K + k]
     return negative

@@ -55,8 +55,8 @@ def check_step(system: System) -> None:
     run = system.layout.run
     if limit(run.psi, run.phi) == 0.0:
         raise StabilityError(
-            f"psi is {run.psi!r} and phi is {run.phi!r}; no step is stable unless psi = phi >= 0.5 "
-            f"(check_stability=False runs it all the same)"
+            f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
+            f"at any step or have no larger stable step (check_stability=False runs it all the same)"
         )
     frequency, damping = highest(system)
     # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping

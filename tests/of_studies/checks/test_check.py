@@ -30,7 +30,7 @@ from studies.regression.history import read_baseline
 from studies.regression.report import frame_of, junit, pictures
 from studies.regression.scenes import Static, Task, base_watches, declared_in, tasks_of
 from studies.regression.small_watches import all_watches
-from studies.regression.tolerance import MARGIN, simulate, tolerances_of
+from studies.regression.tolerance import MARGIN, measured, simulate
 
 HELPERS = Path(__file__).parents[2] / "helpers"
 ROOT = Path(__file__).parents[3]
@@ -88,9 +88,9 @@ def test_stored_tolerances_are_what_is_measured():
     for run, solver in (("four-bar/cable-zhai", "anctmm"), ("cantilever-fall/shear-implicit", "global-dae")):
         (task,) = select(BASE, (run,), (solver,))
         stored = read_baseline(task.path(BASELINES))
-        measured = tolerances_of(task, stored.history)
+        again = measured(task, stored.history).tolerances
         for quantity, tolerance in stored.tolerances.items():
-            assert 0.1 < tolerance.value / measured[quantity].value < 10.0
+            assert 0.1 < tolerance.value / again[quantity].value < 10.0
             causes = [float(c.split(" ")[-1]) for c in tolerance.reason.split(": ")[1].split(", ")]
             assert tolerance.value == pytest.approx(MARGIN * max(causes), rel=0.1)
 

@@ -12,13 +12,15 @@ from studies.published.problem import Published, Value, agreeing, converged, las
 CONFIRMED = {
     ("elastica, F L²/EI = 3", "tip displacement x"): 7,
     ("elastica, F L²/EI = 3", "tip displacement y"): 9,
+    ("elastica, 4 cables", "tip displacement x"): 8,
+    ("elastica, 4 cables", "tip displacement y"): 9,
     ("roll-up, M L/EI = 2π", "tip displacement x"): 5,
     ("shear cantilever, small force", "tip displacement y, size"): 5,
     ("shear cantilever, large force", "tip displacement x, size"): 6,
     ("shear cantilever, large force", "tip displacement y, size"): 6,
     ("Lee's frame", "first limit load"): 2,
     ("Lee's frame", "second limit load"): 1,
-    ("catenary, EI → 0", "lowest point y"): 7,
+    ("catenary, EI → 0", "lowest point y"): 8,
     ("rotating blade", "flap frequency at speed 0"): 5,
     ("rotating blade", "flap frequency at speed 1"): 4,
     ("rotating blade", "flap frequency at speed 2"): 5,
@@ -48,7 +50,7 @@ def test_confirmed_digits_stay_confirmed(found):
 def test_two_versions_of_one_code_print_two_numbers(found):
     """The one quoted is that of linear elements, to its last digit; the one of another version is not."""
     quoted, stored = (p for p in found if p.problem.startswith("L-frame"))
-    assert (quoted.digits, quoted.verdict) == (15, "confirmed to 15 digits")
+    assert (quoted.digits, quoted.verdict) == (13, "confirmed as printed (13 digits)")
     assert stored.verdict.startswith("contradicted: 1.3 m apart")
 
 
@@ -58,25 +60,65 @@ def test_the_table_and_its_sentences(found):
     assert len(frame) >= 19
     assert frame["verdict"].notna().sum() == len(found)
     said = study.findings(tuple(found))
-    assert "cannot be compared" in said[0]
-    assert any("4 cables" in s and "leaves the stretch free" in s for s in said)
+    assert said[0].startswith(
+        f"Of {len(found) - 1} published numbers {sum(p.as_printed for p in found)} are confirmed as"
+    )
+    assert said[0].endswith("1 contradicted; 1 cannot be compared.")
+    assert [s for s in said if "not comparable" in s] == [s for s in said if s.startswith("flying spaghetti")]
+
+
+@pytest.mark.exhaustive
+def test_no_more_digits_than_the_uncertainty_of_what_is_found_leaves(found):
+    for p in found:
+        if p.decisive is not None and p.decisive.uncertainty > 0.0:
+            left = -np.log10(p.decisive.uncertainty / abs(p.decisive.value))
+            assert p.digits <= left, (p.problem, p.quantity)
 
 
 @pytest.mark.parametrize(
-    ("value", "found", "verdict"),
+    ("found", "digits", "verdict"),
     [
-        (3.516, Value(3.51601), "confirmed to 5 digits"),
-        (3.516, Value(3.5164, 1e-3), "confirmed to 3 digits"),
-        (3.516, Value(3.5171), "confirmed to 3 of 5 digits, not beyond"),
-        (3.516, Value(3.9), "contradicted: 0.38 Hz apart, 5e-05 allowed"),
-        (3.516, None, "not comparable: a wing"),
-        (0.5, Value(0.5), "confirmed to 15 digits"),
+        (Value(3.51601), 5, "confirmed as printed (5 digits)"),
+        (Value(3.51601, 1e-5), 5, "confirmed as printed (5 digits)"),
+        (Value(3.51604, 2e-5), 4, "confirmed to 4 of 5 digits"),  # may be 3.5161 when rounded
+        (Value(3.516, 4e-5), 4, "confirmed to 4 of 5 digits"),  # agrees better than its uncertainty says
+        (Value(3.5164, 1e-3), 3, "confirmed to 3 of 5 digits"),
+        (Value(3.5171), 3, "confirmed to 3 of 5 digits, not beyond"),
+        (Value(3.51606), 4, "confirmed to 4 of 5 digits, not beyond"),
+        (Value(3.7, 0.3), 1, "confirmed to 1 of 5 digits"),
+        (Value(3.0, 2.0), 0, "undecided: what is found here is uncertain by 2 Hz"),
+        (Value(3.9), 1, "contradicted: 0.38 Hz apart, 5e-05 allowed"),
+        (None, 0, "not comparable: a wing"),
     ],
 )
-def test_verdicts(value, found, verdict):
+def test_verdicts(found, digits, verdict):
     values = {} if found is None else {"cable": found, "other": Value(7.0)}
-    said = Published("p", "q", "Hz", value, 5e-5, "s", values, needs="a wing")
-    assert said.verdict == verdict
+    said = Published("p", "q", "Hz", 3.516, 5e-5, "s", values, needs="a wing")
+    assert (said.digits, said.verdict) == (digits, verdict)
+
+
+@pytest.mark.parametrize(
+    ("kind", "found", "verdict"),
+    [
+        ("exact", Value(0.5), "confirmed to 15 digits"),
+        ("exact", Value(0.5, 1e-9), "confirmed to 8 digits"),
+        ("exact", Value(0.5 + 1e-9, 1e-12), "confirmed to 8 digits, not beyond"),
+        ("curve", Value(0.504, 1e-5), "confirmed to 2 digits, within the 2% of the curve"),
+        ("curve", Value(0.6, 1e-5), "contradicted: 0.1 m apart, 0.01 allowed"),
+    ],
+)
+def test_verdicts_of_what_was_not_printed(kind, found, verdict):
+    allowed = {"exact": 1e-15, "curve": 0.02 * 0.5}[kind]
+    assert Published("p", "q", "m", 0.5, allowed, "s", {"cable": found}, kind=kind).verdict == verdict
+
+
+def test_a_worse_value_is_not_confirmed_to_more_digits():
+    digits = [
+        Published("p", "q", "m", 15.8107712, 5e-8, "s", {"rigid": Value(15.8107712, 10.0**-k)}).digits
+        for k in range(9)
+    ]
+    assert digits == sorted(digits)
+    assert (digits[0], digits[5]) == (1, 6)
 
 
 def test_digits():

@@ -18,6 +18,7 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from studies.cantilever.statics import rates
+from studies.cantilever.study import findings
 from studies.cli import BadOption, read_options
 from studies.engine import tables
 from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, cases_of, sweep
@@ -287,8 +288,39 @@ def test_rates_stop_where_a_solvers_tolerance_does():
     frame = pd.DataFrame({"error": error, "all_elements": [2, 4, 8, 16, 32]})
     frame[["scene", "solver", "element", "quadrature"]] = "x"
     (found,) = rates(frame).frame.to_dict("records")
-    assert found["between_elements"] == "4 → 8"
-    assert found["order"] == pytest.approx(np.log2(15.0))
+    assert found["between_elements"] == "2 → 4"
+    assert found["order"] == pytest.approx(np.log2(1e-2 / 6e-4))
+
+
+@pytest.mark.parametrize(
+    ("stall", "between"), [(0.0, "64 → 128"), (2e-8, "32 → 64"), (2e-7, "16 → 32"), (1e-2, "")]
+)
+def test_rates_are_not_read_near_the_level_at_which_errors_stop_falling(stall, between):
+    """Errors of fourth order beside one of the other sign that stays: with 2e-8 they nearly cancel on 128 elements."""
+    n = np.array([4, 8, 16, 32, 64, 128, 256])
+    error = np.abs(0.02 * (4 / n) ** 4 - stall)
+    frame = pd.DataFrame({
+        "scene": "s", "solver": "a", "element": "cable", "quadrature": "full", "all_elements": n, "error": error,
+    })  # fmt: skip
+    (found,) = rates(frame).frame.to_dict("records")
+    assert found["between_elements"] == between
+    if between:
+        assert found["order"] == pytest.approx(4.0, abs=0.2)
+
+
+def test_orders_are_said_by_quadrature():
+    orders = pd.DataFrame(
+        {
+            "element": ["cable"] * 3 + ["shear"] * 2,
+            "quadrature": ["full", "full", "lobatto", "-", "-"],
+            "order": [4.01, 6.02, 4.0, 2.0, 3.0],
+        }
+    )
+    rest = pd.DataFrame({"element": ["cable", "shear"], "error": [1e-9, 1e-5], "elements": ["64", "256"]})
+    fallen = pd.DataFrame({"status": ["ok"]})
+    cable, shear = findings(rest, orders, fallen)
+    assert "with orders 4.01 to 6.02 (full quadrature), 4.00 (lobatto quadrature); smallest" in cable
+    assert "with orders 2.00 to 3.00; smallest error 1.0e-05 with 256 elements" in shear
 
 
 def test_median_and_spread():

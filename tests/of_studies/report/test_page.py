@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from browser import Tab, needs_chromium
+from films import decoded
 from markupsafe import escape
 from small_studies import SMALL
 
@@ -94,7 +95,7 @@ def test_a_film_is_the_motion_to_a_thousandth_of_the_picture(motion):
     size = np.ptp(np.concatenate(ends), axis=0).max()
     frames = np.linspace(0, len(solution.t) - 1, data["frames"]).round().astype(int)
     for body, (nodes, numbers) in zip(solution.scene.bodies, data["layers"][0], strict=True):
-        drawn = film.decoded(nodes, numbers)
+        drawn = decoded(nodes, numbers)
         assert drawn.shape == (data["frames"], nodes, 4)
         for k, fraction in enumerate(np.linspace(0, 1, nodes)):
             true = solution.position(body.name, fraction)[frames] * [1, -1]
@@ -108,7 +109,7 @@ def test_a_film_is_small_and_in_its_box(motion):
     assert max(width, height) <= 1.2 * film.GRAIN
     for layer in json.loads(made.data)["layers"]:
         for nodes, numbers in layer:
-            at = film.decoded(nodes, numbers)[:, :, :2]
+            at = decoded(nodes, numbers)[:, :, :2]
             assert (at >= [left, top]).all()
             assert (at <= [left + width, top + height]).all()
     for kind, x, y in made.supports:
@@ -363,7 +364,7 @@ def test_a_film_plays_pauses_and_is_dragged(browser, page, name):
     assert tab.wrong == []
 
     data = json.loads(tab.run(head + "return film.querySelector('script').textContent;"))
-    bodies = [film.decoded(*body) for layer in data["layers"] for body in layer]
+    bodies = [decoded(*body) for layer in data["layers"] for body in layer]
     for shown, frame in ((start, 0), (end, -1)):
         # paths stand in the opposite order: what is drawn last lies on top
         for drawn, body in zip(reversed(shown["shape"]), bodies, strict=True):
