@@ -6,6 +6,11 @@ eigenvalues 1/(λ + σ) of the free motions, and 0 for all others, which ARPACK 
 Without damping and spin the problem is K x = −λ² M x, with a symmetric K unless there are follower forces. Otherwise it
 is the quadratic problem in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu),
 A z = λ B z, where A⁻¹B needs only a solve with the shifted stiffness.
+
+Of up to 300 unknowns all eigenvalues are found. Of more, those of the smallest |λ|, among which what grows or swings
+may be missing: softer parts of the scene have their own, and a material that damps much has a rate near −1/τ for each
+motion that it keeps from swinging. So motions are also looked for from the places of forces that may make some grow,
+and among the softest undamped ones.
 """
 
 from collections.abc import Callable
@@ -18,17 +23,20 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.errors import DiscretisationError, SolverError
+from anctmm.integrators.modes.shapes import GROWING
 from anctmm.integrators.modes.shifted_stiffness import ShiftedStiffness
 from anctmm.integrators.modes.small_motions import SmallMotions
+from anctmm.integrators.statics import soft_motions
+from anctmm.integrators.statics.equilibrium_stability import damped_motions, damped_space
 from anctmm.integrators.statics.static_system import StaticSystem
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-#: Unknowns up to which matrices are built column by column.
-DENSE = 60
+#: Unknowns up to which matrices are built column by column: of symmetric ones, and of others.
+DENSE, ALL = 60, soft_motions.DENSE
 #: Eigenvalues of the quadratic problem that are found beyond two for each mode: those of a body that is free to move
-#: are 0, twice each, and as near as STILL to it, of the largest one found.
+#: are 0, twice each, and as near as STILL to it, of the largest one found that swings.
 FREE, STILL = 8, 1e-7
 #: Imaginary part of a rate, of its size, that is rounding; eigenvalues found beyond those asked for, so that none of a
 #: pair is left out.
@@ -40,12 +48,18 @@ FINE, COARSE, PART, MOVING = 400, 4, 0.1, 1e4
 SPOILT = 4.0 / PART
 #: Default number of modes.
 USUAL = 10
+#: Difference of two rates, relative, of one motion found twice; what a motion may miss of its equation, relative; how
+#: often a space is made larger by what is missed, and motions of it that are looked at.
+SAME, MISSED, ROUNDS, NEAR = 1e-6, 1e-7, 8, 40
+#: Restarts of ARPACK for damped motions: beside hundreds of rates near −1/τ it ends with a part of them.
+RESTARTS = 300
 
 
 def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
     """Rates λ of the lowest modes, with Im λ ≥ 0, and their vectors of unknowns.
 
-    Motions that grow without oscillation come first, the fastest of them first; all others by ascending |λ|.
+    Motions that grow come first, the fastest of them first; then those that oscillate, or need no force, by ascending
+    |λ|; at last those that decay without oscillation, by ascending |λ|.
 
     Parameters
     ----------
@@ -61,19 +75,21 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
         If they are not found.
     """
     free = problem.freedoms
-    few = problem.size <= DENSE
-    most = free if few else min(free, problem.size - 2)
+    few = problem.size <= (DENSE if problem.symmetric and not problem.damped else ALL)
+    most = 2 * free if problem.damped else free
+    most = most if few else min(most, problem.size - 2)
     name = problem.system.chain.scene.name
     if most < 1:
         raise DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
-    if count is None:
-        count = min(USUAL, most)
-    if count > most:
-        raise DiscretisationError(
-            f"count is {count}; scene {name!r} has {free} free motions: at most {most} are allowed"
-        )
+    if count is not None and count > most:
+        raise _too_many(count, most, problem)
+    wanted = count or min(USUAL, free if few else most)
     problem.enough, still = _enough(problem)
-    values, vectors = _find(problem, few)(problem, count)
+    values, vectors = _find(problem, few)(problem, wanted)
+    if few and len(values) < wanted:
+        raise _too_many(wanted, len(values), problem)
+    if count is not None and len(values) < count:
+        raise _lost(problem, count, len(values))
     squares = np.sort(np.abs(values) ** 2)[still : still + 1]
     if squares.size and np.isfinite(problem.enough) and not 1.0 < squares[0] / problem.enough < SPOILT:
         raise SolverError(
@@ -81,6 +97,14 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
             f"fourth power of the number of elements; a coarser mesh is needed"
         )
     return values, vectors
+
+
+def _too_many(count: int, most: int, problem: SmallMotions) -> DiscretisationError:
+    free = problem.freedoms
+    return DiscretisationError(
+        f"count is {count}; scene {problem.system.chain.scene.name!r} has {free} free motion{'s' * (free > 1)}: "
+        f"at most {most} mode{'s are' if most > 1 else ' is'} allowed"
+    )
 
 
 def _find(problem: SmallMotions, few: bool) -> Callable[[SmallMotions, int], tuple[Complex, Complex]]:
@@ -138,7 +162,7 @@ def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
             A, count, M, sigma=-shift, OPinv=inverse, v0=_start(problem)
         )
     except scipy.sparse.linalg.ArpackNoConvergence as error:
-        raise _lost(problem, count, error) from error
+        raise _lost(problem, count, len(error.eigenvalues)) from error
     order = np.argsort(squares)
     return _rates(squares[order], problem.rounding), vectors[:, order].astype(complex)
 
@@ -162,9 +186,16 @@ def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Co
                 operator, min(count + SPARE, n - 2), v0=_start(problem)
             )
         except scipy.sparse.linalg.ArpackNoConvergence as error:
-            raise _lost(problem, count, error) from error
+            raise _lost(problem, count, len(error.eigenvalues)) from error
+        followed = problem.followed()
+        if followed:
+            more = soft_motions.softest(soften, problem.mass, followed)
+            values, vectors = (
+                np.concatenate(both, axis=-1) for both in zip((values, vectors), more, strict=True)
+            )
     rates = _rates(1.0 / values - shift, problem.rounding)
-    order = _order(rates)[:count]
+    order = _order(rates)
+    order = order[_first_found(rates[order], vectors[:, order])][:count]
     return rates[order], vectors[:, order]
 
 
@@ -181,7 +212,7 @@ def _rates(squares: Array | Complex, rounding: float) -> Complex:
 
 
 def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Complex]:
-    """λ with Im λ ≥ 0, and vectors, of the smallest |λ|.
+    """λ with Im λ ≥ 0, and vectors.
 
     With λ = ν + s the matrix to solve with is K + s C + s² M, definite for a small s > 0 where K of a scene that is
     free to move is not.
@@ -195,26 +226,97 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
         u, v = z[:n], z[n:]
         return np.concatenate([-inverse.solve(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u])
 
-    try:
-        if few:
-            values, vectors = scipy.linalg.eig(_columns(product, np.eye(2 * n)))
-            kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
-        else:
-            operator = scipy.sparse.linalg.LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
-            wanted = min(2 * asked + FREE, 2 * n - 2)
-            values, vectors = scipy.sparse.linalg.eigs(operator, wanted, v0=np.tile(_start(problem), 2))
-            kept = np.arange(len(values))
-    except scipy.sparse.linalg.ArpackNoConvergence as error:
-        raise _lost(problem, count, error) from error
-    values, vectors = 1.0 / values[kept] + s, vectors[:n, kept]
-    largest = float(np.sort(np.abs(values))[: 2 * asked + FREE][-1])
-    still = np.abs(values) < max(np.sqrt(problem.rounding), STILL * max(s, largest))
+    if few:
+        values, vectors = scipy.linalg.eig(_columns(product, np.eye(2 * n)))
+        kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
+        values, vectors = values[kept], vectors[:n, kept]
+    else:
+        values, vectors = _slowest(problem, product, asked)
+    values = 1.0 / values + s
+    swinging = np.sort(np.abs(values[~_real(values)]))  # a rate that much damping makes large tells nothing
+    largest = max([s, *swinging[: 2 * asked + FREE].tolist()])
+    least = max(np.sqrt(problem.rounding), STILL * largest)
+    still = np.abs(values) < least
     values[still] = 0.0
     kept = np.concatenate([np.flatnonzero(still)[::2], _swinging(values, ~still)])
-    kept = kept[_order(values[kept])][:count]
-    if len(kept) < count:
-        raise _lost(problem, count, None)
-    return values[kept], vectors[:, kept]
+    values, vectors = values[kept], vectors[:, kept]
+    if not few:
+        more = _projected(problem, inverse, least)
+        values, vectors = (
+            np.concatenate(both, axis=-1) for both in zip((values, vectors), more, strict=True)
+        )
+    order = _order(values)
+    if not few:
+        order = order[_first_found(values[order], vectors[:, order])]
+    order = order[:count]
+    return values[order], vectors[:, order]
+
+
+def _slowest(problem: SmallMotions, product: Callable[[Array], Array], asked: int) -> tuple[Complex, Complex]:
+    """Eigenvalues 1/ν of the smallest |ν| of the quadratic problem, and the displacements of their vectors."""
+    n = problem.size
+    operator = scipy.sparse.linalg.LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
+    wanted = min(2 * asked + FREE, 2 * n - 2)
+    try:
+        values, vectors = scipy.sparse.linalg.eigs(
+            operator, wanted, v0=np.tile(_start(problem), 2), maxiter=RESTARTS
+        )
+    except scipy.sparse.linalg.ArpackNoConvergence as error:  # others are looked for elsewhere, too
+        values, vectors = error.eigenvalues.astype(complex), error.eigenvectors.astype(complex)
+        if not len(values):
+            raise _lost(problem, asked, 0) from error
+    return values, vectors[:n]
+
+
+def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -> tuple[Complex, Complex]:
+    """λ with Im λ > 0 or that grow, and vectors, in a space that begins with the softest motions without damping.
+
+    Those of a size below `least` are rounding.
+
+    What those found in it miss of their equations, as displacements, is added to it, until they miss no more (Davidson
+    1975, J. Comput. Phys. 17). Those that still do are left out.
+    """
+    if problem.spin:
+        return np.zeros(0, complex), np.zeros((problem.size, 0), complex)
+    softness, shapes = soft_motions.softest(
+        lambda x: problem.solve(problem.mass(x)), problem.mass, [_start(problem), *problem.followed()]
+    )
+    space = damped_space(problem.system, problem.damping, 1.0 / softness, shapes)
+    space = space._replace(forces=inverse.of_stiffness(space.x, space.forces))
+    for _ in range(ROUNDS):
+        rates, vectors, held = damped_motions(problem.system, space)
+        moves = (rates.imag > REAL * np.abs(rates)) | (_real(rates) & (rates.real > 0.0))
+        kept = np.flatnonzero(moves & (np.abs(rates) >= least))
+        kept = kept[_order(rates[kept])][:NEAR]
+        rates, vectors = rates[kept], vectors[:, kept]
+        heavy, lost = (_of_complex(product, vectors) for product in (problem.mass, space.damped))
+        forces = held[:, kept] + rates * lost + rates * rates * heavy
+        left = _of_complex(problem.solve, forces)
+        missed = np.abs(left).max(axis=0) / np.abs(vectors).max(axis=0)
+        fits = missed <= MISSED
+        if fits.all():
+            break
+        x, by = (np.hstack([one[:, ~fits].real, one[:, ~fits].imag]) for one in (left, forces))
+        space = space._replace(
+            x=np.hstack([space.x, x]), forces=np.hstack([space.forces, inverse.of_stiffness(x, by)])
+        )
+    return rates[fits], vectors[:, fits]
+
+
+def _of_complex(product: Callable[[Array], Array], vectors: Complex) -> Complex:
+    """A real product of complex vectors, as columns."""
+    return np.stack([product(x.real) + 1j * product(x.imag) for x in vectors.T], axis=1)
+
+
+def _first_found(rates: Complex, vectors: Complex) -> NDArray[np.int64]:
+    """Places of the motions, without those that stand there before."""
+    size = vectors / np.linalg.norm(vectors, axis=0)
+    kept: list[int] = []
+    for k, rate in enumerate(rates):
+        alike = [n for n in kept if abs(rates[n] - rate) <= SAME * abs(rate)]
+        if not alike or np.abs(size[:, alike].conj().T @ size[:, k]).max() < 1.0 - SAME:
+            kept.append(k)
+    return np.array(kept, dtype=np.int64)
 
 
 def _swinging(values: Complex, there: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -223,10 +325,12 @@ def _swinging(values: Complex, there: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _order(rates: Complex) -> NDArray[np.int64]:
-    """That of modes: what grows without oscillation, the fastest first; then by |λ|, of two alike what grows."""
+    """That of modes: what grows, the fastest first; what swings or stays, by |λ|; what decays without swinging."""
     sizes = np.abs(rates)
-    leaves = _real(rates) & (rates.real > 0.0)
-    return np.lexsort((-rates.real, np.where(leaves, -sizes, sizes)))
+    grow = rates.real > GROWING * sizes
+    decay = _real(rates) & (rates.real < 0.0)
+    kind = np.where(grow, 0, np.where(decay, 2, 1))
+    return np.lexsort((np.where(grow, -rates.real, sizes), kind))
 
 
 def _real(values: Complex) -> NDArray[np.bool_]:
@@ -242,10 +346,8 @@ def _start(problem: SmallMotions) -> Array:
     return problem.solve(problem.mass(np.random.default_rng(0).standard_normal(problem.size)))
 
 
-def _lost(
-    problem: SmallMotions, count: int, error: "scipy.sparse.linalg.ArpackNoConvergence | None"
-) -> SolverError:
-    found = "" if error is None else f" ({len(error.eigenvalues)} were found)"
+def _lost(problem: SmallMotions, count: int, found: int) -> SolverError:
     return SolverError(
-        f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge{found}; fewer may help"
+        f"the {count} lowest modes of scene {problem.system.chain.scene.name!r} did not converge ({found} were found); "
+        f"fewer may help"
     )

@@ -44,7 +44,7 @@ def modes(
     run : Discretisation, optional
         Or its fields as keywords; only mesh, element and quadrature matter.
     count : int, optional
-        Number of modes; default ten, or all if there are fewer.
+        Number of modes; default ten, or all if there are fewer. With damping there are up to two for each free motion.
     about : Solution, optional
         The equations are linearised about its last output, with the loads and drives of that time. It is an equilibrium
         of `solve_static` or a motion, of the same scene and mesh. Default: the initial configuration, without loads and

@@ -35,8 +35,9 @@ MOST_DRAWN = 12
 class Modes:
     """Natural modes, motions ∝ exp(λt) with λ = growth rate + 2πi frequency.
 
-    Those that grow without oscillation come first (divergence, as of a column beyond its critical load), the fastest of
-    them first; all others by ascending |λ|: without damping, by ascending frequency.
+    Those that grow come first, the fastest of them first: without oscillation (divergence, as of a column beyond its
+    critical load) or with it (flutter). Then those that oscillate, by ascending |λ|: without damping, by ascending
+    frequency. At last those that decay without oscillation, by ascending |λ|.
 
     Parameters
     ----------
@@ -50,7 +51,8 @@ class Modes:
         oscillation, −1 of those that grow without, 0 where λ is 0.
     growth_rates : ndarray, shape (count,)
         Re λ, 1/s: positive of motions that grow, negative of those that decay. Where nothing oscillates there are two:
-        with damping both are modes, without damping only the one that grows is.
+        with damping both are modes, without damping only the one that grows is. So a scene with damping has up to twice
+        as many modes as free motions.
     shapes : mapping of body name to ndarray, shape (count, nodes, vectors, 2)
         Complex: the motion is the real part of shape × exp(λt). The largest displacement is 1 m and real. A rigid body
         has one node: its centre of mass and, except for a point mass, a unit vector that turns with it.

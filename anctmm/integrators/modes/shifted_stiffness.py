@@ -63,6 +63,13 @@ class ShiftedStiffness:
             raise self._refused()
         return x
 
+    def of_stiffness(self, x: Array, forces: Array) -> Array:
+        """K x, (size, k), of displacements x and the forces that the matrix factored last gives them."""
+        problem, own = self.problem, 0.0 if self.lacks_damping else self.s
+        return forces - np.stack(
+            [own * problem.damping_forces(one) + self.s * self.s * problem.mass(one) for one in x.T], axis=1
+        )
+
     def _factored(self) -> float:
         """Factor the matrix; s."""
         problem = self.problem

@@ -6,6 +6,8 @@ with Ω all coordinates are vectors q' with q̈ = R (q̈' + 2 Ω S q̇' − Ω²
 2 Ω M S to C, and σ = −Ω².
 """
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,8 +16,9 @@ from anctmm.discretise.joined import Joined
 from anctmm.errors import SolverError
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.damping import Damping
-from anctmm.integrators.statics.equilibrium_stability import largest_square, least_shift
+from anctmm.integrators.statics.equilibrium_stability import growing_forces, largest_square, least_shift
 from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.recursion.kept.ranks import independent
 
 Array = NDArray[np.float64]
 
@@ -68,10 +71,16 @@ class SmallMotions:
         """Number of unknowns."""
         return self.join.size
 
-    @property
+    @cached_property
     def freedoms(self) -> int:
-        """Number of free motions: unknowns less constraints."""
-        return self.size - (0 if self.system.loops is None else len(self.system.loops.rows.number))
+        """Number of free motions: unknowns less constraints that do not repeat others."""
+        loops = self.system.loops
+        return self.size - (0 if loops is None else independent(loops.rows, self.q, self.join.matrix))
+
+    def followed(self) -> list[Array]:
+        """Displacements by forces that may make motions grow, to search from; with the matrix factored last."""
+        forces = growing_forces(self.system, self.damping)
+        return [] if forces is None else [self.solve(self.join.gather(forces))]
 
     def mass(self, x: Array) -> Array:
         """M x."""

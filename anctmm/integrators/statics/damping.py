@@ -41,6 +41,14 @@ class Damping:
         """Whether a law gives energy to a motion, as a force that grows with the rate."""
         return self.dampers is not None and bool((self.dampers[0] < 0.0).any())
 
+    @property
+    def fed(self) -> list[Array]:
+        """Generalized forces, (rows, nodes), of a unit of each law that gives energy to a motion."""
+        if self.dampers is None:
+            return []
+        rates, forces = self.dampers
+        return [forces[[int(k)]].toarray().reshape(self.q.shape) for k in np.flatnonzero(rates < 0.0)]
+
     def forces(self, u: Array) -> Array:
         """C u of velocities u, (rows, nodes)."""
         total = np.zeros_like(u)

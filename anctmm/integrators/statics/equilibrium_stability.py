@@ -5,20 +5,24 @@ K_T is positive definite on the motions that the joints allow. The elimination o
 pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from anctmm.discretise.joined import Joined
+from anctmm.discretise.maps import push
+from anctmm.forces.loads import FOLLOWER
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.statics.damping import Damping
+from anctmm.integrators.statics.soft_motions import softest
 from anctmm.integrators.statics.static_system import StaticSystem
+from anctmm.jit.compiling import uncompiled
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -29,16 +33,14 @@ ROUNDING, TRIALS = 4.0 * EPS, 4
 #: Relative change of its answer above which the tangent may be singular within double precision; without elastic
 #: bodies, softness over that of the highest frequency above which it may be.
 DOUBTFUL, SOFT = 1e-2, 1e12
-#: Unknowns up to which all motions are looked at, and the lowest of more; real or imaginary part that is no rounding.
-DENSE, LOWEST, COMPLEX = 60, 12, 1e-6
+#: Real or imaginary part that is no rounding.
+COMPLEX = 1e-6
 #: Shifts that may pass by a zero pivot, of the square of the highest frequency; how far answers beside it may differ.
 BESIDE, SAME = 10.0 ** np.arange(-1, -14, -1.0), 1e-2
 #: Part of the largest below which a square is that of motions that repeat others; against division by zero.
 APART, TINY = 1e-12, 1e-300
 #: Damping ratio of a motion below which what its damping displaces is rounding, as of a damper between welded bodies.
 FELT = 1e-9
-#: Softness, relative to the largest, below which no motion is looked at.
-STIFF = 1e-9
 #: Shift, of the square of the highest frequency, that outweighs all stiffness, and answer that is none.
 HEAVY, NO_MOTION = 1e12, 1e-6
 #: Steps of the inverse iteration, and relative change of the eigenvalue at which it ends.
@@ -136,10 +138,15 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array, shift: fl
     So where forces have no potential, or feed motions. Without damping motions do not grow where the eigenvalues λ = ω²
     of K x = λ M x are positive: a negative one is a motion that leaves without swinging; a complex pair is two
     frequencies that have become one (flutter). With damping, which may make a scene flutter far earlier (Ziegler),
-    the rates λ of the quadratic problem decide. Both begin at low frequencies: the lowest few are found.
+    the rates λ of the quadratic problem decide.
     """
-    found = _lowest_damped(system, damping, shift) if damping.there else _lowest_undamped(system, shift)
-    rates, shapes = found
+    values, shapes = softest_of(system, damping, shift)
+    if damping.there:
+        space = damped_space(system, damping, values, shapes)
+        rates, shapes, _ = damped_motions(system, space)
+    else:
+        values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
+        rates = np.sqrt(-values.astype(complex))  # one of each pair ±
     grows = rates.real > COMPLEX * np.abs(rates)
     if not grows.any():
         return Stability("stable", 0, motion)
@@ -150,67 +157,97 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array, shift: fl
     return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
 
 
-def _lowest_undamped(system: StaticSystem, shift: float) -> tuple[Complex, Complex]:
-    """Rates √−λ of the lowest small motions without damping, one of each pair ±, and their unknowns."""
-    values, shapes = _softest_shapes(system, Joined(system.chain), LOWEST, shift)
-    values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
-    return np.sqrt(-values.astype(complex)), shapes
+class Space(NamedTuple):
+    """Motions among which others are looked for.
+
+    Parameters
+    ----------
+    damped : callable
+        C x, (size,), of unknowns.
+    x, forces : ndarray, shape (size, k)
+        Unknowns, and K x.
+    """
+
+    damped: Callable[[Array], Array]
+    x: Array
+    forces: Array
 
 
-def _lowest_damped(system: StaticSystem, damping: Damping, shift: float) -> tuple[Complex, Complex]:
-    """Rates of the lowest small motions, and their unknowns: λ z = A z with z = (x, λ x).
+def damped_space(system: StaticSystem, damping: Damping, values: Complex, shapes: Complex) -> Space:
+    """Motions without damping, K x = value · M x, and what their damping forces displace, K⁻¹ C x.
 
-    In the space of the lowest motions without damping, x, and of what its forces displace, K⁻¹ C x: a Krylov space of A
-    does not find them beside the many rates −1/τ that a strong Kelvin-Voigt damping gives.
+    K is the matrix factored last, or differs from it by a small multiple of the mass.
     """
     joined = Joined(system.chain)
-    values, shapes = _softest_shapes(system, joined, LOWEST, shift)
 
     def damped(x: Array) -> Array:
         return joined.gather(damping.forces(joined.spread(x)))
 
-    def heavy(x: Array) -> Array:
-        return joined.gather(system.inertia(joined.spread(x)))
-
-    # K x = λ M x
+    heavy = partial(_heavy, system, joined)
     held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) * values
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
+    there = np.abs(x).max(axis=0) > 0.0  # a real motion has no imaginary part
+    x, forces, stiff = x[:, there], forces[:, there], np.tile(values, 2)[there]
     lost = np.stack([damped(one) for one in x.T], axis=1)
     displaced = np.stack([joined.unknowns(system.solve(joined.load(f))) for f in lost.T], axis=1)
-    ratios = np.sqrt(np.abs(np.tile(values, 2))) * np.abs(displaced).max(axis=0)
+    ratios = np.sqrt(np.abs(stiff)) * np.abs(displaced).max(axis=0)
     felt = ratios > FELT * np.abs(x).max(axis=0)
     x = np.concatenate([x, displaced[:, felt]], axis=1)
-    forces = np.concatenate([forces, lost[:, felt]], axis=1)
-    size = np.maximum(np.abs(x).max(axis=0), TINY)
-    x, forces = x / size, forces / size
+    return Space(damped, x, np.concatenate([forces, lost[:, felt]], axis=1))
+
+
+def damped_motions(system: StaticSystem, space: Space) -> tuple[Complex, Complex, Complex]:
+    """Rates λ of motions M ẍ + C ẋ + K x = 0 in a space, their unknowns x, and K x.
+
+    A Krylov space of the whole problem does not find them beside the many rates −1/τ that a strong Kelvin-Voigt damping
+    gives. Those of a pair are both there.
+    """
+    heavy = partial(_heavy, system, Joined(system.chain))
+    size = np.maximum(np.abs(space.x).max(axis=0), TINY)
+    x, forces = space.x / size, space.forces / size
     squares, turn = np.linalg.eigh(x.T @ np.stack([heavy(one) for one in x.T], axis=1))
     kept = squares > APART * squares.max()
     turn = turn[:, kept] / np.sqrt(squares[kept])  # of mass 1, and orthogonal
-    basis = x @ turn
-    stiffness = basis.T @ forces @ turn
-    loss = basis.T @ np.stack([damped(one) for one in basis.T], axis=1)
+    basis, held = x @ turn, forces @ turn
+    stiffness = basis.T @ held
+    loss = basis.T @ np.stack([space.damped(one) for one in basis.T], axis=1)
     n = len(stiffness)
     rates, vectors = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -loss]]))
-    return rates.astype(complex), basis @ vectors[:n]
+    return rates.astype(complex), basis @ vectors[:n], held @ vectors[:n]
 
 
-def _softest_shapes(
-    system: StaticSystem, joined: Joined, count: int, shift: float
-) -> tuple[Complex, Complex]:
-    """Lowest λ of K x = λ M x, all of them if there are few, and x, with K + shift · M factored last."""
-    n = joined.size
+def _heavy(system: StaticSystem, joined: Joined, x: Array) -> Array:
+    """M x of unknowns."""
+    return joined.gather(system.inertia(joined.spread(x)))
 
-    def soften(x: Array) -> Array:
-        return joined.unknowns(system.solve(joined.load(joined.gather(system.inertia(joined.spread(x))))))
 
-    if n <= DENSE:
-        inverse, shapes = np.linalg.eig(np.stack([soften(e) for e in np.eye(n)], axis=1))
-    else:
-        operator = scipy.sparse.linalg.LinearOperator((n, n), matvec=soften, dtype=float)
-        start = np.random.default_rng(0).standard_normal(n)
-        inverse, shapes = scipy.sparse.linalg.eigs(operator, count, which="LM", v0=start)
-    soft = np.abs(inverse) > STIFF * np.abs(inverse).max()  # the others are rounding, as of held directions
-    return 1.0 / inverse[soft].astype(complex) - shift, shapes[:, soft].astype(complex)
+def softest_of(system: StaticSystem, damping: Damping, shift: float) -> tuple[Complex, Complex]:
+    """λ of K x = λ M x, the smallest |λ + shift| first, and x, with K + shift · M factored last."""
+    joined, rng = Joined(system.chain), np.random.default_rng(0)
+    mass = partial(_heavy, system, joined)
+
+    def answer(f: Array) -> Array:
+        return joined.unknowns(system.solve(joined.load(f)))
+
+    starts, forces = [rng.standard_normal(joined.size)], growing_forces(system, damping)
+    if forces is not None:
+        starts.append(answer(joined.gather(forces)))
+    inverse, shapes = softest(lambda x: answer(mass(x)), mass, starts)
+    return 1.0 / inverse - shift, shapes
+
+
+def growing_forces(system: StaticSystem, damping: Damping) -> Array | None:
+    """Some forces, (rows, nodes), at the places of those that may make motions grow; None if there are none.
+
+    These are loads that turn with their place, and laws that give energy to a motion.
+    """
+    loads, shape, rng = system.loads, system.reference.shape, np.random.default_rng(3)
+    forces = damping.fed
+    for n in map(int, np.flatnonzero(loads.kinds == FOLLOWER)):
+        along = np.zeros(shape)
+        uncompiled(push)(loads.targets, n, *rng.standard_normal(2), along)
+        forces.append(along)
+    return np.asarray(np.tensordot(rng.standard_normal(len(forces)), np.stack(forces), 1)) if forces else None
 
 
 def _softest(system: StaticSystem, q: Array, factor: float) -> tuple[Array, bool]:
