@@ -274,7 +274,8 @@ def discretise(
     run = _whole(run, options)
     if fixed_step and run.tolerance is not None:
         raise StepError(
-            f"tolerance is {run.tolerance!r}, but this solver takes a fixed step; dt is needed instead"
+            f"tolerance is {run.tolerance!r}, but this solver does not choose its steps; a fixed dt, or none for "
+            f"equilibria and modes, is allowed"
         )
     return run
 

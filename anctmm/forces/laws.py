@@ -19,6 +19,9 @@ TRIED = ((0.0, 0.0, 0.0), (0.3, -0.7, 0.0), (-0.2, 0.4, 0.1))
 #: Difference of a compiled law from that of Python that is no rounding.
 SAME = 1e-9
 NEEDED = "a plain function (elongation, rate, t) -> float of numbers is needed, of what numba compiles"
+CHANGED = (
+    "a value that it refers to has changed since it was compiled: for each value define the function anew"
+)
 
 #: Compiled laws that cannot be found again.
 _kept: list[Any] = []
@@ -54,12 +57,17 @@ def address_of(name: str, law: Law, unit: float) -> int:
         at = elongation * unit, rate * unit, t
         expected = law_value(name, getattr(law, "py_func", law), *at)
         found = float(compiled.ctypes(*at))
-        if not abs(found - expected) <= SAME * max(abs(expected), abs(found)):
+        if not _same(expected, found):
+            anew = float(_compiled.__wrapped__(law).ctypes(*at))
             raise PropertyError(
                 f"{name} law gives {expected!r} at elongation {at[0]!r}, rate {at[1]!r}, t = {t!r} s, and compiled "
-                f"{found!r}; {NEEDED}"
+                f"{found!r}; {CHANGED if _same(expected, anew) else NEEDED}"
             )
     return int(compiled.address)
+
+
+def _same(expected: float, found: float) -> bool:
+    return abs(found - expected) <= SAME * max(abs(expected), abs(found))
 
 
 def _why(error: Exception) -> str:

@@ -281,9 +281,12 @@ def run_batches(
             when, found = until(begin)
             raise Interrupted(found(interruption(when))) from None
         except PropertyError as error:  # of a load or a drive
-            when, found = until(part_by_part(part, begin, end, PropertyError))
+            step, own = part_by_part(
+                part, begin, end, PropertyError
+            )  # the first that fails, not one far ahead
+            when, found = until(step)
             if failed < 0:
-                raise HistoryError(found(broken_off(error, when))) from error
+                raise HistoryError(found(broken_off(own or error, when))) from error
         if failed >= 0:
             return failed
     return -1

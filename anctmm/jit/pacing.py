@@ -5,6 +5,9 @@ Python handles Ctrl-C between two calls of compiled code, not within one.
 
 import time
 from collections.abc import Callable, Iterator
+from typing import TypeVar
+
+E = TypeVar("E", bound=Exception)
 
 #: Seconds that a call should take, and the first one, whose work is only estimated.
 CALL, FIRST = 0.2, 0.05
@@ -14,7 +17,9 @@ GROWTH = 16
 TABLE = 100_000
 
 
-def part_by_part(one: Callable[[int, int], object], begin: int, end: int, error: type[Exception]) -> int:
+def part_by_part(
+    one: Callable[[int, int], object], begin: int, end: int, error: type[E]
+) -> tuple[int, E | None]:
     """Take the steps of a range in which an exception was raised, up to the one that raises it.
 
     Parameters
@@ -28,20 +33,20 @@ def part_by_part(one: Callable[[int, int], object], begin: int, end: int, error:
 
     Returns
     -------
-    int
-        The step that could not be taken; `end` if all could.
+    (int, Exception or None)
+        The step that could not be taken, and what it raises; `end` and None if all could.
     """
     while begin < end:
         middle = begin + max(1, (end - begin) // 2)
         try:
             one(begin, middle)
-        except error:
+        except error as raised:
             if middle == begin + 1:
-                return begin
+                return begin, raised
             end = middle
         else:
             begin = middle
-    return end
+    return end, None
 
 
 def paced(steps: int, seconds: float, width: int = 0) -> Iterator[tuple[int, int]]:

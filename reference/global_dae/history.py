@@ -197,9 +197,9 @@ class Marcher:
             except KeyboardInterrupt:
                 raise Interrupted(so_far(interruption(self._time(first)))) from None
             except PropertyError as error:  # of a load or a drive
-                begun = part_by_part(part, first, last, PropertyError)
+                begun, own = part_by_part(part, first, last, PropertyError)
                 if ended is None:
-                    raise HistoryError(so_far(broken_off(error, self._time(begun)))) from error
+                    raise HistoryError(so_far(broken_off(own or error, self._time(begun)))) from error
             if ended is not None:
                 return so_far(ended)
         return so_far(Status())

@@ -95,6 +95,15 @@ def motor(elongation, rate, t):
     return 20.0 * (elongation - wanted) + 0.4 * rate - 0.25
 
 
+def test_a_law_whose_globals_have_changed_says_so():
+    names = {}
+    exec("K = 2.0\ndef law(elongation, rate, t):\n    return K * elongation", names)
+    address_of("spring", names["law"], 1.0)
+    names["K"] = 4.0
+    with pytest.raises(PropertyError, match="has changed since it was compiled"):
+        address_of("spring", names["law"], 1.0)
+
+
 def test_a_motor_that_feeds_back_holds_a_flexible_arm():
     """Explicit and implicit steps agree; the arm ends near the wanted angle and is bent by its weight."""
     scene = arm(at.RotationalSpring("arm.start", law=motor))

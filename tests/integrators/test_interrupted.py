@@ -170,6 +170,15 @@ def test_a_history_that_fails_keeps_what_was_computed_until_then(road, kind, whe
     assert_begins(found, whole)
 
 
+@pytest.mark.parametrize("road", ROADS, ids=lambda road: road.__module__)
+def test_a_broken_history_is_told_at_the_first_time_at_which_it_breaks(road):
+    """Not at the end of the steps for which its values are looked up together."""
+    force = Force("m.center", lambda t: (1.0 / 0.0 if t > 0.5 else 1.0, 0.0))
+    scene = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], loads=[force])
+    with pytest.raises(at.HistoryError, match=r"at t = 0.51 s: ZeroDivisionError"):
+        road(scene, dt=1e-2, t_end=1.0, output_dt=0.1)
+
+
 @pytest.mark.parametrize("road", [at.solve_static, global_dae.solve_static], ids=lambda road: road.__module__)
 @pytest.mark.parametrize("options", [{}, {"branch": "stable"}])
 def test_equilibria_found_before_ctrl_c_are_kept(road, options, monkeypatch):

@@ -27,6 +27,15 @@ def mechanism():
     return at.solve(scene, mesh=2, dt=2e-3, t_end=0.02, output_dt=2e-3)
 
 
+@pytest.mark.parametrize("times", ["x", [], [[0.0]], [float("nan")]])
+def test_times_that_are_none_are_refused(times):
+    scene = at.Scene("mass", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
+    found = at.solve(scene, dt=1e-2, t_end=0.1, output_dt=0.05)
+    assert len(found.plot(0.05).axes) == 2
+    with pytest.raises(at.errors.ResultError, match="finite numbers are needed"):
+        found.plot(times)
+
+
 def test_everything_that_moves_has_a_shape(mechanism):
     found = shapes_of(mechanism)
     assert [(s.name, s.kind) for s in found] == [

@@ -131,12 +131,12 @@ class Modes:
         t = np.linspace(0.0, 1.0 / f if f > 0.0 else 1.0, FRAMES + 1)
         return Solution(f"mode {k + 1}", self.scene, self.run, t, fields, Energy.unknown(len(t)))
 
-    def plot(self, modes: Sequence[int] | None = None) -> "Figure":
+    def plot(self, modes: int | Sequence[int] | None = None) -> "Figure":
         """Shapes of modes, each at both extremes, with the equilibrium in grey.
 
         Parameters
         ----------
-        modes : sequence of int, optional
+        modes : int or sequence of int, optional
             Numbers, from 1 on; default the first twelve.
 
         Raises
@@ -147,7 +147,8 @@ class Modes:
             If matplotlib is not installed.
         """
         count = len(self.frequencies)
-        chosen = range(1, min(count, MOST_DRAWN) + 1) if modes is None else modes
+        chosen: Any = range(1, min(count, MOST_DRAWN) + 1) if modes is None else modes
+        chosen = [chosen] if isinstance(chosen, int | float) else chosen
         if isinstance(chosen, str) or not len(chosen):
             raise DiscretisationError(f"modes is {shown(modes)}; numbers from 1 to {count} are needed")
         titles = [f"{k}: {self._speed(k)}" for k in chosen if self.motion(k)]

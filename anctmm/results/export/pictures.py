@@ -14,6 +14,7 @@ from anctmm.errors import OutputError, ResultError, reason, shown
 from anctmm.results.export.background import draw_background
 from anctmm.results.export.shapes import Shape, box, shapes_of, supports_of
 from anctmm.results.export.tables import needed
+from anctmm.validation import reals
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -80,12 +81,12 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     Raises
     ------
     ResultError
-        If matplotlib is not installed, or the solution has no outputs.
+        If matplotlib is not installed, the solution has no outputs, or times are no numbers.
     """
     figures = needed("matplotlib.figure", "plot")
     if not len(solution.t):
         raise ResultError(f"scene {solution.scene.name!r} has no outputs to draw: {solution.status}")
-    wanted = np.linspace(solution.t[0], solution.t[-1], SHOWN) if times is None else np.asarray(times, float)
+    wanted = np.linspace(solution.t[0], solution.t[-1], SHOWN) if times is None else _numbers("times", times)
     chosen = sorted({int(np.abs(solution.t - t).argmin()) for t in wanted})
     figure = figures.Figure(figsize=(10.0, 4.6), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.15, 1.0])
@@ -93,6 +94,17 @@ def plot(solution: Any, times: Sequence[float] | None = None) -> "Figure":
     _configurations(left, solution, chosen)
     _energies(right, solution)
     return figure  # type: ignore[no-any-return]
+
+
+def _numbers(name: str, values: object) -> Array:
+    """Some numbers, also a single one."""
+    try:
+        found = np.atleast_1d(reals(values))
+    except (TypeError, ValueError):
+        found = np.empty(0)
+    if found.ndim != 1 or not found.size or not np.isfinite(found).all():
+        raise ResultError(f"{name} is {shown(values)}; finite numbers are needed, such as [0.0, 0.5]")
+    return found
 
 
 def animate(solution: Any, path: str | PathLike[str], fps: float = 25.0) -> Path:
