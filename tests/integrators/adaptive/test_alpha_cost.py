@@ -16,10 +16,9 @@ BOUNDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 DEARER = 1.6
 MORE = {
     "portal_frame": 2.2,
-    "gantry_crane": 2.05,
+    "gantry_crane": 1.8,
     "squeezer": 2.35,
-    "fall-shear": 1.8,
-    "thrown_triangle": 1.75,
+    "fall-shear": 1.7,
 }
 
 

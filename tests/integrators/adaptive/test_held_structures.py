@@ -90,7 +90,7 @@ def solve(name, tolerance, integrator, **options):
         ("portal_frame", 1e-4, "generalized-alpha", 1.3, 0.1),  # they took 1.8, with a bound as of mechanisms
         ("portal_frame", 1e-3, "esdirk", 6.0, 0.45),  # 6.3: two in each stage of a step with a new matrix
         ("three_supports", 1e-4, "esdirk", 6.5, 0.35),  # 8.5
-        ("thrown_chain", 1e-5, "generalized-alpha", 1.6, 0.12),  # 1.8: matrices were kept as they got old
+        ("thrown_chain", 1e-5, "generalized-alpha", 1.65, 0.12),  # 1.8: matrices were kept as they got old
     ],
 )
 def test_steps_take_few_corrections_which_leave_no_error(name, tolerance, integrator, corrections, renewals):
