@@ -106,6 +106,7 @@ from anctmm.integrators.adaptive.step_control import (
     expect,
     expect_aged,
     goes_on,
+    is_linkage,
     left_by_newton,
     length_of,
     pass_stops,
@@ -357,7 +358,7 @@ def _look_back(h, error, aside, state, control, lag):  # type: ignore[no-untyped
 @embedded
 def _newton_part(h, system, control):  # type: ignore[no-untyped-def]
     """Part of the error allowed in a step that Newton's iteration may leave."""
-    if system.factors.loops is not None and not control.turns.elastic:
+    if is_linkage(system, control):
         return RIGID_PART
     return (HELD_PART if control.restrained else NEWTON_PART) * times_for_many(h, MANY, control)
 

@@ -216,6 +216,12 @@ def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
     return min(system.newton.tolerance, left)
 
 
+@embedded
+def is_linkage(system, control):  # type: ignore[no-untyped-def]
+    """Whether constraints hold rigid bodies and nothing is elastic: what the iteration leaves is of forces there."""
+    return system.factors.loops is not None and not control.turns.elastic
+
+
 @inlined
 def times_for_many(h, many, control):  # type: ignore[no-untyped-def]
     """Times its part of the error allowed that a step may leave, where there are more than so many steps of h in a run.

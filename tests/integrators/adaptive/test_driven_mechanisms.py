@@ -13,7 +13,7 @@ CRANK, ROD, ROCKER, GROUND = 0.1, 0.2, 0.25, 0.3
 COUPLER = 0.3
 RATE, T_END, INTERVAL = 30.0, 0.25, 0.05
 #: Error of velocities, and of the balance of energy, over the tolerance.
-VELOCITIES, BALANCE = 3.0, 6.5
+VELOCITIES, BALANCE = 3.0, {"generalized-alpha": 6.5, "esdirk": 3.0}
 
 
 def steady(t):
@@ -107,7 +107,7 @@ def errors(make, drive, tolerance, integrator):
 def test_velocities_and_work_are_within_the_tolerance(make, drive, integrator):
     _, velocities, balance = errors(make, drive, 1e-2, integrator)
     assert velocities < VELOCITIES
-    assert balance < BALANCE
+    assert balance < BALANCE[integrator]
 
 
 @pytest.mark.exhaustive
@@ -119,6 +119,6 @@ def test_smaller_tolerances_take_more_steps_and_have_smaller_errors(make, drive,
     found = [errors(make, drive, tolerance, integrator) for tolerance in (1e-2, 1e-3, 1e-4, 1e-5)]
     steps, velocities, balance = zip(*found, strict=True)
     assert max(velocities) < VELOCITIES
-    assert max(balance) < BALANCE
+    assert max(balance) < BALANCE[integrator]
     # errors of velocities of second order, and of works of fourth order
     assert steps[3] > (20.0 if integrator == "generalized-alpha" else 2.0) * steps[0]

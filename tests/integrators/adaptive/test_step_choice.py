@@ -139,9 +139,12 @@ def test_corrections_that_only_show_what_is_left_are_no_reason_to_renew_a_matrix
 @pytest.mark.compiled
 @pytest.mark.parametrize("tolerance", [2.512e-5, 3.981e-5])
 def test_what_newtons_iteration_leaves_of_linkages_of_rigid_bodies_is_no_large_part_of_their_error(tolerance):
-    """At tolerances between those of `test_alpha_cost` the error was 2.3 and 2.5 times the one asked for."""
+    """With three times that part it was up to 3.5 times the tolerance, at those between those of `test_alpha_cost`.
+
+    It is 0.2 to 2.3 times the tolerance, as steps fall: changes of the size of rounding choose others.
+    """
     case = squeezer()
     options = {"t_end": case.duration, "output_dt": case.interval}
     fine = at.solve(case.scene, dt=case.interval / 32, integrator="esdirk", newton_tolerance=1e-11, **options)
     found = at.solve(case.scene, tolerance=tolerance, integrator="generalized-alpha", **options)
-    assert at.compare(found, fine, case.probes).error < 1.75 * tolerance
+    assert at.compare(found, fine, case.probes).error < 2.6 * tolerance
