@@ -67,8 +67,8 @@ class Discretisation:
     dt, t_end : float
         Step (default 1e-3) and length of the run, s; `t_end` is a whole number of steps.
     output_dt : float, optional
-        Interval of the output, s, a whole number of steps. Default: every step, or with a tolerance a 200th of the
-        run.
+        Interval of the output, s, a whole number of steps, or with a tolerance a whole part of the run. Default: every
+        step, or with a tolerance a 200th of the run.
     tolerance : float, optional
         Target of the error in time, relative to the largest displacement, instead of `dt`: an estimate of the local
         error controls the step of generalized-α or "esdirk". With "esdirk" outputs may lie within steps. Steps end at

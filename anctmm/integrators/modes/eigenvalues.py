@@ -83,13 +83,11 @@ def lowest(problem: SmallMotions, count: int | None) -> tuple[Complex, Complex]:
         raise DiscretisationError(f"scene {name!r} has nothing that can move; it has no modes")
     if count is not None and count > most:
         raise _too_many(count, most, problem)
-    wanted = count or min(USUAL, free if few else most)
+    wanted = count or min(USUAL, most)
     problem.enough, still = _enough(problem)
     values, vectors = _find(problem, few)(problem, wanted)
-    if few and len(values) < wanted:
-        raise _too_many(wanted, len(values), problem)
     if count is not None and len(values) < count:
-        raise _lost(problem, count, len(values))
+        raise _too_many(count, len(values), problem) if few else _lost(problem, count, len(values))
     squares = np.sort(np.abs(values) ** 2)[still : still + 1]
     if squares.size and np.isfinite(problem.enough) and not 1.0 < squares[0] / problem.enough < SPOILT:
         raise SolverError(
@@ -271,10 +269,8 @@ def _slowest(problem: SmallMotions, product: Callable[[Array], Array], asked: in
 def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -> tuple[Complex, Complex]:
     """λ with Im λ > 0 or that grow, and vectors, in a space that begins with the softest motions without damping.
 
-    Those of a size below `least` are rounding.
-
     What those found in it miss of their equations, as displacements, is added to it, until they miss no more (Davidson
-    1975, J. Comput. Phys. 17). Those that still do are left out.
+    1975, J. Comput. Phys. 17). Those that still do are left out, and those of a size below `least`, which is rounding.
     """
     if problem.spin:
         return np.zeros(0, complex), np.zeros((problem.size, 0), complex)
@@ -289,6 +285,8 @@ def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -
         kept = np.flatnonzero(moves & (np.abs(rates) >= least))
         kept = kept[_order(rates[kept])][:NEAR]
         rates, vectors = rates[kept], vectors[:, kept]
+        if not len(kept):
+            return rates, vectors
         heavy, lost = (_of_complex(product, vectors) for product in (problem.mass, space.damped))
         forces = held[:, kept] + rates * lost + rates * rates * heavy
         left = _of_complex(problem.solve, forces)

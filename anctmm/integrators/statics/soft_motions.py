@@ -43,13 +43,18 @@ def softest(
     """
     n = len(starts[0])
     if n <= DENSE:
-        values, shapes = np.linalg.eig(np.stack([product(e) for e in np.eye(n)], axis=1))
+        values, shapes = _without_stiff(*np.linalg.eig(np.stack([product(e) for e in np.eye(n)], axis=1)))
     else:
         found = [_of_space(product, mass, start) for start in starts]
         values, shapes = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
     order = np.argsort(-np.abs(values))
-    order = order[np.abs(values[order]) > STIFF * np.abs(values[order[:1]]).sum()]
-    return values[order].astype(complex), shapes[:, order].astype(complex)
+    return values[order], shapes[:, order]
+
+
+def _without_stiff(values: Complex | Array, shapes: Complex | Array) -> tuple[Complex, Complex]:
+    """Those that are no rounding beside the softest one."""
+    kept = np.abs(values) > STIFF * np.abs(values).max(initial=0.0)
+    return values[kept].astype(complex), shapes[:, kept].astype(complex)
 
 
 def _of_space(
@@ -83,7 +88,7 @@ def _of_space(
     values, turn = np.linalg.eig(H[:size, :size])
     missed = (H[size, size - 1] if size < count else 0.0) * np.abs(turn[-1])
     kept = missed <= FOUND * np.abs(values)
-    return values[kept].astype(complex), (space[:size].T @ turn[:, kept]).astype(complex)
+    return _without_stiff(values[kept], space[:size].T @ turn[:, kept])
 
 
 def _length(x: Array, weighted: Array) -> float:
