@@ -62,7 +62,12 @@ def beck(load, damping, rope):
 
 @pytest.mark.parametrize("rope", [32, pytest.param(80, marks=pytest.mark.exhaustive)])
 @pytest.mark.parametrize(
-    ("load", "damping", "growth"), [(25.0, 0.0, 16.3848), (25.0, 1e-3, 15.0665), (5.0, 1e-3, 0.0)]
+    ("load", "damping", "growth"),
+    [
+        (25.0, 0.0, 16.3848),
+        pytest.param(25.0, 1e-3, 15.0665, marks=pytest.mark.slow),
+        pytest.param(5.0, 1e-3, 0.0, marks=pytest.mark.slow),
+    ],
 )
 def test_a_rope_beside_it_does_not_hide_the_flutter_of_a_column(load, damping, growth, rope):
     """The rope has dozens of modes that are softer. The rates are those of the column alone."""
@@ -79,7 +84,9 @@ def test_a_rope_beside_it_does_not_hide_the_flutter_of_a_column(load, damping, g
         assert found.growth_rates[0] == pytest.approx(growth, rel=1e-4)
 
 
-@pytest.mark.parametrize("others", [10, 60, pytest.param(310, marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize(
+    "others", [10, pytest.param(60, marks=pytest.mark.slow), pytest.param(310, marks=pytest.mark.exhaustive)]
+)
 def test_masses_that_creep_do_not_hide_the_flutter_of_two_bars(others):
     """Ziegler's pendulum with dampers, in closed form, and slower masses beside it."""
     load, c = 1.5, 0.1
