@@ -281,9 +281,8 @@ def run_batches(
             when, found = until(begin)
             raise Interrupted(found(interruption(when))) from None
         except PropertyError as error:  # of a load or a drive
-            step, own = part_by_part(
-                part, begin, end, PropertyError
-            )  # the first that fails, not one far ahead
+            # the first that fails, not one far ahead
+            step, own = part_by_part(part, begin, end, PropertyError)
             when, found = until(step)
             if failed < 0:
                 raise HistoryError(found(broken_off(own or error, when))) from error

@@ -230,19 +230,9 @@ def integrate(chain: Chain) -> Solution:
     start, end, found = (np.zeros(shape) for _ in range(3))
     room, multipliers = new_room(chain), np.zeros(constraints)
     rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
-    track = Track(
-        method,
-        EULER,
-        room,
-        start,
-        end,
-        found,
-        multipliers,
-        rates,
-        parts,
-        np.zeros((len(method.c), constraints)),
-        np.zeros(constraints),
-    )
+    multiplier_rates, before = np.zeros((len(method.c), constraints)), np.zeros(constraints)
+    learned = rates, parts, multiplier_rates, before
+    track = Track(method, EULER, room, start, end, found, multipliers, *learned)
 
     return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look=look_ahead))
 

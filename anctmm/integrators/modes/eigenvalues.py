@@ -280,16 +280,16 @@ def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -
     space = damped_space(problem.system, problem.damping, 1.0 / softness, shapes)
     space = space._replace(forces=inverse.of_stiffness(space.x, space.forces))
     for _ in range(ROUNDS):
-        rates, vectors, held = damped_motions(problem.system, space)
+        rates, vectors, held = damped_motions(space)
         moves = (rates.imag > REAL * np.abs(rates)) | (_real(rates) & (rates.real > 0.0))
         kept = np.flatnonzero(moves & (np.abs(rates) >= least))
         kept = kept[_order(rates[kept])][:NEAR]
         rates, vectors = rates[kept], vectors[:, kept]
         if not len(kept):
             return rates, vectors
-        heavy, lost = (_of_complex(product, vectors) for product in (problem.mass, space.damped))
+        heavy, lost = (soft_motions.of_complex(product, vectors) for product in (space.heavy, space.damped))
         forces = held[:, kept] + rates * lost + rates * rates * heavy
-        left = _of_complex(problem.solve, forces)
+        left = soft_motions.of_complex(problem.solve, forces)
         missed = np.abs(left).max(axis=0) / np.abs(vectors).max(axis=0)
         fits = missed <= MISSED
         if fits.all():
@@ -299,11 +299,6 @@ def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -
             x=np.hstack([space.x, x]), forces=np.hstack([space.forces, inverse.of_stiffness(x, by)])
         )
     return rates[fits], vectors[:, fits]
-
-
-def _of_complex(product: Callable[[Array], Array], vectors: Complex) -> Complex:
-    """A real product of complex vectors, as columns."""
-    return np.stack([product(x.real) + 1j * product(x.imag) for x in vectors.T], axis=1)
 
 
 def _first_found(rates: Complex, vectors: Complex) -> NDArray[np.int64]:

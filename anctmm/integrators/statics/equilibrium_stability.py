@@ -20,7 +20,7 @@ from anctmm.forces.loads import FOLLOWER
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.stability import element_bound
 from anctmm.integrators.statics.damping import Damping
-from anctmm.integrators.statics.soft_motions import softest
+from anctmm.integrators.statics.soft_motions import of_complex, softest
 from anctmm.integrators.statics.static_system import StaticSystem
 from anctmm.jit.compiling import uncompiled
 
@@ -143,7 +143,7 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array, shift: fl
     values, shapes = softest_of(system, damping, shift)
     if damping.there:
         space = damped_space(system, damping, values, shapes)
-        rates, shapes, _ = damped_motions(system, space)
+        rates, shapes, _ = damped_motions(space)
     else:
         values = np.where(np.abs(values.imag) > COMPLEX * np.abs(values), values, values.real)
         rates = np.sqrt(-values.astype(complex))  # one of each pair ±
@@ -162,12 +162,13 @@ class Space(NamedTuple):
 
     Parameters
     ----------
-    damped : callable
-        C x, (size,), of unknowns.
+    heavy, damped : callable
+        M x and C x, (size,), of unknowns.
     x, forces : ndarray, shape (size, k)
         Unknowns, and K x.
     """
 
+    heavy: Callable[[Array], Array]
     damped: Callable[[Array], Array]
     x: Array
     forces: Array
@@ -184,7 +185,7 @@ def damped_space(system: StaticSystem, damping: Damping, values: Complex, shapes
         return joined.gather(damping.forces(joined.spread(x)))
 
     heavy = partial(_heavy, system, joined)
-    held = np.stack([heavy(x.real) + 1j * heavy(x.imag) for x in shapes.T], axis=1) * values
+    held = of_complex(heavy, shapes) * values
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
     there = np.abs(x).max(axis=0) > 0.0  # a real motion has no imaginary part
     x, forces, stiff = x[:, there], forces[:, there], np.tile(values, 2)[there]
@@ -193,19 +194,18 @@ def damped_space(system: StaticSystem, damping: Damping, values: Complex, shapes
     ratios = np.sqrt(np.abs(stiff)) * np.abs(displaced).max(axis=0)
     felt = ratios > FELT * np.abs(x).max(axis=0)
     x = np.concatenate([x, displaced[:, felt]], axis=1)
-    return Space(damped, x, np.concatenate([forces, lost[:, felt]], axis=1))
+    return Space(heavy, damped, x, np.concatenate([forces, lost[:, felt]], axis=1))
 
 
-def damped_motions(system: StaticSystem, space: Space) -> tuple[Complex, Complex, Complex]:
+def damped_motions(space: Space) -> tuple[Complex, Complex, Complex]:
     """Rates λ of motions M ẍ + C ẋ + K x = 0 in a space, their unknowns x, and K x.
 
     A Krylov space of the whole problem does not find them beside the many rates −1/τ that a strong Kelvin-Voigt damping
     gives. Those of a pair are both there.
     """
-    heavy = partial(_heavy, system, Joined(system.chain))
     size = np.maximum(np.abs(space.x).max(axis=0), TINY)
     x, forces = space.x / size, space.forces / size
-    squares, turn = np.linalg.eigh(x.T @ np.stack([heavy(one) for one in x.T], axis=1))
+    squares, turn = np.linalg.eigh(x.T @ np.stack([space.heavy(one) for one in x.T], axis=1))
     kept = squares > APART * squares.max()
     turn = turn[:, kept] / np.sqrt(squares[kept])  # of mass 1, and orthogonal
     basis, held = x @ turn, forces @ turn

@@ -51,6 +51,11 @@ def softest(
     return values[order], shapes[:, order]
 
 
+def of_complex(product: Callable[[Array], Array], vectors: Complex) -> Complex:
+    """A real product of complex vectors, as columns."""
+    return np.stack([product(x.real) + 1j * product(x.imag) for x in vectors.T], axis=1)
+
+
 def _without_stiff(values: Complex | Array, shapes: Complex | Array) -> tuple[Complex, Complex]:
     """Those that are no rounding beside the softest one."""
     kept = np.abs(values) > STIFF * np.abs(values).max(initial=0.0)

@@ -4,6 +4,8 @@ from math import pi
 
 import numpy as np
 import pytest
+from ziegler import growth as growth_of_ziegler
+from ziegler import ziegler
 
 import anctmm as at
 
@@ -89,29 +91,17 @@ def test_a_rope_beside_it_does_not_hide_the_flutter_of_a_column(load, damping, g
 )
 def test_masses_that_creep_do_not_hide_the_flutter_of_two_bars(others):
     """Ziegler's pendulum with dampers, in closed form, and slower masses beside it."""
-    load, c = 1.5, 0.1
-    bars = [
-        at.RigidBody(name, mass, 1e-9, (x, 0.0), {"hinge": (x - 1.0, 0.0)})
-        for name, mass, x in (("a", 2.0, 1.0), ("b", 1.0, 2.0))
-    ]
-    hinges = [
-        at.RotationalSpring(*ends, stiffness=1.0, damping=c)
-        for ends in (("a.hinge",), ("a.hinge", "b.hinge"))
-    ]
+    alone = ziegler(1.5, 0.1)
     masses, joints, connectors = on_springs(*[(0.1 + 1e-3 * n, 1.0) for n in range(others)], y=5.0)
     scene = at.Scene(
-        "ziegler", [*bars, *masses], [at.Pin("a.hinge"), at.Pin("a.center", "b.hinge"), *joints],
-        [at.Force("b.center", (-load, 0.0), follower=True)], connectors=[*hinges, *connectors],
+        "ziegler", [*alone.bodies, *masses], [*alone.joints, *joints], alone.loads,
+        connectors=[*alone.connectors, *connectors],
     )  # fmt: skip
-    mass, turns = np.array([[3.0, 1.0], [1.0, 1.0]]), np.array([[2.0, -1.0], [-1.0, 1.0]])
-    stiffness = turns + load * np.array([[-1.0, 1.0], [0.0, 0.0]])
-    lower = [-np.linalg.solve(mass, stiffness), -c * np.linalg.solve(mass, turns)]
-    growth = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], lower])).real.max()
     rest = at.solve_static(scene)
     assert rest.status.code == "unstable", rest.status
     found = at.modes(scene, about=rest, count=4)
     assert found.unstable[0]
-    assert found.growth_rates[0] == pytest.approx(growth, rel=1e-5)
+    assert found.growth_rates[0] == pytest.approx(growth_of_ziegler(1.5, 0.1), rel=1e-5)
 
 
 @pytest.mark.parametrize("beside", [0, 2])
