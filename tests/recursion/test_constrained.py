@@ -11,7 +11,6 @@ from scipy.integrate import solve_ivp
 import anctmm as at
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import DiscretisationError, UnsupportedError
 from anctmm.integrators import zhai
 from anctmm.recursion.riccati import block_factors, mass_factors, solve
 from reference import global_dae
@@ -25,10 +24,7 @@ G = 9.81
 
 @pytest.mark.parametrize("seed", range(40))
 def test_a_solution_is_that_of_the_dense_constrained_matrix(seed):
-    try:
-        chain = Chain(random_mechanism(seed), Discretisation(mesh=1 + seed % 3))
-    except (DiscretisationError, UnsupportedError):
-        return  # a singular position, or two drives of one direction
+    chain = Chain(random_mechanism(seed), Discretisation(mesh=1 + seed % 3))
     f = np.random.default_rng(seed).standard_normal((chain.bodies.rows, chain.bodies.nodes))
     f[chain.prescribed] = 0.0
     assert_as_dense(chain, f, solve(mass_factors(chain), f))
