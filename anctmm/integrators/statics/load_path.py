@@ -207,8 +207,9 @@ class LoadPath:
             why = "the tangent stiffness is singular there, the scene is free to move: hold it"
         else:
             body, element = worst_element(self.chain, self.size)
-            why = "the scene may be free to move, or buckle there: hold it, add load_steps, refine the mesh"
-        kind, else_ = ("stable ", "") if stable else ("", ", or ask for branch='stable'")
+            mesh = " or a finer mesh" if self.chain.scene.beams else ""
+            why = f"the scene may be free to move, or buckle there: other supports, more load_steps{mesh} may help"
+        kind, else_ = ("stable ", "") if stable else ("", "; branch='stable' may find another one")
         return Status(
             "diverged",
             f"no {kind}equilibrium found beyond {factor:.6g} of the load, worst in {part(body, element)}; {why}{else_}",

@@ -111,10 +111,21 @@ def test_a_catenary_is_that_of_its_equations():
         exact.Catenary((1.0, 0.0), 2.0, 0.0, 1.0)
 
 
+def weak(elongation, rate, t):
+    """At most 1 N."""
+    return np.tanh(elongation)
+
+
 def test_who_asked_for_the_stable_branch_is_not_told_to_ask_for_it():
-    fallen = at.Scene("fallen", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -9.81))
-    asked, not_asked = (at.solve_static(fallen, branch=branch).status for branch in ("stable", "path"))
+    """A load of 2 N on a spring that carries 1 N."""
+    scene = at.Scene(
+        "weak", [at.PointMass("m", 1.0, (0.0, -1.0))], [at.Slider("m.center", (0.0, 1.0))],
+        [at.Force("m.center", (0.0, -2.0))], connectors=[at.Spring("m.center", (0.0, 0.0), law=weak)],
+    )  # fmt: skip
+    asked, not_asked = (at.solve_static(scene, branch=branch).status for branch in ("stable", "path"))
     assert asked.code == not_asked.code == "diverged"
-    assert "no stable equilibrium found beyond 0 of the load" in asked.message
+    assert asked.time == pytest.approx(0.5, rel=1e-3)
+    assert "no stable equilibrium found beyond 0.5 of the load" in asked.message
     assert "branch" not in asked.message
-    assert "or ask for branch='stable'" in not_asked.message
+    assert "branch='stable' may find another" in not_asked.message
+    assert "mesh" not in asked.message  # there is none
