@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -67,8 +68,8 @@ class Discretisation:
     dt, t_end : float
         Step (default 1e-3) and length of the run, s; `t_end` is a whole number of steps.
     output_dt : float, optional
-        Interval of the output, s, a whole number of steps, or with a tolerance a whole part of the run. Default: every
-        step, or with a tolerance a 200th of the run.
+        Interval of the output, s; the last one, which ends at `t_end`, may be shorter. A fixed `dt` needs a whole
+        number of steps. Default: every step, or with a tolerance a 200th of the run.
     tolerance : float, optional
         Target of the error in time, relative to the largest displacement, instead of `dt`: an estimate of the local
         error controls the step of generalized-α or "esdirk". With "esdirk" outputs may lie within steps. Steps end at
@@ -131,11 +132,13 @@ class Discretisation:
                 set_(self, name, positive(f"{name} (s)", getattr(self, name), StepError))
         if self.output_dt is not None:
             set_(self, "output_dt", positive("output_dt (s)", self.output_dt, StepError))
-        dt = self.dt if self.tolerance is None else self._interval()
-        parts = "steps dt" if self.tolerance is None else "intervals output_dt"
-        set_(self, "steps", _multiple("t_end (s)", self.t_end, dt, parts))
-        stride = _multiple("output_dt (s)", dt if self.output_dt is None else self.output_dt, dt)
-        set_(self, "stride", min(stride, self.steps))
+        if self.tolerance is None:
+            set_(self, "steps", _multiple("t_end (s)", self.t_end, self.dt))
+            output_dt = self.dt if self.output_dt is None else self.output_dt
+            set_(self, "stride", min(_multiple("output_dt (s)", output_dt, self.dt), self.steps))
+        else:
+            set_(self, "steps", _intervals(self.t_end, self._interval()))
+            set_(self, "stride", 1)
 
     def _take(self, method: Method) -> None:
         """Name and parameters of a method given whole."""
@@ -190,11 +193,20 @@ class Discretisation:
     @property
     def exact_dt(self) -> float:
         """Step that fills the run exactly, s; `dt` may differ from it by rounding. With a tolerance, of the output."""
-        return self.t_end / self.steps
+        return self._filled / self.steps
+
+    @cached_property
+    def _filled(self) -> float:
+        """Time that all steps take, s: t_end, or more where the last interval of the output is shorter."""
+        if self.tolerance is None or self.output_dt is None:
+            return self.t_end
+        equal = self.steps * self.output_dt
+        filled = self.steps == 1 or equal - self.t_end <= _close(self.t_end, self.output_dt)
+        return self.t_end if filled else equal
 
     def times(self, steps: NDArray[np.int64]) -> NDArray[Any]:
         """Times of numbered steps, s: t_end itself at the last, and none later."""
-        return np.where(steps == self.steps, self.t_end, steps * self.t_end / self.steps)
+        return np.where(steps == self.steps, self.t_end, steps * self._filled / self.steps)
 
     def of(self, scene: Scene) -> dict[str, tuple[int, str]]:
         """Number and kind of the elements of every beam.
@@ -357,17 +369,32 @@ def _pick(value: Any, name: str) -> Any:
     return value[name] if isinstance(value, Mapping) else value
 
 
-def _multiple(name: str, value: float, dt: float, parts: str = "steps dt") -> int:
+def _multiple(name: str, value: float, dt: float) -> int:
+    count = round(_ratio(name, value, dt, "steps dt"))
+    if count < 1 or abs(count * dt - value) > 1e-6 * dt:
+        nearest = float(f"{max(count, 1) * dt:.12g}")
+        raise StepError(
+            f"{name} is {value!r}; a whole number of steps dt = {dt!r} s is needed, such as {nearest!r}"
+        )
+    return count
+
+
+def _intervals(t_end: float, output_dt: float) -> int:
+    """Number of intervals of the output, the last of which may be shorter."""
+    ratio = _ratio("t_end (s)", t_end, output_dt, "intervals output_dt")
+    return max(1, ceil(ratio - _close(t_end, output_dt) / output_dt))
+
+
+def _close(t_end: float, output_dt: float) -> float:
+    """Difference of times that is none, s: no step with a tolerance is so short."""
+    return max(1e-6 * output_dt, 1e-8 * t_end)
+
+
+def _ratio(name: str, value: float, dt: float, parts: str) -> float:
     ratio = value / dt
     if not ratio <= MOST_STEPS:
         raise StepError(
             f"{name} is {value!r} with {parts} = {dt!r} s, {ratio:.3g} of them; at most {MOST_STEPS:.3g} are "
             f"allowed, beyond which step numbers are not exact"
         )
-    count = round(ratio)
-    if count < 1 or abs(count * dt - value) > 1e-6 * dt:
-        nearest = float(f"{max(count, 1) * dt:.12g}")
-        raise StepError(
-            f"{name} is {value!r}; a whole number of {parts} = {dt!r} s is needed, such as {nearest!r}"
-        )
-    return count
+    return ratio

@@ -96,7 +96,7 @@ def check_memory(
         advice = f"a coarser mesh is needed, of about {most} nodes at most"
     elif outputs is None:
         stride = ceil(run.steps / max(1, int(left / output) - 2))
-        interval = stride * (run.t_end / run.steps)
+        interval = stride * run.exact_dt
         advice = f"output_dt of {interval:.6g} s or more, or a coarser mesh, is needed"
     else:
         advice = f"at most about {int(left / output)} outputs, or a coarser mesh, are needed"

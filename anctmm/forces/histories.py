@@ -114,11 +114,11 @@ class Calendar:
     ----------
     t_end : float
         s.
-    outputs : int
-        Equal intervals of the output.
+    outputs : ndarray
+        Times of the outputs from 0 to `t_end`, s, ascending.
     """
 
-    def __init__(self, t_end: float, outputs: int) -> None:
+    def __init__(self, t_end: float, outputs: Array) -> None:
         self.t_end, self.outputs = t_end, outputs
         #: Ascending.
         self.breaks: list[float] = []
@@ -126,10 +126,10 @@ class Calendar:
     def snap(self, t: float) -> float:
         """The output or known break that this time means; it becomes a known break itself if there is none."""
         shortest = SHORTEST * self.t_end
-        output = round(t / self.t_end * self.outputs)
-        near = self.t_end if output >= self.outputs else output * self.t_end / self.outputs
-        if abs(t - near) <= shortest:
-            return near
+        place = int(np.searchsorted(self.outputs, t))
+        for near in self.outputs[max(place - 1, 0) : place + 1]:
+            if abs(t - near) <= shortest:
+                return float(near)
         place = bisect_left(self.breaks, t)
         for known in self.breaks[max(place - 1, 0) : place + 1]:
             if abs(t - known) <= shortest:

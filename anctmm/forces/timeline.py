@@ -57,7 +57,7 @@ def timeline(
     loads: Sequence[Load],
     connectors: Sequence[Connector],
     t_end: float,
-    outputs: int,
+    outputs: Array,
 ) -> Timeline:
     """What acts from 0 to t_end.
 
@@ -71,8 +71,8 @@ def timeline(
         Those whose free length or angle is driven.
     t_end : float
         s.
-    outputs : int
-        Equal intervals of the output, at whose ends steps end too.
+    outputs : ndarray
+        Times of the outputs from 0 to `t_end`, s, at which steps end too.
 
     Raises
     ------

@@ -115,7 +115,7 @@ class Solution:
     scene : Scene
     run : Discretisation or None
     t : ndarray, shape (n,)
-        0, output_dt, … t_end, s; shorter if the run ended early. With a fixed step the last interval may be shorter.
+        0, output_dt, … t_end, s; shorter if the run ended early. The last interval may be shorter.
         Of statics the load factors.
     fields : mapping of body name to Field
         Motion of each body.

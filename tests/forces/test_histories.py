@@ -11,7 +11,8 @@ from anctmm.forces.timeline import timeline
 from anctmm.model.drives import History, Pulse, Quintic, tabulate
 from anctmm.model.loads import Torque
 
-T_END, OUTPUTS = 10.0, 200
+T_END = 10.0
+OUTPUTS = np.linspace(0.0, T_END, 201)
 
 
 def followed(history, width=1):
@@ -78,7 +79,7 @@ def test_jumps_beside_the_end_of_a_piece_are_found(off):
 def test_breaks_that_mean_an_output_are_that_output():
     """0.1 + 0.2 is no multiple of 0.05, and a step that ended there beside one would be too short."""
     found = followed(History(lambda t: 1.0 if t >= 0.3 else 0.0, [0.1 + 0.2]))
-    assert found.breaks.tolist() == [6 * T_END / OUTPUTS]
+    assert found.breaks.tolist() == [OUTPUTS[6]]
     assert values(found, np.array([0.2999, 0.3001])).ravel() == pytest.approx([0.0, 1.0], abs=1e-9)
 
 
@@ -96,6 +97,6 @@ def test_steps_end_at_kinks_that_are_outputs():
     """Steps of fourth order pass outputs; across a kink they would be no better than steps of second order."""
     kinks, jump = Pulse(2.0, 2.0), History(lambda t: np.where(t < 3.0, 0.0, 1.0), [3.0])
     found = timeline([], [Torque("a.end", kinks), Torque("b.end", jump)], [], T_END, OUTPUTS)
-    assert 2.0 * OUTPUTS / T_END == 40.0
+    assert OUTPUTS[40] == 2.0
     assert found.stops.tolist() == [2.0, 3.0, np.inf]
     assert found.anew.tolist() == [False, True, False]

@@ -302,7 +302,7 @@ def _actions(chain: Chain, drives: Sequence[Drive]) -> Timeline:
     parts, run = chain.parts, chain.run
     loads = [as_written(parts, load) for load in varying_loads(parts)]
     connectors = [as_written(parts, connector) for connector in driven_connectors(parts)]
-    return timeline(drives, loads, connectors, run.t_end, run.steps)
+    return timeline(drives, loads, connectors, run.t_end, run.times(np.arange(run.steps + 1)))
 
 
 def _control(chain: Chain, scheme: Scheme) -> Control:

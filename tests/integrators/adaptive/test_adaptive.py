@@ -56,12 +56,34 @@ def test_tolerance_beside_a_step_or_an_explicit_integrator_is_refused():
         global_dae.solve(scenes.four_bar().scene, mesh=1, tolerance=1e-2)
 
 
-def test_an_output_that_does_not_fill_the_run_is_named():
-    """The message told of a dt, which nobody had given."""
-    with pytest.raises(
-        StepError, match=r"t_end \(s\) is 0\.1; a whole number of intervals output_dt = 0\.03 s"
-    ):
-        Discretisation(mesh=1, tolerance=1e-2, t_end=0.1, output_dt=0.03)
+@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
+@pytest.mark.parametrize(("output_dt", "times"), [(0.04, [0.0, 0.04, 0.08, 0.1]), (0.3, [0.0, 0.1])])
+def test_the_last_output_is_at_the_end_though_intervals_do_not_fill_the_run(integrator, output_dt, times):
+    """As with a fixed step; a break of a load lies at an output, and another one in the shorter interval."""
+    pushes = at.History(lambda t: (0.0, 0.0 if t < 0.08 else 2.0 if t < 0.09 else 3.0), breaks=(0.08, 0.09))
+    mass = at.PointMass("m", 2.0, (0.0, 0.0))
+    scene = at.Scene("pushed", [mass], loads=[at.Force("m.center", pushes)])
+    found = at.solve(scene, tolerance=1e-5, t_end=0.1, output_dt=output_dt, integrator=integrator)
+    assert found.status.ok, found.status
+    np.testing.assert_allclose(found.t, times, rtol=1e-15)
+    pushed = found.t > 0.085
+    np.testing.assert_allclose(found.velocity("m.center")[pushed, 1], 0.01 + 0.015, rtol=1e-9)
+    np.testing.assert_allclose(found.velocity("m.center")[~pushed, 1], 0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("t_end", "output_dt", "steps", "last"),
+    [(1.0, 0.1, 10, 0.1), (0.7, 0.1, 7, 0.1), (1.0, 0.3, 4, 0.1), (1.0, 1.0 / 3.0, 3, 1.0 / 3.0),
+     (1.0, 5.0, 1, 1.0), (1.0, 0.1 + 1e-10, 10, 0.1), (1.0, 0.1 - 1e-10, 10, 0.1)],
+)  # fmt: skip
+def test_intervals_of_outputs_with_a_tolerance(t_end, output_dt, steps, last):
+    """A rest that is rounding is none."""
+    run = Discretisation(mesh=1, tolerance=1e-2, t_end=t_end, output_dt=output_dt)
+    times = run.times(run.output_steps)
+    assert len(times) == steps + 1
+    assert (times[0], times[-1]) == (0.0, t_end)
+    assert times[-1] - times[-2] == pytest.approx(last, rel=1e-6)
+    assert np.diff(times)[:-1] == pytest.approx(min(output_dt, t_end), rel=1e-6)
 
 
 def test_a_motion_that_blows_up_is_named_and_its_history_kept():
