@@ -81,6 +81,19 @@ function tell(event) {
   if (title) figure.querySelector(".told").textContent = title.textContent;
 }
 
+/* What is wider than its place scrolls: the style says so, as no bar shows on a phone. */
+function mark(box) {
+  const beyond = box.scrollWidth - box.clientWidth;
+  box.classList.toggle("wide", beyond > 1);
+  box.classList.toggle("more", beyond - box.scrollLeft > 1);
+}
+// in the next frame: the words change the height, which is observed, too
+const places = new ResizeObserver(seen => requestAnimationFrame(() => seen.forEach(one => mark(one.target))));
+document.querySelectorAll(".scroll, .cards thead").forEach(box => {
+  places.observe(box);
+  box.addEventListener("scroll", () => mark(box), { passive: true });
+});
+
 document.querySelectorAll(".film").forEach(film);
 document.querySelectorAll("figure .scroll").forEach(s => s.addEventListener("click", tell));
 document.querySelectorAll("th button").forEach(b => b.addEventListener("click", () => sort(b.parentElement)));

@@ -296,6 +296,24 @@ def test_a_phone_shows_all_in_light_and_dark(browser, page, dark):
             assert (max(ink, ground) + 0.05) / (min(ink, ground) + 0.05) > 4.5
 
 
+@needs_chromium
+def test_what_is_wider_than_its_place_says_so(browser, page):
+    """Until it is scrolled to its end; on a wide window pictures have room."""
+    box = "document.querySelector('figure .scroll')"
+    found = f"const box = {box}; return [...box.classList].filter(name => name !== 'scroll');"
+    phone, wide = Tab(browser, page, 390), Tab(browser, page, 1200)
+    phone.shown.wait_for_selector("figure .scroll.wide")
+    assert phone.run(found) == ["wide", "more"]
+    assert "scroll" in phone.run(f"return getComputedStyle({box}, '::before').content")
+    phone.run(f"{box}.scrollLeft = 1e4")
+    phone.shown.wait_for_selector("figure .scroll.wide:not(.more)")
+    wide.run("return new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+    assert wide.run(found) == []
+    assert [*phone.wrong, *wide.wrong] == []
+    phone.close()
+    wide.close()
+
+
 def luminance(colour: str) -> float:
     """Relative luminance of "rgb(r, g, b)", as WCAG defines it."""
     values = np.array([float(v) for v in re.findall(r"[\d.]+", colour)[:3]]) / 255
