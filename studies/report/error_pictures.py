@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from math import isnan
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from anctmm.elements.kinds import KINDS, flexible
 from studies.report.plots import (
     DASHES,
-    PALETTE,
     Picture,
     convergence,
     legend_below,
@@ -27,24 +28,31 @@ ELEMENT_TITLES = {
 #: Observed by theory: how the error of each element falls with the mesh.
 MESH_ORDERS = {**{name: KINDS[name].order for name in flexible()}, "reissner": 2.0}
 SHORT = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "fourth order", "static": ""}
-#: Quadratures other than the first have colours of their own.
-RULE_COLOURS = {"reduced": PALETTE[4], "lobatto": PALETTE[6]}
+#: Quadratures other than the first have shades of their solver's colour, half of which is one of these.
+RULE_SHADES = {"reduced": "#ffffff", "lobatto": "#7f7f87"}
 
 
 def styled(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows with a label and a look: colour and marker show the solver, hollow and dotted the explicit runs."""
-    rule = rows["quadrature"].where(rows["quadrature"].isin(list(RULE_COLOURS)), "")
+    """Rows with a label and a look: colour and marker show the solver, shades the quadrature, hollow and dotted the
+    explicit runs.
+    """
+    rule = rows["quadrature"].where(rows["quadrature"].isin(list(RULE_SHADES)), "")
     parts = pd.DataFrame(
         {"a": rows["solver"], "b": rows["integrator"].map(lambda i: SHORT.get(i, i)), "c": rule}
     )
     return rows.assign(
         tip=[_tip(line) for line in rows.to_dict("records")],
         label=[", ".join(p for p in line if p) for line in parts.itertuples(index=False)],
-        colour=[RULE_COLOURS.get(r) or solver_colour(s) for s, r in zip(rows["solver"], rule, strict=True)],
+        colour=[_shade(solver_colour(s), r) for s, r in zip(rows["solver"], rule, strict=True)],
         marker=[solver_marker(s) for s in rows["solver"]],
         dash=[DASHES[2] if i == "zhai" else "-" for i in rows["integrator"]],
         hollow=[i == "zhai" for i in rows["integrator"]],
     )
+
+
+def _shade(colour: str, rule: str) -> str:
+    red, green, blue = 0.5 * (np.array(to_rgb(colour)) + to_rgb(RULE_SHADES.get(rule, colour)))
+    return to_hex((float(red), float(green), float(blue)))
 
 
 def _tip(line: Mapping[Any, Any]) -> str:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
 from studies.engine.tables import text
-from studies.report.error_pictures import ELEMENT_TITLES, RULE_COLOURS, SHORT
+from studies.report.error_pictures import ELEMENT_TITLES, RULE_SHADES, SHORT
 from studies.report.plots import (
     INK,
     ON_DARK,
@@ -101,7 +101,7 @@ def _beamless(rows: pd.DataFrame) -> bool:
 def _styled(sound: pd.DataFrame) -> pd.DataFrame:
     """Points with a look and a text: colour and marker show solver and kind of steps, hollow the explicit runs."""
     controlled = sound["tolerance"] > 0
-    rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_COLOURS)), "")
+    rule = sound["quadrature"].where(sound["quadrature"].isin(list(RULE_SHADES)), "")
     short = sound["integrator"].map(lambda i: SHORT.get(i, i))
     fourth = sound["integrator"] == "esdirk"
     kind = short.mask(controlled, (short + ", ").where(fourth, "") + CONTROLLED)

@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 from browser import OVERLAPS, Tab, needs_chromium
 
-from studies.report.error_pictures import ELEMENT_TITLES, over_mesh
+from studies.report.error_pictures import ELEMENT_TITLES, RULE_SHADES, over_mesh, styled
+from studies.report.plots import SOLVER_COLOURS
 from studies.trade.pictures import pictures
 
 REPORTS = Path(__file__).parents[3] / "reports"
@@ -65,3 +66,18 @@ def test_texts_of_pictures_have_room(browser, tmp_path):
         tab = Tab(browser, page)
         assert tab.run(OVERLAPS) == [], shown.name
         tab.close()
+
+
+def test_a_solver_and_a_quadrature_have_one_colour_that_no_other_has():
+    """Reduced quadrature had one colour for all solvers, and that of OpenSees."""
+    rows = pd.DataFrame(
+        [
+            {
+                "solver": solver, "quadrature": rule, "integrator": "generalized-alpha", "dt": 0.1,
+                "elements": "4", "element": "cable", "error": 0.1, "cpu_s": 1.0,
+            }
+            for solver in SOLVER_COLOURS
+            for rule in ("full", *RULE_SHADES)
+        ]
+    )  # fmt: skip
+    assert styled(rows)["colour"].is_unique
