@@ -48,10 +48,13 @@ FEW_GUIDES = 4
 
 
 class Start(NamedTuple):
-    """An equilibrium: coordinates, (rows, nodes), and the angles by which the nodes' sections have turned, (nodes,)."""
+    """An equilibrium: coordinates, (rows, nodes), the angles by which the nodes' sections have turned, (nodes,), and
+    whether it is a stable one of this very scene, so that nothing moves.
+    """
 
     q: Array
     turned: Array
+    rests: bool = False
 
 
 class Guided(NamedTuple):

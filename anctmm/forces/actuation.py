@@ -125,7 +125,7 @@ class Actuation:
         """Varying loads and connectors for kernels, with a memory of their own."""
         loads = loads_of(self.scene, self.bodies, varying_loads(self.scene), self.coupled)
         if self.start is not None:
-            count_turns(loads.connectors, *self.start)
+            count_turns(loads.connectors, self.start.q, self.start.turned)
         return loads
 
     def load_table(self, t: Array) -> Array:

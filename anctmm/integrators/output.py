@@ -152,7 +152,8 @@ class Record:
             dofs=once(chain, _dofs),
             static=static,
         )
-        return checked(found, static=static)
+        rests = chain.start is not None and chain.start.rests
+        return checked(found, static=static, rests=rests)
 
     def _turned(self) -> Array | None:
         """Angles of sections where they are counted: by statics, and where a motion starts from an equilibrium."""

@@ -8,6 +8,9 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain, Start
 from anctmm.discretise.turning import angles_of_nodes
 from anctmm.errors import DiscretisationError, shown
+from anctmm.forces.connectors import driven_connectors, has_clock
+from anctmm.model.joints import drive_of
+from anctmm.model.scene import Scene
 from anctmm.results.fields import HermiteField, RigidField
 from anctmm.results.solution import Solution
 from anctmm.results.whole_turns import WholeTurns
@@ -46,7 +49,20 @@ def started(chain: Chain, rest: object) -> Chain:
         if getattr(rest.scene, what) != getattr(chain.scene, what):
             raise DiscretisationError(f"{name} has other {what} than scene {chain.scene.name!r}; {NEEDED}")
     _check_cut(name, chain, rest)
-    return replace(chain, start=Start(coordinates_of(chain, rest, -1), turned_at_end(chain, rest)))
+    start = Start(coordinates_of(chain, rest, -1), turned_at_end(chain, rest), _rests(chain.scene, rest))
+    return replace(chain, start=start)
+
+
+def _rests(scene: Scene, rest: Solution) -> bool:
+    """Whether a scene does not move from an equilibrium: a stable one under its whole load, which does not vary."""
+    assert rest.stable is not None
+    driven = any(drive_of(joint) is not None for joint in scene.joints)
+    varied = driven_connectors(scene) or has_clock(scene) or any(callable(load.value) for load in scene.loads)
+    pushed = driven or varied or any(body.moving for body in scene.bodies)
+    same = all(
+        getattr(rest.scene, what) == getattr(scene, what) for what in ("loads", "gravity", "connectors")
+    )
+    return bool(same and not pushed and rest.status.ok and rest.stable[-1] and rest.t[-1] == 1.0)
 
 
 def _check_cut(name: str, chain: Chain, rest: Solution) -> None:

@@ -104,8 +104,8 @@ UNLIMITED = 1 << 60
 GUESS, SHORTEST, FAR = (0.5, 0.125), 1e-6, 0.5
 #: Times what a guess finds, that it may miss of what acts: beyond, it has seen none of it.
 BLIND = 1e3
-#: Displacement assumed at least of a scene that is found at rest, and that below which nothing moves, of the scene's
-#: length.
+#: Displacement assumed at least of a scene that is found at rest, of its length; and that below which nothing moves, of
+#: its length or of its distance from the origin, to which positions are rounded.
 AT_REST = 1e-6
 STILL = 1e-11
 #: Part of the largest displacement to which errors of nodes that move less are relative.
@@ -205,17 +205,18 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
     assumed, scale = _assumed(chain, [guess.moved for guess in guesses])
     if scale < max(AT_REST * chain.length, *(_missed(chain, guess) / BLIND for guess in guesses)):
         scale = _acted(chain, march(ends, still, chain.length, guess=len(control.actions.stops)))
+    least = STILL * max(chain.length, float(np.abs(chain.start_coordinates()[:2]).max()))
     for _ in range(ROUNDS):
         done = march(outputs, assumed, scale, anew=ANEW)
         moved, missed = float(done.moved.max()), done.error * scale
-        if not done.whole or max(moved, missed) < STILL * chain.length:
+        if not done.whole or max(moved, missed) < least:
             break
         used = np.maximum(np.maximum(assumed, done.moved), SMALL * max(scale, moved))
         most = (used / np.maximum(done.moved, max(SMALL * moved, TINY))).max()
         if done.error * most <= FOUND * _allowed(chain, scheme, system, control):
             break
         # what acts for a moment may be seen by errors alone, if far too much was assumed
-        assumed, scale = done.moved, moved if moved > STILL * chain.length else missed
+        assumed, scale = done.moved, moved if moved > least else missed
     record.stop()
     status = Status() if done.whole else _stuck(chain, scheme, system, done.t, control.scale[0])
     # after the look at where it failed: it writes the state

@@ -72,7 +72,9 @@ def out_of_bounds(q: Array) -> Mask:
     return nodes[..., :-1] | nodes[..., 1:]  # type: ignore[no-any-return]
 
 
-def checked(solution: Solution, *, static: bool = False, energies: bool = True) -> Solution:
+def checked(
+    solution: Solution, *, static: bool = False, energies: bool = True, rests: bool = False
+) -> Solution:
     """The solution as far as nothing speaks against it, its status saying what does.
 
     Parameters
@@ -83,6 +85,8 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         Whether its times are load factors.
     energies : bool
         Whether energies are exact enough to tell whether a run has made some.
+    rests : bool
+        Whether the scene begins in a stable equilibrium and so does not move.
 
     Returns
     -------
@@ -90,11 +94,11 @@ def checked(solution: Solution, *, static: bool = False, energies: bool = True) 
         The same; or a shorter one, cut before the first output that no run of the scene could have, with the status
         "diverged" or "failed"; or a whole one with the status "inaccurate" or "imprecise".
     """
-    found = _checked(solution, static, energies)
+    found = _checked(solution, static, energies, rests)
     return found if static else with_drives(found)
 
 
-def _checked(solution: Solution, static: bool, energies: bool) -> Solution:
+def _checked(solution: Solution, static: bool, energies: bool, rests: bool) -> Solution:
     explicit = not static and solution.run is not None and solution.run.explicit
     if explicit and not solution.status.ok:  # an unstable step shows in all checks; its solver knows it best
         return solution
@@ -107,7 +111,7 @@ def _checked(solution: Solution, static: bool, energies: bool) -> Solution:
         if energies and not static and solution.status.ok:  # else the solver knows better what has failed
             found += energy_findings(solution)
         if not static and solution.status.ok and not found:
-            found += precision_findings(solution, places)
+            found += precision_findings(solution, places, rests)
     fatal = [finding for finding in found if finding.code in FATAL]
     if not found:
         return solution

@@ -35,7 +35,7 @@ EXPLICIT, IMPLICIT = 0.5, 2.0
 SEEN = 65
 
 
-def precision_findings(solution: Solution, places: Places | None) -> Iterator[Finding]:
+def precision_findings(solution: Solution, places: Places | None, rests: bool = False) -> Iterator[Finding]:
     """What rounding says against a run that is whole.
 
     Parameters
@@ -43,9 +43,13 @@ def precision_findings(solution: Solution, places: Places | None) -> Iterator[Fi
     solution : Solution
     places : Places or None
         Its own.
+    rests : bool
+        Whether nothing moves, so that displacements are rounding: this is compared with the length of all bodies.
     """
     run, scene = solution.run, solution.scene
     if run is None or solution.t.size < 2 or not (solution.cost.steps and _acted_upon(scene)):
+        return
+    if rests and not any(True for _ in _findings(solution, length_of(scene))):
         return
     # what is moved more has more digits: as soon as nothing is found, nothing is found at all
     if places is not None:
@@ -68,15 +72,18 @@ def _findings(solution: Solution, moved: float) -> Iterator[Finding]:
     length = length_of(scene)
     reach = reach_of(scene)
     if reach > FAR * length:
-        roundings = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps
-        part = _ratio(roundings * float(np.spacing(reach)), moved)
+        rounding = (EXPLICIT if run.explicit else IMPLICIT) * solution.cost.steps * float(np.spacing(reach))
+        part = _ratio(rounding, moved)
         if part > DISPLACED:
+            alone = (
+                f" (displacements are {moved:.1e} m at most, perhaps rounding alone)" if part > 1.0 else ""
+            )
             yield Finding(
                 solution.t.size - 1,
                 "imprecise",
                 f"{_digits(part)} of the displacements can be trusted at {{when}}: positions {reach:.2g} m from the "
-                f"origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps; place "
-                f"the scene closer to the origin",
+                f"origin are rounded to {np.spacing(reach):.1e} m, at each of {solution.cost.steps} steps{alone}; "
+                f"place the scene closer to the origin",
             )
     yield from _too_stiff(solution, max(reach, length), moved)
 

@@ -105,6 +105,32 @@ def test_what_rests_has_no_digits_to_lose():
         assert at.solve(scene, mesh=1, dt=1e-2, t_end=1.0).status.ok
 
 
+@pytest.mark.parametrize("far", [1e4, 1e6])
+@pytest.mark.parametrize("road", ROADS)
+def test_what_begins_in_its_own_equilibrium_has_no_digits_to_lose(road, far):
+    """A step control that followed rounding took 4 million steps at 10 km."""
+    scene = falling((far, 0.0))
+    rest = at.solve_static(scene, mesh=4)
+    found = at.solve(scene, mesh=4, start=rest, t_end=0.1, output_dt=0.05, **ROADS[road])
+    assert np.abs(found.displacement("bar.end")).max() < 1e-7
+    assert found.status.ok, found.status
+    assert found.cost.steps <= 500
+
+
+@pytest.mark.parametrize("change", ["load", "history", "velocity"])
+def test_what_leaves_an_equilibrium_by_little_is_told_still(change):
+    """A load that grows by 1e-9 of itself moves nothing that positions at 1000 km show."""
+    scene = falling((1e6, 0.0), (lambda s: (0.0, 1e-9 * s)) if change == "velocity" else None)
+    rest = at.solve_static(scene, mesh=4)
+    if change == "load":
+        scene = replace(scene, gravity=(0.0, -9.81 * (1.0 + 1e-9)))
+    elif change == "history":
+        scene = replace(scene, loads=[at.Force("bar.end", lambda t: (0.0, 1e-9 * t))])
+    found = at.solve(scene, mesh=4, start=rest, t_end=0.1, output_dt=0.05, dt=1e-3)
+    assert found.status == "imprecise"
+    assert "perhaps rounding alone" in found.status.message
+
+
 @pytest.mark.parametrize("base", [four_bar(), cantilever_fall()], ids=["four-bar", "fall"])
 def test_base_scenes_keep_their_digits(base):
     for dt in (1e-2, 1e-3):
