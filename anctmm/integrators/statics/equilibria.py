@@ -24,7 +24,7 @@ from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.checks.divergence import inside_out
 from anctmm.results.checks.finding import part
-from anctmm.results.checks.stability import singular, unstable
+from anctmm.results.checks.stability import singular, unlike_bodies, unstable
 from anctmm.results.checks.unbalanced import never_balanced
 from anctmm.results.ended_early import Interrupted, interruption_of_load
 from anctmm.results.load_work import with_load_work
@@ -322,7 +322,8 @@ def _doubt(search: LoadPath, before: float) -> Status | None:
         case "stable":
             return None
         case "singular":
-            return singular(factor, *worst_element(search.chain, system.sizes(found.motion)))
+            unlike = unlike_bodies(search.chain.scene, search.chain.run)
+            return singular(factor, *worst_element(search.chain, system.sizes(found.motion)), unlike)
         case "unstable":
             free = system.conservative and not found.flutter
             mode = lowest_mode(system, search.q, factor)[1] if free else found.motion

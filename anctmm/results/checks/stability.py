@@ -1,8 +1,13 @@
 """The status of an equilibrium that is not stable, in the same words for all solvers."""
 
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import kind_of
+from anctmm.model.scene import Scene
 from anctmm.results.checks.finding import part
 from anctmm.results.status import Status
 
+#: Ratio of the stiffnesses of two bodies from which on rounding of one may hide the other.
+UNLIKE = 1e6
 SMALLER = "anctmm.solve_static(..., branch='stable') finds a stable one, smaller load steps may"
 
 
@@ -45,16 +50,39 @@ def unstable(
     )
 
 
-def singular(factor: float, body: str | None, element: int | None) -> Status:
-    """Status of an equilibrium at which a motion needs no force; parameters as in `unstable`."""
+def singular(factor: float, body: str | None, element: int | None, unlike: str = "") -> Status:
+    """Status of an equilibrium at which a motion needs no force.
+
+    Parameters as in `unstable`, and what `unlike_bodies` says.
+    """
     return Status(
         "singular",
         f"the tangent stiffness at load factor {factor:.6g} is singular{_where(body, element)}: the scene is a "
         f"mechanism, free to move, or at the limit of stability, and its equilibrium is one of many; hold the scene, "
-        f"or change the load a little",
+        f"or change the load a little{unlike}",
         time=factor,
         body=body,
         element=element,
+    )
+
+
+def unlike_bodies(scene: Scene, run: Discretisation) -> str:
+    """Another reason of a singular tangent: bodies so unlike in stiffness that rounding may hide that of the softest.
+
+    Empty where there are none.
+    """
+    cut = run.of(scene)
+    bending = {
+        beam.name: beam.material.E * beam.section.second_moment / beam.length**3
+        for beam in scene.beams
+        if not kind_of(cut[beam.name][1]).rigid
+    }
+    if not bending or (ratio := max(bending.values()) / min(bending.values())) < UNLIKE:
+        return ""
+    stiff, soft = max(bending, key=bending.__getitem__), min(bending, key=bending.__getitem__)
+    return (
+        f"; or rounding hides its stiffness, as body {stiff!r} is {ratio:.1g} times stiffer than {soft!r}: a rigid "
+        f"body in its place may help"
     )
 
 

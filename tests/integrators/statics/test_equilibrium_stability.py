@@ -413,3 +413,25 @@ def test_a_body_that_a_damper_alone_holds_is_singular_in_any_unit_of_length(unit
     found = at.solve_static(at.Scene("held", [bar], [at.Pin("bar.hinge")], connectors=[damper]))
     assert found.status.code == "singular", found.status
     assert not found.stable.any()
+
+
+def test_a_stiffness_that_rounding_hides_is_told_beside_other_reasons():
+    """A beam on a soft one, whose stiffness is less than rounding of the other's; and a mechanism of beams alike."""
+
+    def pair(E, inner):
+        materials = at.Material(E=1e6, density=1000.0), at.Material(E=E, density=1000.0)
+        places = ((0.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (2.0, 0.0))
+        bodies = [
+            at.Beam(name, *place, SQUARE, material)
+            for name, place, material in zip(("soft", "stiff"), places, materials, strict=True)
+        ]
+        joints = [inner("soft.start"), at.Weld("soft.end", "stiff.start")]
+        return at.solve_static(at.Scene("pair", bodies, joints), mesh=8).status
+
+    hidden, held, loose = pair(1e20, at.Clamp), pair(1e8, at.Clamp), pair(1e8, at.Pin)
+    assert held.ok, held
+    assert hidden.code == loose.code == "singular"
+    assert (
+        "rounding hides its stiffness, as body 'stiff' is 1e+14 times stiffer than 'soft'" in hidden.message
+    )
+    assert "rounding" not in loose.message

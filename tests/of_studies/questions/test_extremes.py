@@ -9,6 +9,7 @@ import pytest
 
 from anctmm.errors import SolverError
 from anctmm.integrators.stability import zhai_limit
+from anctmm.integrators.statics.equilibrium_stability import DOUBTFUL
 from studies.engine.measuring.setting import CABLES, SHEAR
 from studies.engine.runner import Runner
 from studies.engine.study import Options, Result, find
@@ -161,8 +162,13 @@ def test_damping_lowers_the_limit_as_theory_says(frame):
 
 def test_cables_at_rest_keep_their_digits_over_stiffness_and_slenderness(frame):
     cables = only(frame("parameters"), element="cable", road=NEWTON)
-    assert set(cables["status"].str[:2]) == {"ok"}
+    known = cables["rounding"] < DOUBTFUL
+    assert set(cables.loc[known, "status"].str[:2]) == {"ok"}
     assert (cables["difference"].abs() < cables["rounding"] + 1e-11).all()
+    # a stiff beam on a soft one: what rounding of its stiffness leaves of the soft one's may be that of a mechanism
+    (hidden,) = cables.loc[~known, "status"]
+    assert hidden.startswith("singular")
+    assert "rounding hides its stiffness, as body 'outer' is 1e+09 times stiffer than 'inner'" in hidden
     assert only(cables, what="Poisson's ratio")["difference"].abs().max() < 1e-12
 
 
