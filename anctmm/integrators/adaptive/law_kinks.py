@@ -229,7 +229,8 @@ def missed_at_kinks(kinks, edge, middle, h, to_w, places, q, v, end, system, con
                 impulse = _missed_impulse(connectors.laws[n], t, h, edge, middle, kinks)
                 unsolved = _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control)
                 if kinks.severe[n] and not unsolved:
-                    unsolved = _strayed(connectors.laws[n], n, t, h, places, kinks)
+                    impulse_astray = edge * h * _strayed(connectors.laws[n], n, t, h, places, kinks)
+                    unsolved = _matters(connectors, n, impulse_astray, to_w, system, control)
                 if unsolved:
                     worst = np.inf
                 elif impulse > 0.0:
@@ -254,7 +255,10 @@ def _set_path(connectors, n, h, q, v, values, k, path):  # type: ignore[no-untyp
 
 @inlined
 def _strayed(law, n, t, h, places, kinks):  # type: ignore[no-untyped-def]
-    """Whether stages of a step of h from t have met forces that there are not on its path: it has passed a contact."""
+    """Force of stages of a step of h from t that there is not on its path, if it is a large part: a contact was passed.
+
+    It may be rounding: the path of what has come to rest has rates of the rounding of positions over h.
+    """
     path, largest, astray = kinks.path, 0.0, 0.0
     for i in range(1, len(places) - 1):
         s, there = places[i], kinks.staged[n, i]
@@ -268,7 +272,7 @@ def _strayed(law, n, t, h, places, kinks):  # type: ignore[no-untyped-def]
         force = call_law(law, x, rate / h, t + s * h)
         largest = max(largest, abs(there), abs(force))
         astray = max(astray, abs(force - there))
-    return astray > STRAYED * largest
+    return astray if astray > STRAYED * largest else 0.0
 
 
 @shared
@@ -347,7 +351,7 @@ def _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control):  # type:
     meet a stiffness below a part of the inertia.
     """
     known, path, unsolved = connectors.tangent[n], kinks.path, False
-    x, rate, limit, left = path[2], path[3] / h, CROSSING * control.allowed, control.t_end - t
+    x, rate = path[2], path[3] / h
     k, d = slopes(connectors, n, x, rate, t + h)
     found = k + connectors.part[1] * d
     if abs(found - known) > 0.5 * max(abs(found), abs(known)) or (kinks.severe[n] and k > 0.0):
@@ -359,13 +363,21 @@ def _unsolved(connectors, n, t, h, edge, to_w, kinks, system, control):  # type:
         inertia = 1.0 / opened - known
         unsolved = abs(found - known) > max(inertia, 0.5 * max(abs(found), abs(known)))
         if kinks.severe[n] and k > RESOLVED * edge * inertia:  # damping is no contact
-            way = max(abs(path[1]), abs(path[3])) / h * left
+            way = max(abs(path[1]), abs(path[3])) / h * (control.t_end - t)
+            limit = CROSSING * control.allowed
             unsolved = unsolved or way / opened * largest_error(control.x, 0.0, False, control) > limit
-    impulse = edge * h * _misled(connectors, n, x, rate, t + h, system.state.q)
+    misled = _misled(connectors, n, x, rate, t + h, system.state.q)
+    return unsolved or _matters(connectors, n, edge * h * misled, to_w, system, control)
+
+
+@inlined
+def _matters(connectors, n, impulse, to_w, system, control):  # type: ignore[no-untyped-def]
+    """Whether an impulse of a connector makes more error until the end of the run than a step may make by a bend."""
+    error = 0.0
     if impulse > 0.0:
-        _push_apart(connectors, n, to_w * impulse * left, system, control)
-        unsolved = unsolved or largest_error(control.x, 0.0, False, control) > limit
-    return unsolved
+        _push_apart(connectors, n, to_w * impulse * (control.t_end - control.progress[0]), system, control)
+        error = largest_error(control.x, 0.0, False, control)
+    return error > CROSSING * control.allowed
 
 
 @inlined

@@ -118,3 +118,19 @@ def test_what_rests_in_a_stiff_contact_has_long_steps(integrator):
     found = at.solve(scene, t_end=0.1, output_dt=0.01, tolerance=1e-2, integrator=integrator)
     assert found.status.ok, found.status
     assert found.cost.steps < 200
+
+
+@pytest.mark.interpreted
+@pytest.mark.parametrize("width", [3e-5, 1e-6])
+@pytest.mark.parametrize("integrator", METHODS)
+def test_what_friction_has_brought_to_rest_has_long_steps(integrator, width):
+    """A mass slides to rest on dry friction F tanh(v/width): it stops after v²/(2 F/m), and then only creeps."""
+    speed, friction = 1.0, 2.0
+    block = at.PointMass("block", 1.0, (1.0, 0.0), velocity=(speed, 0.0))
+    ground = at.Spring("block.center", (0.0, 0.0), law=lambda x, v, t: friction * np.tanh(v / width))
+    scene = at.Scene("slides", [block], [at.Slider("block.center", (1.0, 0.0))], connectors=[ground])
+    found = at.solve(scene, t_end=1.0, output_dt=0.01, tolerance=1e-4, integrator=integrator)
+    assert found.status.ok, found.status
+    assert found.cost.steps < 2000
+    way = found.displacement("block.center")[-1, 0]
+    assert way == pytest.approx(speed**2 / (2.0 * friction), abs=1e-4 * 0.25 + speed * width / friction)
