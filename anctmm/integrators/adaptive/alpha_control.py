@@ -75,6 +75,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
+from anctmm.integrators.adaptive.matrix_age import SAFE, contraction_or_bound, expect_aged, expect_of_length
 from anctmm.integrators.adaptive.prediction import predict, repeated
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.step_control import (
@@ -88,7 +89,6 @@ from anctmm.integrators.adaptive.step_control import (
     LOOKED,
     RATE,
     REPEATED,
-    SAFE,
     SMALLEST,
     STARTS,
     STEADY_STEPS,
@@ -99,12 +99,9 @@ from anctmm.integrators.adaptive.step_control import (
     WANTED,
     Control,
     aim,
-    contraction_or_bound,
     copy_actions,
     effort_of,
     end_of,
-    expect,
-    expect_aged,
     goes_on,
     is_linkage,
     left_by_newton,
@@ -389,7 +386,7 @@ def _begin(h, stop, c, system, control, lag):  # type: ignore[no-untyped-def]
     set_actions(control.actions.pieces, end_of(h, stop, progress), False, angles[1], values[1])
     turn_clamps(system.clamps, angles[1])
     set_drives(loops, angles[1], len(system.clamps.nodes))
-    expect(h, STALE, newton, progress)
+    expect_of_length(h, STALE, newton, progress)
 
 
 @inlined

@@ -10,13 +10,9 @@ its outputs: half of the work of some runs had gone into steps that were tried a
 The first correction of a stage starts from what the last step did there, see `prediction`: that saves up to a tenth of
 the corrections.
 
-All stages have one matrix, which is kept as long as the length is. One Newton correction may do for a stage, where the
-contraction seen in the step before with the same matrix tells what it leaves (Hairer & Wanner, IV.8). Nothing is known
-of a matrix that is new: in a mechanism that moves freely the velocity that one stage leaves wrong stays until the end,
-and there it made the error 20 times the one asked for. In structures that joints hold it is expected to do as the last
-new one did in a step all of whose stages have shown it. A matrix is renewed by its cost, as with fixed steps
-(`implicit.renewal`), before any stage, and in such structures before a step whose corrections fell by less than 20
-times; before any such step of all scenes it cost as much.
+All stages have one matrix, which is kept as long as the length is. One Newton correction may do for a stage, where
+others have told what it leaves: see `contraction`. A matrix is renewed by its cost, as with fixed steps
+(`implicit.renewal`), before any stage.
 
 What the iteration leaves matters by where it is left: nothing in the first stage goes to the end of the step, and what
 is stiff in the others, the next stage corrects. So these may leave more than the last one. And it has any sign, so that
@@ -26,16 +22,12 @@ four-bar at 1e-3 … 1e-5 0.85 to 0.90 times the CPU time, for no larger errors.
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 0.99 in the mean, at most 1.3 in 63 of the 68 runs, and 1.6 at most.
+moving scenes with tolerances of 1e-2 … 1e-5 0.91 in the mean, and at most 1.3 in 66 of the 68 runs. A triangle that is
+thrown costs 1.51 at 1e-5, and a gantry crane 1.56 at 1e-4: fixed steps of theirs do with one correction a stage, by
+bounds ten times as loose, with which other scenes would miss what is asked. Beside the best fixed steps of either order
+the cost is 1.00 in the mean, 0.95 with the better one of the two integrators.
 
-Structures that joints hold take up to a quarter fewer corrections by what is expected of a new matrix: 1,273 in place
-of 1,574 of three supports at 1e-5, which cost 1.5 times the best fixed steps. In all scenes it made the error of a
-four-bar that a torque drives 8 times its tolerance: there a matrix gets old within a step. With the contraction of the
-first stage alone, which is that of a correction near zero, it was 7 times it, and a falling beam took a third more
-steps. Beside the best fixed steps of either order the cost is 1.12 in the mean, 1.03 with the better one of the two
-integrators.
-
-The rms error was 0.003 to 1.01 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random, with the
+The rms error was 0.001 to 1.32 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random, with the
 bounds of Newton's iteration of then. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times
 the error of some motions and 64 times that of others, as they cancel or not.
 
@@ -50,6 +42,13 @@ from numpy.typing import NDArray
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients, Stages, stages
 from anctmm.forces.timeline import set_actions
+from anctmm.integrators.adaptive.contraction import (
+    expect_contraction,
+    forget_contraction,
+    learn_contraction,
+    new_contraction,
+    rate_of_motion,
+)
 from anctmm.integrators.adaptive.controlled_run import SHARE, Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
@@ -71,7 +70,6 @@ from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.stage_error import stage_error
 from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
 from anctmm.integrators.adaptive.step_control import (
-    AGE,
     CAP,
     DONE,
     EVENT,
@@ -79,8 +77,6 @@ from anctmm.integrators.adaptive.step_control import (
     KEPT,
     LOOKED,
     RATE,
-    SAFE,
-    SEEN,
     SMALLEST,
     SPENT,
     STARTS,
@@ -92,12 +88,9 @@ from anctmm.integrators.adaptive.step_control import (
     WITHIN,
     Control,
     aim,
-    contraction,
     copy_actions,
     effort_of,
     end_of,
-    expect,
-    expect_next,
     is_linkage,
     left_by_newton,
     length_of,
@@ -116,7 +109,6 @@ from anctmm.integrators.esdirk import (
     solve_stage,
     stage_power,
 )
-from anctmm.integrators.implicit.newton import ROUNDING
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
@@ -147,25 +139,16 @@ NEWTON_PART, HELD_PART = 0.3, 1.0
 #: Times that where drives move rigid bodies: what is left of their forces is in the work of the drives, and the balance
 #: of energy was wrong by up to 8 times the tolerance, now by 2.3 times it, for 1 to 5 % more steps.
 DRIVEN = 0.2
-#: Times what the last stage may leave that the first one and the others may: the end of a step has no part of the w of
-#: the first one, whose weights are 0 in b and in b A, and what the others leave of stiff parts, the next ones correct.
-#: But no more than LEFT, relative to Newton's scale: with twice that, reactions of a steel linkage at 1e-2 were wrong
-#: by 0.4 of the largest, not 0.17, and without a bound by 1.05. Nor in linkages of rigid bodies: the error of Andrews'
-#: squeezer was up to 2.0 times the tolerance.
-FIRST, OTHERS, LEFT = 30.0, 5.0, 1e-5
+#: Times what the last stage may leave that each may: the end of a step has no part of the w of the first one, whose
+#: weights are 0 in b and in b A, and what the others leave of stiff parts, the next ones correct; the fourth one has
+#: the largest weight in b, 0.68, the others 0.19 and −0.28. But no more than LEFT, relative to Newton's scale: with
+#: twice that, reactions of a steel linkage at 1e-2 were wrong by 0.4 of the largest, not 0.17, and without a bound by
+#: 1.05. Nor in linkages of rigid bodies: the error of Andrews' squeezer was up to 2.0 times the tolerance.
+TIMES, LEFT = (0.0, 60.0, 10.0, 2.0, 5.0, 1.0), 1e-5
 #: Steps in a run above which each may leave more than its part.
 MANY = 100.0
 #: Relative change of the step beyond which the matrix is renewed.
-STALE = 0.1
-#: Contraction of Newton's corrections in a step above which structures that joints hold have a new matrix in the next
-#: one: renewed within a step it costs a second correction in some stages, a fifth more of them at 1e-2 and 1e-3.
-SLOW = 0.05
-#: Power of the contraction in a step that is expected of the next one: it gets worse as the matrix gets older, and a
-#: single correction shows none.
-FORGETS = 0.8
-#: Times the contraction of a new matrix that is expected of the next one, if its step has not shown it: after some of
-#: them all stages of a step show it again.
-GROWS = 1.2
+STALE = 0.02
 #: Part of the length at which the quintic would just be good enough at outputs that a step with outputs within has at
 #: most, and times the step before. With 0.8 a fifth of the work of Andrews' squeezer at 1e-2 was of refused steps.
 FITS, LENGTHENED = 0.6, 3.0
@@ -195,8 +178,8 @@ class Track(NamedTuple):
     start, end: q, v and w at its ends, (3, rows, nodes). found: those at an output, (3, rows, nodes). multipliers: of
     constraints at the end. rates: change of w from the stage before to each stage in the last step, over its length,
     (stages, rows × nodes). parts: those of it that the next step is expected to repeat, (stages,). multiplier_rates:
-    change of the multipliers, as `rates`, (stages, constraints). before: those before the stage, (constraints,). Row 0
-    of what stages keep is that of the start, also between two steps.
+    change of the multipliers, as `rates`, (stages, constraints). before: those before the stage, (constraints,).
+    contraction: see `contraction`. Row 0 of what stages keep is that of the start, also between two steps.
     """
 
     method: Stages
@@ -210,6 +193,7 @@ class Track(NamedTuple):
     parts: Array
     multiplier_rates: Array
     before: Array
+    contraction: Array
 
 
 def integrate(chain: Chain) -> Solution:
@@ -231,7 +215,7 @@ def integrate(chain: Chain) -> Solution:
     room, multipliers = new_room(chain), np.zeros(constraints)
     rates, parts = np.zeros_like(room.w), np.zeros(len(method.c))
     multiplier_rates, before = np.zeros((len(method.c), constraints)), np.zeros(constraints)
-    learned = rates, parts, multiplier_rates, before
+    learned = rates, parts, multiplier_rates, before, new_contraction()
     track = Track(method, EULER, room, start, end, found, multipliers, *learned)
 
     return run_controlled(chain, Scheme(advance, track, 4, len(method.c), SHARE, SHARE, look=look_ahead))
@@ -295,6 +279,7 @@ def _start_anew(system, control, track):  # type: ignore[no-untyped-def]
     )
     control.progress[STARTS] = 0.0
     track.rates[:], track.parts[:], track.multiplier_rates[:] = 0.0, 0.0, 0.0
+    forget_contraction(track.contraction)
 
 
 @inlined
@@ -374,62 +359,21 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
     """
     newton, progress, last = system.newton, control.progress, len(track.method.c) - 1
     _begin(system.state, track)
-    if guess:
+    if guess or abs(h - progress[FACTORED]) > STALE * h:
         newton.counts[2] = 1
-    else:
-        expect(h, STALE, newton, progress)
-    factored, slowest, shown, effort = newton.counts[1], 0.0, 0, 0
+    effort, rate = 0, rate_of_motion(h, system.state, newton.scale)
     method = track.euler if guess else track.method
     linkage = is_linkage(system, control)
     part = HELD_PART if control.restrained else NEWTON_PART
     part *= DRIVEN if drives_rigid(control) else 1.0 if linkage else times_for_many(h, MANY, control)
     left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
     while solved and row <= last:
-        may = left if linkage else min(_times(row, last) * left, max(left, LEFT), newton.tolerance)
-        solved = _take_stage(1 if guess else row, row, h, may, c, method, system, control, track)
+        may = left if linkage else min(TIMES[row] * left, max(left, LEFT), newton.tolerance)
+        solved = _take_stage(1 if guess else row, row, h, may, rate, c, method, system, control, track)
         if solved:
-            slowest = max(slowest, contraction(newton.history, ROUNDING))
-            shown += 1 if newton.history[1] > 0.0 else 0
             effort += effort_of(newton.history)
             row += 1
-            if newton.counts[1] != factored:
-                _expect_of_new(newton, control)
-    if solved:
-        renewed = newton.counts[1] != factored
-        if renewed:
-            progress[FACTORED] = h
-            if control.restrained:
-                slowest = _learn_of_new(slowest, shown == last, progress)
-        progress[AGE] = 0.0 if renewed else progress[AGE] + 1.0
-        expect_next(slowest, FORGETS, newton)
-        if control.restrained and slowest > SLOW:
-            newton.counts[2] = 1
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
-
-
-@inlined
-def _times(row, last):  # type: ignore[no-untyped-def]
-    """Times what the last stage may leave that this one may."""
-    return 1.0 if row == last else FIRST if row == 1 else OTHERS
-
-
-@inlined
-def _expect_of_new(newton, control):  # type: ignore[no-untyped-def]
-    """Expect of the further stages with a new matrix what the last one did, in structures that joints hold."""
-    seen = control.progress[SEEN]
-    if control.restrained and seen > 0.0:
-        newton.expected[0] = min(newton.expected[0], SAFE * seen)
-
-
-@inlined
-def _learn_of_new(slowest, shown, progress):  # type: ignore[no-untyped-def]
-    """Contraction of a new matrix in all stages of a step: the slowest one, or that expected where some showed none."""
-    if shown:
-        progress[SEEN] = slowest
-    else:
-        slowest = max(slowest, SAFE * progress[SEEN])
-        progress[SEEN] *= GROWS
-    return slowest
 
 
 @inlined
@@ -450,15 +394,20 @@ def _set_actions(h, stop, control, track):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def _take_stage(i, row, h, left, c, method, system, control, track):  # type: ignore[no-untyped-def]
-    """Find stage i of a method, and keep it in a row."""
+def _take_stage(i, row, h, left, rate, c, method, system, control, track):  # type: ignore[no-untyped-def]
+    """Find stage i of a method, and keep it in a row; bodies move at a rate."""
     state, room, angles, values = system.state, track.room, control.angles[row], control.values[row]
     _, flat_v, _, flat_w, _, _ = state.flat
     begin_stage(i, h, c.h, method, room, state.flat)
     predict(h * track.parts[row], track.rates[row], state.flat[5])
     predict_multipliers(h * track.parts[row], track.multiplier_rates[row], track.before, system.factors.loops)
     move_drives(system.factors, system.clamps, angles)
+    newton, progress, known = system.newton, control.progress, track.contraction
+    t = progress[TIME] + track.method.c[row] * h
+    expect_contraction(t, h, rate, newton, progress, known)
     solved = solve_stage(1, system, c, values, left)
+    if solved:
+        learn_contraction(t, h, control.rounding, newton, progress, known)
     learn_multipliers(solved, h, track.multiplier_rates[row], track.before, system.factors.loops)
     keep_forces(control.kinks, system.loads.connectors, row)
     for k in range(len(flat_v)):

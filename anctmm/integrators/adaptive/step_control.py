@@ -14,9 +14,7 @@ noise of w, which an estimate would answer with ever smaller steps. No choice of
 went below that: a filter has the c_w of the matrix that is kept, which may be that of other steps, and corrections of
 the size of rounding are no effort.
 
-One correction may do, where the contraction that earlier ones have shown with the same matrix tells what it leaves
-(Hairer & Wanner, IV.8). It is expected to get worse with each solution that shows none, as the matrix gets older, and
-to be no better than steps of another length than the matrix allow: that does not fit the inertia.
+One correction may do, where others have told what it leaves: see `contraction` and `matrix_age`.
 
 Can steps be chosen better? Some scenes cost up to twice the best equal steps of second order, see `alpha_control`.
 Steps that were chosen for a portal frame at 1e-5 were taken again, with changes; error over that of as many equal ones:
@@ -70,9 +68,6 @@ MEMORY, RECENT = 0.05, 100
 #: Error aimed at in calm and in active parts of a run, over that of its mean, at least and at most. With 0.3 and 3 the
 #: squeezer's error was 5 times the one asked for, and runs whose errors grow were repeated.
 CALM, ACTIVE = 0.5, 1.5
-#: Times the contraction in proportion to the age of the matrix that is expected, and the age, over that at which it was
-#: seen, up to which it is.
-SAFE, AGAIN = 2.0, 2.0
 #: Length to which steps are fitted between two stops, of the one aimed at, at most.
 FITTED = 1.15
 #: How a call of `advance` ended: at the end of the run, for good before it, because it took all steps it may, or as
@@ -121,8 +116,8 @@ class Control(NamedTuple):
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
     estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs within it are not
     good enough, s; part of the last change of the accelerations that the next step is expected to repeat. Of the matrix
-    its age, in steps; the last contraction seen with it, and the age then, 0 if none was. The last is the integral over
-    time of the activity, the (order + 1)th root of the mean of the errors.
+    its age, in steps; the last contraction seen with it, and the age then, 0 if none was: see `matrix_age`. The last is
+    the integral over time of the activity, the (order + 1)th root of the mean of the errors.
     """
 
     allowed: float
@@ -287,62 +282,3 @@ def effort_of(history):  # type: ignore[no-untyped-def]
         if history[k] > ROUNDING:
             effort += 1 if k == 0 or history[k] <= SLOW * history[k - 1] else 3
     return effort
-
-
-@inlined
-def expect(h, stale, newton, progress):  # type: ignore[no-untyped-def]
-    """Expect no better contraction than a step of h allows with the matrix that is kept; a `stale` one is renewed."""
-    if abs(h - progress[FACTORED]) > stale * h:
-        newton.counts[2] = 1
-    else:
-        newton.expected[0] = max(newton.expected[0], abs(1.0 - (h / progress[FACTORED]) ** 2))
-
-
-@inlined
-def expect_aged(found, forgets, slow, renewed, newton, progress):  # type: ignore[no-untyped-def]
-    """As `expect_next`, but no more than in proportion to the age of the matrix, where steps with it have shown one.
-
-    What it had in its own step tells nothing: that is the square of a correction. Above `slow` it is renewed.
-    """
-    expect_next(found, forgets, newton)
-    if found > slow:
-        newton.counts[2] = 1
-    if renewed:
-        progress[AGE], progress[SEEN_AT] = 0.0, 0.0
-    else:
-        progress[AGE] += 1.0
-        if found > 0.0:
-            progress[SEEN], progress[SEEN_AT] = found, progress[AGE]
-    known = progress[SEEN_AT]
-    if known > 0.0 and progress[AGE] < AGAIN * known:
-        newton.expected[0] = min(newton.expected[0], SAFE * progress[SEEN] * (progress[AGE] + 1.0) / known)
-
-
-@inlined
-def contraction_or_bound(history, least, rounding, slow):  # type: ignore[no-untyped-def]
-    """As `contraction`, but where all corrections are near rounding what it is at most, if that is below `slow`.
-
-    Without that nothing would be known of the matrix, and each step would take a second correction.
-    """
-    found = contraction(history, least)
-    if found == 0.0 and history[1] > 0.0:
-        most = max(history[1], rounding) / history[0]
-        if most < slow:
-            found = most
-    return found
-
-
-@inlined
-def contraction(history, least):  # type: ignore[no-untyped-def]
-    """Largest contraction of the corrections of a solution that are more than `least`; 0 where there was none."""
-    largest = 0.0
-    for k in range(1, len(history)):
-        if history[k - 1] > least:
-            largest = max(largest, history[k] / history[k - 1])
-    return largest
-
-
-@inlined
-def expect_next(found, forgets, newton):  # type: ignore[no-untyped-def]
-    """Expect of the next step the contraction found in this one, 0 if none was."""
-    newton.expected[0] = (found if found > 0.0 else newton.expected[0]) ** forgets

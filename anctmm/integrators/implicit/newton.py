@@ -113,7 +113,7 @@ def iterate(
             break
         least = min(least, size)
         # the corrections fall by `rate` each: what is left is at most their geometric series
-        rate = size / last if iteration > 0 else _expected(expected)
+        rate = size / last if iteration > 0 else _expected(new, size, expected)
         small = size <= tolerance or (rate < 1.0 and size * rate / (1.0 - rate) <= tolerance)
         if small and off <= KEPT:  # constraints that nothing can keep bring no correction
             counts[2] = 0
@@ -144,9 +144,15 @@ def _needed(corrections, history, least):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def _expected(expected):  # type: ignore[no-untyped-def]
-    """Contraction to expect of a first correction: 1 where nothing is known of the matrix."""
-    return 1.0 if expected is None else expected[0]
+def _expected(new, size, expected):  # type: ignore[no-untyped-def]
+    """Contraction to expect of a first correction of this size: 1 where nothing is known of the matrix."""
+    found = 1.0
+    if expected is not None:
+        if not new:
+            found = expected[0]
+        elif expected[1] > 0.0:
+            found = expected[1] * size
+    return found
 
 
 @embedded

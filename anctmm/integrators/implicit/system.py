@@ -77,8 +77,9 @@ class Newton(NamedTuple):
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
     of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. expected: contraction to expect of a first
-    correction, (1,), so that one may do; None with fixed steps. shows: part of the bound up to which a further
-    correction does no more than show what the one before has left: that is no wear of the matrix.
+    correction, so that one may do, with a matrix that is kept, and with a new one over its size, 0 if that is not
+    known, (2,); None with fixed steps. shows: part of the bound up to which a further correction does no more than show
+    what the one before has left: that is no wear of the matrix.
     """
 
     scale: float
