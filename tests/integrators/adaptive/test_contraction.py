@@ -1,4 +1,4 @@
-"""What a first Newton correction leaves is told by others: by the way since the matrix, the step's length, its square."""
+"""What a first correction leaves is told by others: by the way since the matrix, the length of the step, its square."""
 
 from types import SimpleNamespace
 
