@@ -56,7 +56,7 @@ SLOW = {
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
                      "random_scenes"],
     "questions": ["gallery"],
-    "recursion": ["kept_motions", "work_of_drives"],
+    "recursion": ["driven_hinges", "kept_motions", "work_of_drives"],
     "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
     "statics": ["static_start", "statics"],

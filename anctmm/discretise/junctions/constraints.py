@@ -59,14 +59,17 @@ class Drive(NamedTuple):
 
 @dataclass(frozen=True)
 class Together:
-    """The sum of two histories, and their breaks if both state theirs."""
+    """The sum of two histories, or their difference, and their breaks if both state theirs."""
 
     one: Motion
     two: Motion
+    sign: float = 1.0
 
     def __call__(self, t: Any) -> tuple[Any, ...]:
         """Value, rate and acceleration."""
-        return tuple(np.add(a, b) for a, b in zip(self.one(t), self.two(t), strict=True))
+        return tuple(
+            np.add(a, np.multiply(self.sign, b)) for a, b in zip(self.one(t), self.two(t), strict=True)
+        )
 
     @property
     def breaks(self) -> tuple[float, ...] | None:
@@ -293,14 +296,31 @@ class _Writer:
         return self._gradient(end, self.chain.bodies.mesh(end[0]).kind.turning_row // 2, junction)
 
     def _turn_gradients(self, first: End, second: End, weld: Weld | None, junction: Junction) -> None:
-        """The gradients of the second end are those of the first one, turned."""
+        """The gradients of the second end are those of the first one, turned.
+
+        A rigid body at gradients that are held has one condition: |t| = 1 is another one, and a third leaves the
+        multipliers undetermined, and with them the work of the drive.
+        """
+        beam, other = (second, first) if second[0] not in self.rigid else (first, second)
         rows = []
-        beam = second if second[0] not in self.rigid else first
-        for k in range(1, self.chain.bodies.mesh(beam[0]).held // 2):
-            one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
-            rows += self._parts(_sum(two, self._further(one, weld, first, junction), -1.0), 1.0)
+        if other[0] in self.rigid and _known(self._axis(beam, junction)):
+            rows.append(_across(*self._directions(first, second, weld, junction)))
+        else:
+            for k in range(1, self.chain.bodies.mesh(beam[0]).held // 2):
+                one, two = self._gradient(first, k, junction), self._gradient(second, k, junction)
+                rows += self._parts(_sum(two, self._further(one, weld, first, junction), -1.0), 1.0)
         name = "the driven weld" if weld is not None else "the direction"
         self.found.add(f"{name} at {self.text(second)}", second[0], *rows)
+
+    def _directions(
+        self, first: End, second: End, weld: Weld | None, junction: Junction
+    ) -> tuple[Vector, Vector]:
+        """Directions of a rigid body and of held gradients that are the same, the one or the other turned by a weld."""
+        one, two = self._axis(first, junction), self._axis(second, junction)
+        clamp = None if second[0] in self.rigid else _clamp_of(second, junction)
+        if weld is None or clamp is None or clamp.angle is None or weld.angle is None:
+            return self._further(one, weld, first, junction), two
+        return one, self._by(self._both(clamp, weld, -1.0), {(ALWAYS, ONE): 1.0})  # drives do not multiply
 
     def _guide(self, guide: Slider | Prismatic, junction: Junction) -> None:
         """A place stays on a line, or moves on it as it is driven; a prismatic joint holds the direction, too."""
@@ -394,8 +414,14 @@ class _Writer:
         clamp = None if end[0] in self.rigid else _clamp_of(end, junction)
         if clamp is None or clamp.angle is None or weld.angle is None:
             return self._turned(vector, weld)
+        return self._by(self._both(clamp, weld), {(ALWAYS, ONE): 1.0})
+
+    def _both(self, clamp: Clamp, weld: Weld, sign: float = 1.0) -> Drive:
+        """The sum of the angles of a driven clamp and of a driven weld, or their difference."""
+        assert clamp.angle is not None  # the caller has checked that both are driven
+        assert weld.angle is not None
         name = f"{self._drive(weld).name} beside {self._drive(clamp).name}"
-        return self._by(Drive(name, Together(clamp.angle, weld.angle), True), {(ALWAYS, ONE): 1.0})
+        return Drive(name, Together(clamp.angle, weld.angle, sign), True)
 
     def _turned(self, vector: Vector, joint: Clamp | Weld) -> Vector:
         """A vector turned by the angle of a joint; itself where nothing drives it."""
@@ -416,6 +442,11 @@ class _Writer:
     def _parts(self, vector: Vector, scale: float) -> list[dict[tuple[int, int, int], float]]:
         """A vector's x and y as rows."""
         return [_scaled(_along({(ALWAYS, ONE): unit}, vector), scale) for unit in (1.0, 1.0j)]
+
+
+def _known(vector: Vector) -> bool:
+    """Whether no unknown is in a vector."""
+    return all(unknown == ONE for _, unknown in vector)
 
 
 def _clamp_of(end: End, junction: Junction) -> Clamp | None:
