@@ -38,6 +38,12 @@ INACCURATE = 0.1
 #: How many times the energy there ever was may seem to have come from nowhere and gone to dampers and laws, whose work
 #: is summed over long times. An explicit run above the limit of its step made 6e5 times it, and a law took that.
 ABSORBED = 100.0
+#: The same of any run with driven joints, created or lost, of the most that its bodies ever had: errors of the work of
+#: damped materials stay below (2e4 of steel that takes 1000 s to relax). Forces of a drive that constraints left
+#: undetermined gave 3e7, which damping excused.
+IMPOSSIBLE = 1e6
+#: Part of the energy that may be exchanged between few outputs, an upper bound, that counts as there then.
+UNSEEN = 1e-3
 #: Part of the energy exchanged with loads, weight and drives that numerical dissipation may take besides: a load that
 #: is applied at once leaves a vibration with half of its work, and bringing that to rest is what dissipation is for. Of
 #: 240 random runs one lost more; its errors were 0.09 and, with coarser steps, 0.17.
@@ -96,11 +102,29 @@ def absorbed(energy: Energy, least: float = 0.0) -> Mask:
 
     What is there stays small then. The first output is left out: a start that damping stops at once is known badly.
     """
-    start = min(1, len(energy.balance) - 1)
-    present = np.abs(energy.kinetic + energy.strain) + np.abs(energy.potential)
     with np.errstate(invalid="ignore"):
-        made = energy.balance - energy.balance[start]
-        return made > ABSORBED * np.maximum(np.maximum.accumulate(present), least)  # type: ignore[no-any-return]
+        most = np.maximum.accumulate(_present(energy))
+        return _since_start(energy) > ABSORBED * np.maximum(most, least)  # type: ignore[no-any-return]
+
+
+def impossible(energy: Energy, least: float = 0.0) -> Mask:
+    """Whether work is wrong at each output, (n,): it is far more than the bodies ever had, and cannot vouch for itself.
+
+    The first output is left out, as of `absorbed`. Strong dampers between bodies may show as much in right runs.
+    """
+    most = float(np.nanmax(_present(energy), initial=UNSEEN * least))
+    with np.errstate(invalid="ignore"):
+        return np.abs(_since_start(energy)) > IMPOSSIBLE * most  # type: ignore[no-any-return]
+
+
+def _present(energy: Energy) -> Array:
+    """Energy of bodies, springs and weight at each output, (n,), J."""
+    return np.abs(energy.kinetic + energy.strain) + np.abs(energy.potential)  # type: ignore[no-any-return]
+
+
+def _since_start(energy: Energy) -> Array:
+    """Energy that has come from nowhere since the first output, (n,), J."""
+    return energy.balance - energy.balance[min(1, len(energy.balance) - 1)]  # type: ignore[no-any-return]
 
 
 def noise(solution: Solution) -> float:
@@ -137,9 +161,8 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     scene = solution.scene
     vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else _keeps_energy(run)
-    damped = any(body.material.damping > 0.0 for body in scene.beams) or any(
-        c.damping > 0.0 or c.law is not None for c in scene.connectors
-    )
+    dampers = any(c.damping > 0.0 or c.law is not None for c in scene.connectors)
+    damped = dampers or any(body.material.damping > 0.0 for body in scene.beams)
     least = _exchangeable(solution)
     known_to = max(noise(solution), _allowed(solution))
     beyond = np.abs(balance_of(energy, damped=damped)) > known_to
@@ -148,6 +171,10 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
         diverged |= absorbed(energy, least) & (np.abs(energy.balance) > noise(solution))
     if diverged.any():
         yield _finding(solution, int(diverged.argmax()), "diverged")
+    if not _strong_dampers(solution) and any(drive_of(joint) is not None for joint in scene.joints):
+        worthless = impossible(energy, least) & (np.abs(energy.balance) > known_to)
+        if worthless.any():
+            yield _finding(solution, int(worthless.argmax()), "inaccurate")
     if explicit and vibrates:
         return
     wrong = from_nowhere(energy, INACCURATE, least, lost=keeps and not damped, damped=damped) & beyond
@@ -156,6 +183,20 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     wrong[:-1] &= wrong[1:]  # what is gone at the next output was a start that the step does not resolve
     if wrong.any():
         yield _finding(solution, int(wrong.argmax()), "inaccurate")
+
+
+def _strong_dampers(solution: Solution) -> bool:
+    """Whether a damper, or a law, may stop all bodies between two outputs: errors of its work are large then.
+
+    The work of a damper c on a mass m was wrong by up to (c dt/m)² times the energy.
+    """
+    scene = solution.scene
+    span, mass = float(np.diff(solution.t).max()), mass_of(scene)
+    arms = (1.0 if isinstance(c, Spring) else length_of(scene) for c in scene.connectors)
+    return any(
+        c.law is not None or c.damping * span > mass * arm**2
+        for c, arm in zip(scene.connectors, arms, strict=True)
+    )
 
 
 def _allowed(solution: Solution) -> float:
