@@ -168,34 +168,50 @@ def _shares(chain: Chain) -> list[float]:
 
 
 class _Terms(NamedTuple):
-    """Terms c w x_i x_j of constraints, those of one after those of another.
+    """Terms c w x_i x_j of constraints, those of one after those of another, with x_i a direction where x_j is a place.
 
-    places: of x_i and x_j among the coordinates of an output, (2, terms). ones: where they are the number 1 instead, if
-    anywhere.
-    weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of (x_i x_j)'', (3, 1, terms). first: term of each
-    constraint.
+    order: of each among the terms of the rows. places: of x_i and x_j among the coordinates of an output, (2, terms).
+    ones: where they are the number 1 instead, if anywhere. weights: c of the three parts x_i a_j, v_i v_j, a_i x_j of
+    (x_i x_j)'', (3, 1, terms). first: term of each constraint. group: first term of those of one constraint that have
+    one x_i and places as x_j, or of one term alone; whole: first group of each constraint.
     """
 
+    order: Ints
     places: Ints
     ones: NDArray[np.bool_] | None
     weights: Array
     first: Ints
+    group: Ints
+    whole: Ints
 
 
 def _terms(rows: Rows, nodes: int) -> _Terms:
     """Terms of constraints between the coordinates of so many nodes."""
-    unknowns = np.array([rows.one, rows.two])
-    row, node = rows.homes[:, unknowns]
-    weights = np.multiply.outer([1.0, 2.0, 1.0], rows.factor)
-    ones = unknowns == rows.x.shape[1] - 1
-    first = np.flatnonzero(np.diff(rows.row, prepend=-1))
-    return _Terms(row * nodes + node, ones if ones.any() else None, weights[:, None], first)
+    unknowns, one = np.array([rows.one, rows.two]), rows.x.shape[1] - 1
+    direction = (unknowns != one) & (rows.homes[0, unknowns] >= 2)
+    mixed = direction[0] != direction[1]
+    unknowns = np.where(mixed & direction[1], unknowns[::-1], unknowns)
+    # a number of its own for each term that is in no group
+    member = np.where(mixed, unknowns[0], one + 1 + np.arange(len(rows.row)))
+    order = np.lexsort((member, rows.signal, rows.row))
+    unknowns, row, member = unknowns[:, order], rows.row[order], member[order]
+    keys = np.array([row, rows.signal[order], member])
+    group = np.flatnonzero(np.any(np.diff(keys, prepend=-1), axis=0))
+    first = np.flatnonzero(np.diff(row, prepend=-1))
+    home, node = rows.homes[:, unknowns]
+    weights = np.multiply.outer([1.0, 2.0, 1.0], rows.factor[order])[:, None]
+    ones = unknowns == one
+    whole = np.searchsorted(group, first)
+    return _Terms(order, home * nodes + node, ones if ones.any() else None, weights, first, group, whole)
 
 
 def _of_rows(
     chain: Chain, rows: Rows, clamps: DrivenClamps, drives: Array, series: Array
 ) -> tuple[Array, Array]:
-    """Errors of the constraints' second derivatives, (constraints, outputs), and the sizes of their terms."""
+    """Errors of the constraints' second derivatives, (constraints, outputs), and the sizes of their terms.
+
+    Places count relative to each other: where the origin is, and how fast it moves, changes no size.
+    """
     of = once(chain, lambda _: _terms(rows, series.shape[3]), what=_terms)
     known = series.reshape(*series.shape[:2], -1)[:, :, of.places]
     if of.ones is not None:
@@ -203,17 +219,23 @@ def _of_rows(
     one, two = known[:, :, 0], known[:, :, 1]
     terms = one * two[::-1] * of.weights
     if len(rows.turns):
-        terms = _driven(terms, one, two, rows, drives, len(clamps.nodes))
-    errors, sizes = (np.add.reduceat(np.add.reduce(t), of.first, axis=1).T for t in (terms, np.abs(terms)))
-    return np.abs(errors), sizes
+        terms = _driven(terms, one, two, rows, of.order, drives, len(clamps.nodes))
+    errors = np.add.reduceat(np.add.reduce(terms), of.first, axis=1)
+    together = np.add.reduceat(terms[1:3], of.group, axis=2)
+    alone = np.abs(terms[0]) + np.add.reduce(np.abs(terms[3:]))
+    sizes = np.add.reduceat(alone, of.first, axis=1)
+    sizes += np.add.reduceat(np.add.reduce(np.abs(together)), of.whole, axis=1)
+    return np.abs(errors).T, sizes.T
 
 
-def _driven(terms: Array, one: Array, two: Array, rows: Rows, drives: Array, first: int) -> Array:
+def _driven(
+    terms: Array, one: Array, two: Array, rows: Rows, order: Ints, drives: Array, first: int
+) -> Array:
     """Parts of (w x_i x_j)'' from those of (x_i x_j)'', with the signals w of drives from the first on."""
     signals = np.zeros((*rows.signals.shape, len(drives)))
     signals[0, 0] = 1.0
     uncompiled(set_signals)(rows._replace(signals=signals), drives.transpose(1, 2, 0), first)
-    w, rate, second = signals[:, rows.signal].swapaxes(1, 2)
+    w, rate, second = signals[:, rows.signal[order]].swapaxes(1, 2)
     (xi, vi, _), (xj, vj, _) = one, two
     changed = np.array([2.0 * rate * (vi * xj + xi * vj), second * xi * xj])
-    return np.concatenate([w * terms, rows.factor * changed])
+    return np.concatenate([w * terms, rows.factor[order] * changed])
