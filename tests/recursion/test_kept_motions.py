@@ -250,3 +250,27 @@ def test_full_and_sparse_matrices_give_the_same_motions(name, monkeypatch):
         found.append(split_factors(Chain(scene, run)).kept)
     for one, two in zip(found[0][:5], found[1][:5], strict=True):
         assert np.abs(one - two).max() <= 1e-9 * np.abs(two).max()
+
+
+def coupler_far_away(kind, place):
+    """A rigid body that falls about a pin, and another one on a line in it."""
+    x, y = place
+    bodies = [
+        at.RigidBody("coupler", 2.0, 0.05, (x + 0.45, y + 0.3), {"a": (x + 0.2, y + 0.1)}),
+        at.RigidBody("slide", 0.5, 0.001, (x + 0.5, y + 0.4), {"a": (x + 0.5, y + 0.4)}),
+    ]
+    joints = [at.Pin("coupler.a"), kind("slide.a", (1, 1), body="coupler")]
+    return at.Scene("far", bodies, joints, gravity=(0.0, -G))
+
+
+@pytest.mark.parametrize("kind", [at.Slider, at.Prismatic])
+def test_guides_in_rigid_bodies_stand_anywhere(kind):
+    """Coordinates of 10 km made a guide seem to repeat other constraints: it was passed over, and the run failed."""
+    options = {"t_end": 0.02, "output_dt": 0.01}
+    other = at.solve(coupler_far_away(kind, (0.0, 0.0)), integrator="esdirk", dt=1e-3, **options)
+    wanted = other.displacement("slide.center")
+    for place in ((0.0, 0.0), (1e4, -1e4), (1e6, 2e6)):
+        far = at.solve(coupler_far_away(kind, place), integrator="zhai", dt=1e-4, **options)
+        assert far.status.ok, far.status
+        off = np.abs(far.displacement("slide.center") - wanted).max()
+        assert off < 1e-4 * np.abs(wanted).max()

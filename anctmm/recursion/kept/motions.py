@@ -44,6 +44,7 @@ from anctmm.recursion.kept.rows import (
 )
 
 Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
 #: Part of the largest of the linear constraints below which one says what others say.
 DEPENDENT = 1e-9
@@ -51,7 +52,7 @@ DEPENDENT = 1e-9
 DENSE = 256
 
 
-@writes("rows", "J", "S", "inverse", "alone", "y", "moved")
+@writes("rows", "slope", "J", "S", "inverse", "alone", "y", "moved")
 @by_address
 class KeptMotions(NamedTuple):
     """Independent motions of few kept unknowns.
@@ -70,6 +71,12 @@ class KeptMotions(NamedTuple):
         Diagonal of the inverse mass of the kept unknowns.
     rows : Rows or None
         Constraints that the motions do not keep by themselves; None without any: then nothing of them is compiled.
+    pairs : ndarray of int, shape (2, pairs)
+        Constraints, and the unknowns of each.
+    into : ndarray of int, shape (2, terms)
+        Pairs of each term with its first and its second unknown; the number of pairs for the number 1.
+    slope : ndarray, shape (pairs + 1,)
+        Scratch: derivatives of constraints by their unknowns.
     J : ndarray, shape (m, r)
     S : ndarray, shape (m, m)
         J Jᵀ, and L of its factors L D Lᵀ.
@@ -91,6 +98,9 @@ class KeptMotions(NamedTuple):
     basis: Array
     softness: Array
     rows: Rows | None
+    pairs: Ints
+    into: Ints
+    slope: Array
     J: Array
     S: Array
     inverse: Array
@@ -125,6 +135,7 @@ def _motions(chain: Chain, L: Array) -> KeptMotions:
     still = constraints.still
     left = rows_alone(chain.kept, ~still)
     m = 0 if left is None else len(left.number)
+    pairs, into = _pairs(left, chain.kept.size)
     result = KeptMotions(
         np.ascontiguousarray(fields.T),
         np.ascontiguousarray(_weights(chain, fields.T.reshape(r, *shape), L).reshape(r, fields.shape[0])),
@@ -132,13 +143,25 @@ def _motions(chain: Chain, L: Array) -> KeptMotions:
         basis[: chain.kept.size].copy(),
         np.diagonal(np.linalg.inv(K))[: chain.kept.size].copy(),
         left,
-        np.zeros((m, r)), np.zeros((m, m)), np.zeros(m), np.zeros(m),
+        pairs, into, np.zeros(pairs.shape[1] + 1), np.zeros((m, r)), np.zeros((m, m)), np.zeros(m), np.zeros(m),
         passed_over(chain.kept, np.argsort(~still, kind="stable"))[~still], np.zeros(r), np.zeros((2, r)),
     )  # fmt: skip
     if left is not None:
         uncompiled(gather)(left, 0, chain.start_coordinates())
         uncompiled(factor_constraints)(result, left)
     return result
+
+
+def _pairs(rows: Rows | None, size: int) -> tuple[Ints, Ints]:
+    """`pairs` and `into` of constraints between so many unknowns."""
+    if rows is None:
+        return np.zeros((2, 0), dtype=np.int64), np.zeros((2, 0), dtype=np.int64)
+    unknowns = np.minimum(np.array([rows.one, rows.two]), size)  # the number 1 stands behind them
+    found, into = np.unique(rows.row * (size + 1) + unknowns, return_inverse=True)
+    row, unknown = np.divmod(found, size + 1)
+    real = unknown < size
+    number = np.where(real, np.cumsum(real) - 1, np.count_nonzero(real))
+    return np.array([row[real], unknown[real]]), number[into].reshape(unknowns.shape)
 
 
 def _reactions(chain: Chain, fields: Array) -> Array:
@@ -247,23 +270,28 @@ def constrain_few(kept: KeptMotions, rows: Rows, first: int, drives: Array, q: A
 
 @shared
 def factor_constraints(kept, rows):  # type: ignore[no-untyped-def]
-    """J at the unknowns that were gathered, and the factors of J Jᵀ."""
-    basis, J, S, alone = kept.basis, kept.J, kept.S, kept.alone
+    """J at the unknowns that were gathered, and the factors of J Jᵀ.
+
+    Terms of one unknown are summed before they are squared: each may be a coordinate of a place far from the origin.
+    """
+    basis, slope, J, S, alone = kept.basis, kept.slope, kept.J, kept.S, kept.alone
     x, w = rows.x, rows.signals
     r, m = len(kept.y), len(alone)
     for k in range(m):
         alone[k] = 0.0
         for p in range(r):
             J[k, p] = 0.0
+    for n in range(len(slope)):
+        slope[n] = 0.0
     for t in range(len(rows.row)):
-        k, c = rows.row[t], rows.factor[t] * w[0, rows.signal[t]]
-        for side in range(2):
-            i, other = (rows.one[t], rows.two[t]) if side == 0 else (rows.two[t], rows.one[t])
-            if i < len(basis):  # the number 1 stands behind them
-                g = c * x[0, other]
-                alone[k] += g * g * kept.softness[i]
-                for p in range(r):
-                    J[k, p] += g * basis[i, p]
+        c = rows.factor[t] * w[0, rows.signal[t]]
+        slope[kept.into[0, t]] += c * x[0, rows.two[t]]
+        slope[kept.into[1, t]] += c * x[0, rows.one[t]]
+    for n in range(kept.pairs.shape[1]):
+        k, i, g = kept.pairs[0, n], kept.pairs[1, n], slope[n]
+        alone[k] += g * g * kept.softness[i]
+        for p in range(r):
+            J[k, p] += g * basis[i, p]
     for k in range(m):
         for n in range(k + 1):
             total = 0.0
