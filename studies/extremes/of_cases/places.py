@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from anctmm.errors import ResultError
+from anctmm.results.solution import Solution
 from studies.engine.other_numbers import Change
 from studies.engine.tables import Table
 from studies.extremes.of_cases.base import Base, apart, paths, size_of
@@ -41,6 +43,9 @@ def places(base: Base, growth: float) -> Part:
         "predicted: at most; each step rounds a coordinate by half a unit of its last place, what this does to "
         "velocities adds up, and the motion makes it larger as it does a disturbance. By powers of two only exponents "
         "change, and no bit of the history.",
+        "reactions: largest difference of forces of joints to the same run at its own place, over the largest force, "
+        "of joints whose forces equilibrium determines. Accelerations at outputs have an error of a thousandth beside "
+        "what rounding does to them.",
         "Laws of springs are functions in SI units: scenes with them are moved, and not measured in other units.",
     ))  # fmt: skip
     good = [r for r in rows if r["status"] == "ok" and r["measured"] == r["measured"]]
@@ -48,10 +53,12 @@ def places(base: Base, growth: float) -> Part:
     if good:
         worst = max(good, key=lambda r: r["measured"])
         exact = [r for r in good if r["same_bits"]]
+        forces = [r["reactions"] for r in good if r["reactions"] == r["reactions"]]
+        carried = f", forces of joints by {max(forces):.0e}" if forces else ""
         bits = "; in units that are powers of two not one bit differs" if exact else ""
         learned = (
             f"{base.case.name}, units and place: results differ by {worst['measured']:.0e} at most "
-            f"({worst['value']}){bits}.",
+            f"({worst['value']}){carried}{bits}.",
         )  # fmt: skip
     return Part((table,), (), learned)
 
@@ -78,6 +85,7 @@ def _row(base: Base, plain: Any, value: str, units: Change, growth: float) -> di
     _, away = apart(plain, moved, case, units.metre)
     return about | {
         "measured": float(away.max()),
+        "reactions": float("nan") if in_units else _of_joints(plain, moved),
         "same_bits": bool(np.array_equal(paths(plain, case), paths(moved, case) / units.metre)),
         "predicted": 0.0 if units.exact else walk * far,
         "theory": "exponents only" if units.exact else "rounding",
@@ -86,10 +94,25 @@ def _row(base: Base, plain: Any, value: str, units: Change, growth: float) -> di
     }  # fmt: skip
 
 
+def _of_joints(plain: Solution, moved: Solution) -> float:
+    """Largest difference of forces of joints of two runs, over the largest force; nan where none is known."""
+    apart, largest = 0.0, 0.0
+    for one, other in zip(plain.scene.joints, moved.scene.joints, strict=True):
+        try:
+            here, there = plain.reaction(one)[:, :2], moved.reaction(other)[:, :2]
+        except ResultError:  # joints that share their forces in an unknown way
+            continue
+        n = min(len(here), len(there))
+        apart = max(apart, float(np.abs(here[:n] - there[:n]).max(initial=0.0)))
+        largest = max(largest, float(np.abs(here[:n]).max(initial=0.0)))
+    return apart / largest if largest > 0.0 else float("nan")
+
+
 def _frame(rows: list[dict[str, Any]]) -> Any:
     import pandas as pd
 
     columns = (
-        "scene", "what", "value", "measured", "predicted", "same_bits", "theory", "reference", "uncertainty", "status",
+        "scene", "what", "value", "measured", "predicted", "reactions", "same_bits", "theory", "reference",
+        "uncertainty", "status",
     )  # fmt: skip
     return pd.DataFrame(rows, columns=list(columns))

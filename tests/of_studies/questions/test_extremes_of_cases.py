@@ -177,6 +177,21 @@ def test_units_are_changed_of_every_kind_of_thing():
     assert (rows["measured"] <= rows["predicted"]).all()
 
 
+def test_forces_of_a_guide_in_a_rigid_body_are_the_same_far_away():
+    """Reactions were wrong by a half at all of these places, and no table said so."""
+    arm = at.RigidBody("arm", 1.0, 0.02, (0.2, 0.0), {"hinge": (0.0, 0.0), "track": (0.1, 0.0)})
+    cart = at.PointMass("cart", 1.0, (0.1, 0.0))
+    guide = at.Slider("cart.center", (1, 0), body="arm", position=at.Quintic(0.05, 0.1))
+    scene = at.Scene("cart", [arm, cart], [at.Pin("arm.hinge"), guide], gravity=(0.0, -G))
+    case = at.Case(scene, ["cart.center"], t_end=0.1, output_dt=0.01)
+    rows = places(Base.of(case, Runner(None, repeats=1), quick=False), 10.0).tables[0].frame
+    far = rows["what"] == "place"
+    assert far.sum() == 3
+    assert rows["status"].eq("ok").all(), rows["status"]
+    assert (rows["reactions"][far] < 5e-3).all(), rows
+    assert rows["reactions"][~far].isna().all()
+
+
 def test_laws_in_si_units_are_said_not_to_apply():
     scene = everything(stiffness=0.0, damping=0.0, law=lambda x, v, t: 30.0 * x + 0.2 * v)
     assert Change(place=(5.0, 0.0)).scene(scene).connectors[0].law is scene.connectors[0].law
