@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables
-from anctmm.discretise.joined import Joined
 from anctmm.errors import SolverError
 from anctmm.integrators.connected import Connected
 from anctmm.integrators.statics.damping import Damping
@@ -52,7 +51,7 @@ class SmallMotions:
     def __init__(self, system: StaticSystem, q: Array, factor: float, spin: float, unstressed: bool) -> None:
         self.system, self.q, self.factor, self.spin = system, q, factor, spin
         self.unstressed = unstressed and spin == 0.0
-        self.join = Joined(system.chain)
+        self.join, self.mass = system.joined, system.mass
         self.damping = Damping(system, q, factor)
         apart = Connected(system.chain).bounds()[0]
         self._noise, self._first_shift = _roundings(system, apart)
@@ -81,10 +80,6 @@ class SmallMotions:
         """Displacements by forces that may make motions grow, to search from; with the matrix factored last."""
         forces = growing_forces(self.system, self.damping)
         return [] if forces is None else [self.solve(self.join.gather(forces))]
-
-    def mass(self, x: Array) -> Array:
-        """M x."""
-        return self.join.gather(self.system.inertia(self.join.spread(x)))
 
     def spread(self, x: Array) -> Array:
         """Displacements of all nodes, (rows, nodes), from the unknowns; of complex ones, too."""

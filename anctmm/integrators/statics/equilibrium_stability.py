@@ -8,13 +8,11 @@ pivots as K_T has negative eigenvalues (Sylvester's law of inertia).
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.joined import Joined
 from anctmm.discretise.maps import push
 from anctmm.forces.loads import FOLLOWER
 from anctmm.integrators.connected import Connected
@@ -93,7 +91,7 @@ def _held(system: StaticSystem, q: Array, factor: float) -> bool:
     As many constraints as unknowns may repeat each other: against an inertia that outweighs all stiffness free motions
     answer forces as if alone, and others do not.
     """
-    if system.loops is None or Joined(system.chain).size > len(system.loops.rows.number):
+    if system.loops is None or system.joined.size > len(system.loops.rows.number):
         return False
     shift = HEAVY * largest_square(system)
     noise = _noise(system, np.random.default_rng(0))
@@ -151,9 +149,7 @@ def _by_motions(system: StaticSystem, damping: Damping, motion: Array, shift: fl
     if not grows.any():
         return Stability("stable", 0, motion)
     leaves = grows & (np.abs(rates.imag) <= COMPLEX * np.abs(rates)) & (not system.conservative)
-    worst = Joined(system.chain).spread(
-        np.real(shapes[:, int(np.argmin(np.where(grows, np.abs(rates), np.inf)))])
-    )
+    worst = system.joined.spread(np.real(shapes[:, int(np.argmin(np.where(grows, np.abs(rates), np.inf)))]))
     return Stability("unstable", int(grows.sum()), worst, flutter=not leaves.any())
 
 
@@ -179,13 +175,12 @@ def damped_space(system: StaticSystem, damping: Damping, values: Complex, shapes
 
     K is the matrix factored last, or differs from it by a small multiple of the mass.
     """
-    joined = Joined(system.chain)
+    joined = system.joined
 
     def damped(x: Array) -> Array:
         return joined.gather(damping.forces(joined.spread(x)))
 
-    heavy = partial(_heavy, system, joined)
-    held = of_complex(heavy, shapes) * values
+    held = of_complex(system.mass, shapes) * values
     x, forces = (np.concatenate([part.real, part.imag], axis=1) for part in (shapes, held))
     there = np.abs(x).max(axis=0) > 0.0  # a real motion has no imaginary part
     x, forces, stiff = x[:, there], forces[:, there], np.tile(values, 2)[there]
@@ -194,7 +189,7 @@ def damped_space(system: StaticSystem, damping: Damping, values: Complex, shapes
     ratios = np.sqrt(np.abs(stiff)) * np.abs(displaced).max(axis=0)
     felt = ratios > FELT * np.abs(x).max(axis=0)
     x = np.concatenate([x, displaced[:, felt]], axis=1)
-    return Space(heavy, damped, x, np.concatenate([forces, lost[:, felt]], axis=1))
+    return Space(system.mass, damped, x, np.concatenate([forces, lost[:, felt]], axis=1))
 
 
 def damped_motions(space: Space) -> tuple[Complex, Complex, Complex]:
@@ -216,15 +211,9 @@ def damped_motions(space: Space) -> tuple[Complex, Complex, Complex]:
     return rates.astype(complex), basis @ vectors[:n], held @ vectors[:n]
 
 
-def _heavy(system: StaticSystem, joined: Joined, x: Array) -> Array:
-    """M x of unknowns."""
-    return joined.gather(system.inertia(joined.spread(x)))
-
-
 def softest_of(system: StaticSystem, damping: Damping, shift: float) -> tuple[Complex, Complex]:
     """λ of K x = λ M x, the smallest |λ + shift| first, and x, with K + shift · M factored last."""
-    joined, rng = Joined(system.chain), np.random.default_rng(0)
-    mass = partial(_heavy, system, joined)
+    joined, rng = system.joined, np.random.default_rng(0)
 
     def answer(f: Array) -> Array:
         return joined.unknowns(system.solve(joined.load(f)))
@@ -232,7 +221,7 @@ def softest_of(system: StaticSystem, damping: Damping, shift: float) -> tuple[Co
     starts, forces = [rng.standard_normal(joined.size)], growing_forces(system, damping)
     if forces is not None:
         starts.append(answer(joined.gather(forces)))
-    inverse, shapes = softest(lambda x: answer(mass(x)), mass, starts)
+    inverse, shapes = softest(lambda x: answer(system.mass(x)), system.mass, starts)
     return 1.0 / inverse - shift, shapes
 
 

@@ -1,5 +1,6 @@
 """Forces, tangent and potential energy of a chain under a part of its load, for every search for equilibria."""
 
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.assembly import Tables, elastic_forces, mass_product, strain_energy
 from anctmm.discretise.chain import Chain
+from anctmm.discretise.joined import Joined
 from anctmm.discretise.maps import vector_at
 from anctmm.discretise.turning import Turning
 from anctmm.forces.actuation import actuation_of
@@ -79,6 +81,15 @@ class StaticSystem:
             self.loops.rows.penalty[0] = PENALTY
             drives = drive_table(chain, actuation, np.full(1, time))[0]
             uncompiled(set_signals)(self.loops.rows, drives, len(actuation.driven))
+
+    @cached_property
+    def joined(self) -> Joined:
+        """The independent unknowns."""
+        return Joined(self.chain)
+
+    def mass(self, x: Array) -> Array:
+        """M x of the independent unknowns x, (size,)."""
+        return self.joined.gather(self.inertia(self.joined.spread(x)))
 
     @property
     def conservative(self) -> bool:
