@@ -4,8 +4,10 @@ If joints and rigid bodies require J u = 0, the solve S of a force gives displac
 eigenvalues 1/(λ + σ) of the free motions, and 0 for all others, which ARPACK does not search for.
 
 Without damping and spin the problem is K x = −λ² M x, with a symmetric K unless there are follower forces. Otherwise it
-is the quadratic problem in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu),
-A z = λ B z, where A⁻¹B needs only a solve with the shifted stiffness.
+is the quadratic problem in the form of Tisseur & Meerbergen 2001 (10.1137/S0036144500381988): with z = (u, λu/ω),
+A z = λ B z, where A⁻¹B needs only a solve with the shifted stiffness. The frequency ω, of the order of the lowest one,
+makes both parts of z alike in size, and no result depends on the unit of time; with units of positions and gradients
+none depends on that of length.
 
 Of up to 300 unknowns all eigenvalues are found. Of more, those of the smallest |λ|, among which what grows or swings
 may be missing: softer parts of the scene have their own, and a material that damps much has a rate near −1/τ for each
@@ -51,6 +53,9 @@ USUAL = 10
 #: Difference of two rates, relative, of one motion found twice; what a motion may miss of its equation, relative; how
 #: often a space is made larger by what is missed, and motions of it that are looked at.
 SAME, MISSED, ROUNDS, NEAR = 1e-6, 1e-7, 8, 40
+#: Square of the part, of its size, by which a motion differs from others, below which it repeats them; against division
+#: by zero.
+REPEATED, TINY = 1e-6, 1e-300
 #: Restarts of ARPACK for damped motions: beside hundreds of rates near −1/τ it ends with a part of them.
 RESTARTS = 300
 
@@ -187,14 +192,8 @@ def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Co
             raise _lost(problem, count, len(error.eigenvalues)) from error
         followed = problem.followed()
         if followed:
-            more = soft_motions.softest(soften, problem.mass, followed)
-            values, vectors = (
-                np.concatenate(both, axis=-1) for both in zip((values, vectors), more, strict=True)
-            )
-    rates = _rates(1.0 / values - shift, problem.rounding)
-    order = _order(rates)
-    order = order[_first_found(rates[order], vectors[:, order])][:count]
-    return rates[order], vectors[:, order]
+            values, vectors = _joined((values, vectors), soft_motions.softest(soften, problem.mass, followed))
+    return _first(problem, _rates(1.0 / values - shift, problem.rounding), vectors, count, few)
 
 
 def _rates(squares: Array | Complex, rounding: float) -> Complex:
@@ -218,52 +217,88 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
     n = problem.size
     asked = count + problem.negative()  # motions that grow without oscillation may not be the slowest
     inverse = ShiftedStiffness(problem)
-    s = inverse.s
+    s, unit, scale = inverse.s, np.tile(problem.units(), 2), _frequency_scale(problem)
 
     def product(z: Array) -> Array:
-        u, v = z[:n], z[n:]
-        return np.concatenate([-inverse.solve(problem.damping_forces(u) + problem.mass(2.0 * s * u + v)), u])
+        u, v = np.split(unit * z, 2)
+        forces = problem.damping_forces(u) + problem.mass(2.0 * s * u + scale * v)
+        return np.concatenate([-inverse.solve(forces), u / scale]) / unit
 
     if few:
         values, vectors = scipy.linalg.eig(_columns(product, np.eye(2 * n)))
         kept = np.argsort(-np.abs(values))[: 2 * problem.freedoms]
-        values, vectors = values[kept], vectors[:n, kept]
+        values, vectors = values[kept], problem.units()[:, None] * vectors[:n, kept]
     else:
-        values, vectors = _slowest(problem, product, asked)
+        values, vectors = _slowest(problem, inverse, product, asked)
     values = 1.0 / values + s
     swinging = np.sort(np.abs(values[~_real(values)]))  # a rate that much damping makes large tells nothing
     largest = max([s, *swinging[: 2 * asked + FREE].tolist()])
     least = max(np.sqrt(problem.rounding), STILL * largest)
     still = np.abs(values) < least
-    values[still] = 0.0
-    kept = np.concatenate([np.flatnonzero(still)[::2], _swinging(values, ~still)])
-    values, vectors = values[kept], vectors[:, kept]
+    kept = _swinging(values, ~still)
+    found = _joined(_still(problem, vectors[:, still]), (values[kept], vectors[:, kept]))
     if not few:
-        more = _projected(problem, inverse, least)
-        values, vectors = (
-            np.concatenate(both, axis=-1) for both in zip((values, vectors), more, strict=True)
-        )
-    order = _order(values)
-    if not few:
-        order = order[_first_found(values[order], vectors[:, order])]
-    order = order[:count]
-    return values[order], vectors[:, order]
+        found = _joined(found, _projected(problem, inverse, least))
+    return _first(problem, *found, count, few)
 
 
-def _slowest(problem: SmallMotions, product: Callable[[Array], Array], asked: int) -> tuple[Complex, Complex]:
-    """Eigenvalues 1/ν of the smallest |ν| of the quadratic problem, and the displacements of their vectors."""
+def _frequency_scale(problem: SmallMotions) -> float:
+    """A frequency of the order of the lowest one, rad/s: a step of inverse iteration with the matrix factored last."""
+    x = _start(problem)
+    both = np.stack([x, problem.solve(problem.mass(x))], axis=1)
+    before, after = _sizes(problem, both.astype(complex))
+    return float((max(before, TINY) / max(after, TINY)) ** 0.5)
+
+
+def _still(problem: SmallMotions, vectors: Complex) -> tuple[Complex, Complex]:
+    """Rates 0 and vectors of as many motions as are independent, by the mass.
+
+    A motion that nothing damps is found twice, one that a damper acts on once.
+    """
+    if not vectors.size:
+        return np.zeros(0, complex), vectors
+    heavy = soft_motions.of_complex(problem.mass, vectors)
+    size = np.maximum(soft_motions.sizes(vectors, heavy), TINY)
+    squares, turn = np.linalg.eigh((vectors / size).conj().T @ (heavy / size))
+    kept = np.flatnonzero(squares > REPEATED)[::-1]
+    return np.zeros(len(kept), complex), vectors / size @ turn[:, kept]
+
+
+def _slowest(
+    problem: SmallMotions, inverse: ShiftedStiffness, product: Callable[[Array], Array], asked: int
+) -> tuple[Complex, Complex]:
+    """Eigenvalues 1/ν of the smallest |ν| of the quadratic problem, and the displacements of their vectors.
+
+    Those that miss their equation are left out: they are rounding.
+    """
     n = problem.size
     operator = scipy.sparse.linalg.LinearOperator((2 * n, 2 * n), matvec=product, dtype=float)
     wanted = min(2 * asked + FREE, 2 * n - 2)
     try:
-        values, vectors = scipy.sparse.linalg.eigs(
-            operator, wanted, v0=np.tile(_start(problem), 2), maxiter=RESTARTS
-        )
+        start = np.tile(_start(problem) / problem.units(), 2)
+        values, vectors = scipy.sparse.linalg.eigs(operator, wanted, v0=start, maxiter=RESTARTS)
     except scipy.sparse.linalg.ArpackNoConvergence as error:  # others are looked for elsewhere, too
         values, vectors = error.eigenvalues.astype(complex), error.eigenvectors.astype(complex)
         if not len(values):
             raise _lost(problem, asked, 0) from error
-    return values, vectors[:n]
+    u = problem.units()[:, None] * vectors[:n]
+    missed = _sizes(problem, _left(problem, inverse, 1.0 / values, u)) / np.maximum(_sizes(problem, u), TINY)
+    fits = missed <= MISSED
+    return values[fits], u[:, fits]
+
+
+def _left(problem: SmallMotions, inverse: ShiftedStiffness, rates: Complex, vectors: Complex) -> Complex:
+    """What motions miss of the quadratic problem, as displacements; rates are those less s."""
+    heavy, lost = (
+        soft_motions.of_complex(product, vectors) for product in (problem.mass, problem.damping_forces)
+    )
+    forces = rates * (lost + (rates + 2.0 * inverse.s) * heavy)
+    return vectors + soft_motions.of_complex(inverse.solve, forces)
+
+
+def _sizes(problem: SmallMotions, vectors: Complex) -> Array:
+    """Sizes of vectors by the mass."""
+    return soft_motions.sizes(vectors, soft_motions.of_complex(problem.mass, vectors))
 
 
 def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -> tuple[Complex, Complex]:
@@ -290,7 +325,7 @@ def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -
         heavy, lost = (soft_motions.of_complex(product, vectors) for product in (space.heavy, space.damped))
         forces = held[:, kept] + rates * lost + rates * rates * heavy
         left = soft_motions.of_complex(problem.solve, forces)
-        missed = np.abs(left).max(axis=0) / np.abs(vectors).max(axis=0)
+        missed = _sizes(problem, left) / np.maximum(soft_motions.sizes(vectors, heavy), TINY)
         fits = missed <= MISSED
         if fits.all():
             break
@@ -301,13 +336,36 @@ def _projected(problem: SmallMotions, inverse: ShiftedStiffness, least: float) -
     return rates[fits], vectors[:, fits]
 
 
-def _first_found(rates: Complex, vectors: Complex) -> NDArray[np.int64]:
-    """Places of the motions, without those that stand there before."""
-    size = vectors / np.linalg.norm(vectors, axis=0)
+def _joined(some: tuple[Complex, Complex], more: tuple[Complex, Complex]) -> tuple[Complex, Complex]:
+    """Rates and vectors of two searches."""
+    rates, vectors = (np.concatenate(both, axis=-1) for both in zip(some, more, strict=True))
+    return rates, vectors
+
+
+def _first(
+    problem: SmallMotions, rates: Complex, vectors: Complex, count: int, once: bool
+) -> tuple[Complex, Complex]:
+    """The first motions in the order of modes, each once; `once`: whether each is there only once."""
+    order = _order(rates)
+    if not once:
+        order = order[_first_found(problem, rates[order], vectors[:, order])]
+    order = order[:count]
+    return rates[order], vectors[:, order]
+
+
+def _first_found(problem: SmallMotions, rates: Complex, vectors: Complex) -> NDArray[np.int64]:
+    """Places of the motions, without those that stand there before.
+
+    Motions are alike if their cosine by the mass is 1: sums of squares of unknowns would depend on the unit of length,
+    because positions and gradients stand side by side.
+    """
+    heavy = soft_motions.of_complex(problem.mass, vectors)
+    size = soft_motions.sizes(vectors, heavy)
     kept: list[int] = []
     for k, rate in enumerate(rates):
         alike = [n for n in kept if abs(rates[n] - rate) <= SAME * abs(rate)]
-        if not alike or np.abs(size[:, alike].conj().T @ size[:, k]).max() < 1.0 - SAME:
+        cosines = np.abs(heavy[:, alike].conj().T @ vectors[:, k]) / np.maximum(size[alike] * size[k], TINY)
+        if not (cosines >= 1.0 - SAME).any():
             kept.append(k)
     return np.array(kept, dtype=np.int64)
 

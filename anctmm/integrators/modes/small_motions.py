@@ -70,6 +70,11 @@ class SmallMotions:
         """Number of unknowns."""
         return self.join.size
 
+    def units(self) -> Array:
+        """Sizes of the unknowns: the scene's length of positions, 1 of gradients and directions."""
+        positions = self.join.masters < 2 * self.join.shape[1]
+        return np.where(positions, self.system.chain.length, 1.0)
+
     @cached_property
     def freedoms(self) -> int:
         """Number of free motions: unknowns less constraints that do not repeat others."""

@@ -56,6 +56,11 @@ def of_complex(product: Callable[[Array], Array], vectors: Complex) -> Complex:
     return np.stack([product(x.real) + 1j * product(x.imag) for x in vectors.T], axis=1)
 
 
+def sizes(vectors: Complex, heavy: Complex) -> Array:
+    """Sizes of vectors x by the mass, from M x, as columns: a change of units multiplies all by one factor."""
+    return np.sqrt(np.maximum((vectors.conj() * heavy).sum(axis=0).real, 0.0))
+
+
 def _without_stiff(values: Complex | Array, shapes: Complex | Array) -> tuple[Complex, Complex]:
     """Those that are no rounding beside the softest one."""
     kept = np.abs(values) > STIFF * np.abs(values).max(initial=0.0)
