@@ -29,8 +29,12 @@ Ints = NDArray[np.int64]
 SPRING, TURN = 0, 1
 #: Relative change of a law's arguments by which it is differentiated: a central difference.
 DIFFERENCE = 1e-5
-#: Second difference, of the first one, that shows a law to bend or jump there, and what that changes the arguments by.
-BENDS, CLOSER = 0.1, 1e-4
+#: Second difference, of the first one, that shows a law to bend or jump there, also difference of two slopes; what that
+#: changes the arguments by in steps.
+BENDS, NEARER = 0.1, 1e-4
+#: Relative difference of slopes that agree; what distances shrink by, and how often at most; distance, of the argument,
+#: that rounding still resolves.
+AGREE, CLOSER, SHRUNK, RESOLVED = 1e-8, 0.25, 16, 1e-11
 
 
 @writes("now", "memory", "v", "part", "tangent")
@@ -62,9 +66,10 @@ class Connectors(NamedTuple):
         changes its sign with the rate stands in the place of the rate.
     v : ndarray, shape (rows, nodes)
         Scratch: velocities at the end of an implicit step, where connectors act.
-    part : ndarray, shape (2,)
+    part : ndarray, shape (3,)
         Part of preloads and of free measures less those placed, that acts: 1 but in statics. Weight of damping in the
-        matrix of an implicit step, relative to stiffness, 1/s.
+        matrix of an implicit step, relative to stiffness, 1/s. Whether slopes of laws are those of statics and modes, 1
+        or 0: steps through a contact take fewer corrections with slopes over a distance.
     tangent : ndarray, shape (n,)
         Stiffness along the measure in the last matrix of a step, damping included.
     """
@@ -169,7 +174,7 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
     lossy = (laws != 0) | (numbers[:, 1] != 0.0)
     return Connectors(
         kinds, laws, numbers, lossy, driven, first, second, placed, unit, memory.copy(), memory, np.zeros_like(q),
-        np.array([1.0, 0.0]), np.zeros(n),
+        np.array([1.0, 0.0, 0.0]), np.zeros(n),
     )  # fmt: skip
 
 
@@ -256,11 +261,13 @@ def slopes(c, n, x, rate, t):  # type: ignore[no-untyped-def]
     if c.laws[n] == 0:
         return c.numbers[n, 0], c.numbers[n, 1]
     h, g = DIFFERENCE * max(abs(x), c.unit[n]), DIFFERENCE * max(abs(rate), c.unit[n])
+    if c.part[2] == 0.0:
+        return _quick_slope(c.laws[n], x, rate, t, h, 0.0), _quick_slope(c.laws[n], x, rate, t, 0.0, g)
     return _slope_of_law(c.laws[n], x, rate, t, h, 0.0), _slope_of_law(c.laws[n], x, rate, t, 0.0, g)
 
 
 @inlined
-def _slope_of_law(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
+def _quick_slope(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
     """Derivative of a law by its elongation, between places h from x, or by its rate; where it bends, from closer ones.
 
     The other of the two distances is 0.
@@ -271,8 +278,41 @@ def _slope_of_law(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
         slope = (more - less) / (2.0 * (h + g))
         if abs(less - 2.0 * here + more) <= BENDS * abs(more - less):
             break
-        h, g = CLOSER * h, CLOSER * g
+        h, g = NEARER * h, NEARER * g
     return slope
+
+
+@inlined
+def _slope_of_law(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
+    """Derivative of a law by its elongation, between places h from x, or by its rate, between rates g from it.
+
+    The other of the two distances is 0. Where the difference from closer places is another one the law bends within the
+    distance, which shrinks until both agree or rounding keeps them apart. A law that jumps, or is as a power above 1,
+    has no distance at which they agree: of the first and last slope the smaller one is taken.
+    """
+    slope = _difference(law, x, rate, t, h, g)
+    finer = _difference(law, x, rate, t, CLOSER * h, CLOSER * g)
+    first, apart = slope, abs(finer - slope)
+    if apart <= AGREE * abs(slope):
+        return slope
+    least = RESOLVED * (abs(x) if h > 0.0 else abs(rate))
+    for _ in range(SHRUNK):
+        h, g, slope, before = CLOSER * h, CLOSER * g, finer, apart
+        if CLOSER * (h + g) < least:
+            break
+        finer = _difference(law, x, rate, t, CLOSER * h, CLOSER * g)
+        apart = abs(finer - slope)
+        if apart <= AGREE * abs(finer):
+            return finer
+        if apart < BENDS * abs(finer) and apart > 0.5 * before:
+            return slope
+    return first if abs(first) < abs(finer) else finer
+
+
+@inlined
+def _difference(law, x, rate, t, h, g):  # type: ignore[no-untyped-def]
+    """Central difference of a law."""
+    return (call_law(law, x + h, rate + g, t) - call_law(law, x - h, rate - g, t)) / (2.0 * (h + g))
 
 
 @embedded

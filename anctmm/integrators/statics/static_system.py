@@ -70,6 +70,8 @@ class StaticSystem:
         self.turning = Turning(bodies)
         self.values = actuation.load_table(np.full(1, time))[0]
         self.loads = actuation.loads()
+        if self.loads.connectors is not None:
+            self.loads.connectors.part[2] = 1.0
         #: Rows of the values that are loads: the others stay as they are.
         self.scaled = len(self.loads.kinds)
         self.factors, self.tables = block_factors(chain), bodies.tables()
