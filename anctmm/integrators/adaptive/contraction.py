@@ -74,9 +74,7 @@ def rate_of_motion(h, state, scale):  # type: ignore[no-untyped-def]
 
 @inlined
 def expect_contraction(t, h, rate, newton, progress, known):  # type: ignore[no-untyped-def]
-    """Expect of the solution at time t, in a step of h, what others have shown, to which bodies move
-    at a rate.
-    """
+    """Expect of the stage at time t, in a step of h through which bodies move at a rate, what others have shown."""
     known[NEW], known[BEFORE] = newton.counts[2], newton.counts[1]
     known[WAY] = rate * max(abs(t - known[MADE]), NEAR * h)
     known[OF_LENGTH] = 0.0 if known[NEW] != 0.0 else abs(1.0 - (h / progress[FACTORED]) ** 2)
@@ -87,7 +85,7 @@ def expect_contraction(t, h, rate, newton, progress, known):  # type: ignore[no-
 
 @inlined
 def learn_contraction(t, h, rounding, newton, progress, known):  # type: ignore[no-untyped-def]
-    """Learn from the corrections of the solution, which leave at least `rounding`."""
+    """Learn from the corrections of the stage at time t, which leave at least `rounding`."""
     made, history = newton.counts[1] - known[BEFORE], newton.history
     if made > 0.0:
         progress[FACTORED], known[MADE] = h, t
