@@ -21,6 +21,7 @@ def held(kind, law):
     return at.Scene("held", bodies, joints, connectors=[connector])
 
 
+@pytest.mark.slow  # kernels of two kinds of springs
 @pytest.mark.parametrize("small", CROSSOVERS)
 @pytest.mark.parametrize("kind", ["spring", "rotational spring"])
 def test_smoothed_friction_damps_by_its_slope_at_rest(kind, small):
@@ -34,6 +35,7 @@ def test_smoothed_friction_damps_by_its_slope_at_rest(kind, small):
     assert 2 * pi * found.frequencies[0] == pytest.approx(sqrt(STIFFNESS * (1 - RATIO**2)), rel=1e-6)
 
 
+@pytest.mark.slow  # the same kernels
 @pytest.mark.parametrize("small", CROSSOVERS)
 @pytest.mark.parametrize("kind", ["spring", "rotational spring"])
 def test_a_spring_that_soon_gives_way_vibrates_by_its_slope_at_rest(kind, small):

@@ -36,6 +36,7 @@ def rates_of(roots, tau=TAU):
     return -0.5 * tau * w + 1j * np.sqrt(w - (0.5 * tau * w) ** 2)
 
 
+@pytest.mark.slow  # kernels of damped cables
 @pytest.mark.parametrize("units", UNITS, ids=str)
 @pytest.mark.parametrize(("still", "roots", "joints"), [(3, FREE, []), (0, CLAMPED, [at.Clamp("bar.start")])])
 def test_a_damped_bar_of_many_elements(still, roots, joints, units):
@@ -46,6 +47,7 @@ def test_a_damped_bar_of_many_elements(still, roots, joints, units):
     assert not found.unstable.any()
 
 
+@pytest.mark.slow  # kernels of guides and forces that follow
 @pytest.mark.parametrize("units", UNITS, ids=str)
 def test_a_bar_on_a_guide_with_a_force_that_follows(units):
     """It can slide and turn; the force, which is nearly 0, only makes the stiffness unsymmetric."""
