@@ -65,6 +65,7 @@ from anctmm.integrators.adaptive.alpha_error import (
     remember,
     share_of,
 )
+from anctmm.integrators.adaptive.contraction import contraction_or_bound
 from anctmm.integrators.adaptive.controlled_run import Scheme, run_controlled
 from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
@@ -75,7 +76,7 @@ from anctmm.integrators.adaptive.law_kinks import (
     pass_kink,
     stop_at_kink,
 )
-from anctmm.integrators.adaptive.matrix_age import SAFE, contraction_or_bound, expect_aged, expect_of_length
+from anctmm.integrators.adaptive.matrix_age import SAFE, expect_aged, expect_of_length
 from anctmm.integrators.adaptive.prediction import predict, repeated
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.step_control import (

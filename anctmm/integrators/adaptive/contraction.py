@@ -43,7 +43,7 @@ NEAR = 0.1
 FADES, GROWS = 0.5, 1.05
 #: Times what another length of step leaves that it may have left.
 LEFT = 1.5
-#: Contraction above which corrections near rounding show none.
+#: Contraction from which on corrections near rounding show none.
 CLEAR = 0.05
 #: Times what a new matrix has left of the square of a correction that is expected, and what is taken for rounding.
 SAFE_NEW, LEAST_LEFT = 4.0, 1e-12
@@ -77,7 +77,7 @@ def expect_contraction(t, h, rate, newton, progress, known):  # type: ignore[no-
     """Expect of the stage at time t, in a step of h through which bodies move at a rate, what others have shown."""
     known[NEW], known[BEFORE] = newton.counts[2], newton.counts[1]
     known[WAY] = rate * max(abs(t - known[MADE]), NEAR * h)
-    known[OF_LENGTH] = 0.0 if known[NEW] != 0.0 else abs(1.0 - (h / progress[FACTORED]) ** 2)
+    known[OF_LENGTH] = 0.0 if known[NEW] != 0.0 else contraction_of_length(h, progress)
     told = known[OF_WAY] > 0.0 and known[WAY] < TRUST * known[SEEN]
     newton.expected[0] = known[OF_LENGTH] + SAFE * known[OF_WAY] * known[WAY] if told else 1.0
     newton.expected[1] = SAFE_NEW * known[OF_NEW]
@@ -101,11 +101,8 @@ def _learn_of_kept(history, rounding, known):  # type: ignore[no-untyped-def]
     if history[1] == 0.0:
         known[OF_WAY] *= GROWS
     elif known[WAY] > LEAST:
-        shown, clear = contraction(history, ROUNDING), True
-        if shown == 0.0:  # all are near rounding: it is this at most
-            shown = max(history[1], rounding) / history[0]
-            clear = shown < CLEAR
-        if clear:
+        shown = contraction_or_bound(history, ROUNDING, rounding, CLEAR)
+        if shown > 0.0:
             of_way = max(shown - LEFT * known[OF_LENGTH], 0.0) / known[WAY]
             known[OF_WAY] = max(of_way, FADES * known[OF_WAY])
             known[SEEN] = max(known[WAY], FADES * known[SEEN])
@@ -128,3 +125,23 @@ def contraction(history, least):  # type: ignore[no-untyped-def]
         if history[k - 1] > least:
             largest = max(largest, history[k] / history[k - 1])
     return largest
+
+
+@inlined
+def contraction_or_bound(history, least, rounding, slow):  # type: ignore[no-untyped-def]
+    """As `contraction`, but where all corrections are near rounding what it is at most, if that is below `slow`.
+
+    Without that nothing would be known of the matrix, and each step would take a second correction.
+    """
+    found = contraction(history, least)
+    if found == 0.0 and history[1] > 0.0:
+        most = max(history[1], rounding) / history[0]
+        if most < slow:
+            found = most
+    return found
+
+
+@inlined
+def contraction_of_length(h, progress):  # type: ignore[no-untyped-def]
+    """What a matrix for steps of another length leaves of what inertia resists, in a step of h."""
+    return abs(1.0 - (h / progress[FACTORED]) ** 2)

@@ -8,7 +8,7 @@ By the angle that bodies turn, as with stages (`contraction`), runs of seventeen
 and factorizations, and Andrews' squeezer missed 1e-5 by 19 times: what a step leaves of accelerations stays in them.
 """
 
-from anctmm.integrators.adaptive.contraction import contraction
+from anctmm.integrators.adaptive.contraction import contraction_of_length
 from anctmm.integrators.adaptive.step_control import AGE, FACTORED, SEEN, SEEN_AT
 from anctmm.jit.compiling import inlined
 
@@ -23,7 +23,7 @@ def expect_of_length(h, stale, newton, progress):  # type: ignore[no-untyped-def
     if abs(h - progress[FACTORED]) > stale * h:
         newton.counts[2] = 1
     else:
-        newton.expected[0] = max(newton.expected[0], abs(1.0 - (h / progress[FACTORED]) ** 2))
+        newton.expected[0] = max(newton.expected[0], contraction_of_length(h, progress))
 
 
 @inlined
@@ -44,20 +44,6 @@ def expect_aged(found, forgets, slow, renewed, newton, progress):  # type: ignor
     known = progress[SEEN_AT]
     if known > 0.0 and progress[AGE] < AGAIN * known:
         newton.expected[0] = min(newton.expected[0], SAFE * progress[SEEN] * (progress[AGE] + 1.0) / known)
-
-
-@inlined
-def contraction_or_bound(history, least, rounding, slow):  # type: ignore[no-untyped-def]
-    """As `contraction`, but where all corrections are near rounding what it is at most, if that is below `slow`.
-
-    Without that nothing would be known of the matrix, and each step would take a second correction.
-    """
-    found = contraction(history, least)
-    if found == 0.0 and history[1] > 0.0:
-        most = max(history[1], rounding) / history[0]
-        if most < slow:
-            found = most
-    return found
 
 
 @inlined
