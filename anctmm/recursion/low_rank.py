@@ -128,7 +128,7 @@ def correct(border, x, factors):  # type: ignore[no-untyped-def]
 
 
 @embedded
-def correct_step(border, found, q, w, c, scale, size, factors):  # type: ignore[no-untyped-def]
+def correct_step(border, found, q, w, c, scale, weight, size, factors):  # type: ignore[no-untyped-def]
     """Correct q and w, to which a solution without the border was added already, and that solution, (nodes, rows).
 
     Returns the largest component, as `newton` counts it.
@@ -145,7 +145,7 @@ def correct_step(border, found, q, w, c, scale, size, factors):  # type: ignore[
             q[k, i] -= c.to_q * x
             w[k, i] -= c.to_w * x
             x = found[i, k]
-            largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+            largest = max(largest, abs(x) * (1.0 / scale if k < 2 else weight))
             odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf
 

@@ -329,7 +329,8 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         values=np.zeros((places, histories - drives + has_clock(chain.parts), 2)),
         missed=np.zeros(2),
         reference=start,
-        bulge=np.concatenate([np.full(m.nodes, BULGE * m.element_length or m.reach) for m in bodies.meshes]),
+        bulge=_bulge(chain),
+        by_gradient=_by_gradient(chain),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
         restrained=restrained(chain),
@@ -340,6 +341,18 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         returning=new_returning(chain),
         kinks=new_kinks(chain.parts, places),
     )
+
+
+def _bulge(chain: Chain) -> Array:
+    """Displacement beside each node that a unit of its gradient makes, m, (nodes,)."""
+    return np.concatenate(
+        [np.full(m.nodes, BULGE * m.element_length or m.reach) for m in chain.bodies.meshes]
+    )
+
+
+def _by_gradient(chain: Chain) -> float:
+    """The largest displacement that a unit of a gradient makes, relative to Newton's scale; 1 with a user's bound."""
+    return 1.0 if chain.run.newton_given else min(1.0, float(_bulge(chain).max()) / chain.length)
 
 
 def _elastic(chain: Chain) -> Array:

@@ -17,17 +17,16 @@ others have told what it leaves: see `contraction`. A matrix is renewed by its c
 What the iteration leaves matters by where it is left: nothing in the first stage goes to the end of the step, and what
 is stiff in the others, the next stage corrects. So these may leave more than the last one. And it has any sign, so that
 it may be more in each of many steps. Both together take 0.93 times the corrections and factorizations, and of a
-four-bar at 1e-3 … 1e-5 0.85 to 0.90 times the CPU time, for no larger errors.
+four-bar at 1e-3 … 1e-5 0.85 to 0.90 times the CPU time, for no larger errors. And it matters by the displacement that
+it makes: a change of a gradient moves what is beside its node by a small part of the element's length, as in the
+estimate of the error. Counted like that, and no coarser than COARSE, it takes 0.75 to 0.9 times at 1e-4 and 1e-5.
 
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 0.91 in the mean, and at most 1.3 in 66 of the 68 runs. A triangle that is
-thrown costs 1.51 at 1e-5, and a gantry crane 1.56 at 1e-4: fixed steps of theirs do with one correction a stage, by
-bounds ten times as loose, with which other scenes would miss what is asked. Beside the best fixed steps of either order
-the cost is 1.00 in the mean, 0.95 with the better one of the two integrators.
+moving scenes with tolerances of 1e-2 … 1e-5 0.85 in the mean, and at most 1.26.
 
-The rms error was 0.001 to 1.32 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random, with the
+The rms error was 0.001 to 1.57 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random, with the
 bounds of Newton's iteration of then. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times
 the error of some motions and 64 times that of others, as they cancel or not.
 
@@ -75,6 +74,7 @@ from anctmm.integrators.adaptive.step_control import (
     EVENT,
     FACTORED,
     KEPT,
+    LARGEST,
     LOOKED,
     RATE,
     SMALLEST,
@@ -91,6 +91,7 @@ from anctmm.integrators.adaptive.step_control import (
     copy_actions,
     effort_of,
     end_of,
+    goes_on,
     is_linkage,
     left_by_newton,
     length_of,
@@ -109,6 +110,7 @@ from anctmm.integrators.esdirk import (
     solve_stage,
     stage_power,
 )
+from anctmm.integrators.implicit.renewal import PRICE
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import copy
 from anctmm.integrators.implicit.system import System
@@ -128,8 +130,9 @@ PEAK = 4.0
 #: Times the mean error allowed that steps may aim at, at least and at most, as those before took more or less than
 #: their part; and part of the run at whose end that is no longer asked.
 LEAST, MOST, AT_LAST = 0.3, 2.0, 1e-3
-#: Steps over which the mean of the errors is taken, where they are more.
-LATEST = 20.0
+#: Steps over which the mean of the errors is taken, where they are more; and part of the largest of the last errors
+#: that counts after each further step, above which the mean is not.
+LATEST, FADES = 20.0, 0.7
 #: Part of the step aimed at, and of the error allowed, below which a step tells nothing: rounding over h⁵.
 SHORT = 0.1
 #: Part of the error allowed in a step that the iteration of a stage may leave: what it leaves is noise of w, and with
@@ -141,10 +144,14 @@ NEWTON_PART, HELD_PART = 0.3, 1.0
 DRIVEN = 0.2
 #: Times what the last stage may leave that each may: the end of a step has no part of the w of the first one, whose
 #: weights are 0 in b and in b A, and what the others leave of stiff parts, the next ones correct; the fourth one has
-#: the largest weight in b, 0.68, the others 0.19 and −0.28. But no more than LEFT, relative to Newton's scale: with
-#: twice that, reactions of a steel linkage at 1e-2 were wrong by 0.4 of the largest, not 0.17, and without a bound by
-#: 1.05. Nor in linkages of rigid bodies: the error of Andrews' squeezer was up to 2.0 times the tolerance.
-TIMES, LEFT = (0.0, 60.0, 10.0, 2.0, 5.0, 1.0), 1e-5
+#: the largest weight in b, 0.68, the others 0.19 and −0.28: with twice as much there, runs took 1.02 times the work.
+#: But no more than LEFT of any gradient: with twice that, reactions of a steel linkage at 1e-2 were wrong by 0.4 of the
+#: largest, not 0.17, and without a bound by 1.05. Nor in linkages of rigid bodies: the error of Andrews' squeezer was
+#: up to 2.0 times the tolerance.
+TIMES, LEFT = (0.0, 60.0, 10.0, 1.0, 5.0, 1.0), 1e-5
+#: What may be left of a gradient, even if it moves next to nothing: it strains beams. With ten times that, forces of a
+#: chain at 1e-3 were noisier, and noise of w made steps shorter; of no limit a fall at 1e-2 took three times the steps.
+COARSE = 1e-6
 #: Steps in a run above which each may leave more than its part.
 MANY = 100.0
 #: Relative change of the step beyond which the matrix is renewed.
@@ -158,8 +165,8 @@ FITS, LENGTHENED = 0.6, 3.0
 ALIKE = 0.8
 #: Error of a quintic at least, relative: against division by zero.
 LEAST_ERROR = 1e-300
-#: Newton corrections of a step, and twice the renewals of its matrix, above which shorter ones are cheaper.
-HARD = 30
+#: What a step costs, in Newton corrections, above which shorter ones are cheaper: see `_take_stages`.
+HARD = 45
 #: Part of a step by which its end and an output may differ and be one.
 CLOSE = 1e-9
 #: Part of its speed, over the fourth power of the angle of a step, that a stiff elastic bar loses which turns freely:
@@ -336,12 +343,18 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
 def _forget(h, error, control):  # type: ignore[no-untyped-def]
     """Let the last steps count, too, where they are many in the part of the run over which errors are averaged.
 
-    As steps of what has died out, one two hundredth as long, had 200⁴ times this rate, which a mean keeps for ever.
+    As steps of what has died out, one two hundredth as long, had 200⁴ times this rate, which a mean keeps for ever. And
+    no mean is above the largest of the last errors: by a part of 1/LATEST steps grow by 1.3 % each, and a crane, whose
+    trolley jumps into motion, and an arm at rest after its motion took up to twice the steps. Not where errors of
+    speeds stay or are in the work of drives: longer steps had a mass on a stiff spring miss 1e-4 by 3.4 times.
     """
     progress = control.progress
     rate = error / (h**4 * (progress[TIME] - progress[LOOKED]))
+    progress[LARGEST] = max(rate, FADES * progress[LARGEST])
     if rate < progress[RATE]:
         progress[RATE] += (rate - progress[RATE]) / LATEST
+    if not (goes_on(control) or drives_rigid(control)):
+        progress[RATE] = min(progress[RATE], progress[LARGEST])
 
 
 @inlined
@@ -355,24 +368,29 @@ def _times_left(control):  # type: ignore[no-untyped-def]
 def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untyped-def]
     """Find the stages of a step, or the last one alone by the implicit Euler method for a guess of how far nodes move.
 
-    Returns Newton's effort, and whether all were found.
+    Returns what it costs, in Newton corrections, and whether all were found.
     """
     newton, progress, last = system.newton, control.progress, len(track.method.c) - 1
     _begin(system.state, track)
     if guess or abs(h - progress[FACTORED]) > STALE * h:
         newton.counts[2] = 1
-    effort, rate = 0, rate_of_motion(h, system.state, newton.scale)
+    made, rate = newton.counts[1], rate_of_motion(h, system.state, newton.scale)
     method = track.euler if guess else track.method
     linkage = is_linkage(system, control)
     part = HELD_PART if control.restrained else NEWTON_PART
     part *= DRIVEN if drives_rigid(control) else 1.0 if linkage else times_for_many(h, MANY, control)
     left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
+    newton.weight[0] = max(control.by_gradient, min(1.0, left / COARSE))
+    effort = 0.0
     while solved and row <= last:
-        may = left if linkage else min(TIMES[row] * left, max(left, LEFT), newton.tolerance)
+        may = (
+            left if linkage else min(TIMES[row] * left, max(left, LEFT * newton.weight[0]), newton.tolerance)
+        )
         solved = _take_stage(1 if guess else row, row, h, may, rate, c, method, system, control, track)
         if solved:
             effort += effort_of(newton.history)
             row += 1
+    effort += newton.wear[PRICE] * (newton.counts[1] - made)
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
 
 
@@ -431,6 +449,7 @@ def _refuse(solved, h, error, allowed, system, control, track):  # type: ignore[
     elif error > PEAK * allowed:
         progress[WANTED] = h * max(0.2, (allowed / error) ** 0.25)
         progress[RATE] = max(progress[RATE], error / (h**4 * (progress[TIME] + h - progress[LOOKED])))
+        progress[LARGEST] = max(progress[LARGEST], progress[RATE])
 
 
 @inlined

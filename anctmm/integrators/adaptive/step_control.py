@@ -94,7 +94,8 @@ DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
     SEEN,
     SEEN_AT,
     ROOTS,
-) = PROGRESS = range(19)
+    LARGEST,
+) = PROGRESS = range(20)
 
 
 @by_address
@@ -107,17 +108,19 @@ class Control(NamedTuple):
     until now, m/s, (1,). load and x: scratch, (rows, nodes). angles, values: of drives and loads at the places where a
     step sees them, from its start to its end, (places, drives, 3) and (places, loads, 2). missed: scratch, (2,).
     reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
-    m, (nodes,). moved: displacement of each node until now, and the one assumed, m, (2, nodes). elastic: constants of
-    the elements, and what damping times rate adds to them, (2, bodies, ...). progress: where the run stands. actions:
-    what acts in time. restrained, held, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
+    m, (nodes,); by_gradient: the largest of these, relative to Newton's scale. moved: displacement of each node until
+    now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate adds to
+    them, (2, bodies, ...). progress: where the run stands. actions: what acts in time. restrained, held, returning: see
+    `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
     length changed; the mean of the errors over the (order + 1)th power of the step; their sum; the time of the last
     estimate, s; the step above which Newton's iteration is expensive, s; the one above which outputs within it are not
     good enough, s; part of the last change of the accelerations that the next step is expected to repeat. Of the matrix
-    its age, in steps; the last contraction seen with it, and the age then, 0 if none was: see `matrix_age`. The last is
-    the integral over time of the activity, the (order + 1)th root of the mean of the errors.
+    its age, in steps; the last contraction seen with it, and the age then, 0 if none was: see `matrix_age`. The
+    integral over time of the activity, the (order + 1)th root of the mean of the errors; the largest of the last errors
+    over the same power of the step as their mean, which fades.
     """
 
     allowed: float
@@ -137,6 +140,7 @@ class Control(NamedTuple):
     missed: Array
     reference: Array
     bulge: Array
+    by_gradient: float
     moved: Array
     elastic: Array
     restrained: bool

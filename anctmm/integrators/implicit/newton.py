@@ -80,12 +80,12 @@ def iterate(
 ) -> bool:
     """Newton's iteration, the matrix renewed at each correction if `full`, else when the corrections fall slowly.
 
-    It ends where the error left, positions relative to Newton's scale, is at most `tolerance`. An infinite one asks for
-    one correction, which tells nothing of what solutions cost with the matrix.
+    It ends where the error left, positions relative to Newton's scale and gradients by their weight, is at most
+    `tolerance`. An infinite one asks for one correction, which tells nothing of what solutions cost with the matrix.
     """
     state, tables, links, factors, _, loads, newton, damping = system
     q, v, a, w, _, w_before, f, dead, arrived, _ = state
-    scale, _, counts, history, wear, expected, shows = newton
+    scale, _, counts, history, wear, weight, expected, shows = newton
     new, renewed = full or counts[2] != 0, counts[1]
     last, stalls, least = 0.0, 0, np.inf
     by_rates = coefficients.level * coefficients.to_q != 0.0
@@ -105,8 +105,8 @@ def iterate(
         off = ask_correction(factors.loops, coefficients, q, v, w)
         _forward(q, w, f, tables, factors, factors.loops, arrived)
         take_correction(factors.loops)
-        size = _backward(q, w, coefficients, scale, factors, factors.loops, arrived)
-        size = correct_step(loads.border, arrived, q, w, coefficients, scale, size, factors)
+        size = _backward(q, w, coefficients, scale, weight[0], factors, factors.loops, arrived)
+        size = correct_step(loads.border, arrived, q, w, coefficients, scale, weight[0], size, factors)
         history[iteration] = size
         counts[0] += 1
         if size == np.inf or (by_rates and size > GROWN * max(least, LEAST)):
@@ -213,10 +213,11 @@ def _forward(q, w, f, tables, factors, loops, arrived):  # type: ignore[no-untyp
 
 
 @embedded
-def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyped-def]
+def _backward(q, w, c, scale, weight, factors, loops, arrived):  # type: ignore[no-untyped-def]
     """Backward sweep: the corrections, put in place of what arrived, are added to q and w as `c` says.
 
-    Returns the largest component, positions relative to `scale`; infinity if one is not finite.
+    Returns the largest component, positions relative to `scale`, gradients times `weight`; infinity if one is not
+    finite.
     """
     size, L, G, wide, work, _, places, _ = factors
     d, largest, odd = len(size), 0.0, 0.0
@@ -240,6 +241,6 @@ def _backward(q, w, c, scale, factors, loops, arrived):  # type: ignore[no-untyp
                 arrived[i, k] = x
                 q[k, i] += c.to_q * x
                 w[k, i] += c.to_w * x
-                largest = max(largest, abs(x) * (1.0 / scale if k < 2 else 1.0))
+                largest = max(largest, abs(x) * (1.0 / scale if k < 2 else weight))
                 odd += x - x  # 0 unless infinite or not a number
     return largest if odd == 0.0 else np.inf

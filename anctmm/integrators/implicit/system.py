@@ -70,16 +70,17 @@ class Damping(NamedTuple):
     flat: Array
 
 
-@writes("counts", "history", "expected", "wear")
+@writes("counts", "history", "expected", "wear", "weight")
 @by_address
 class Newton(NamedTuple):
     """Newton's iteration: scale of positions (m), bound of the error left, and what it reports.
 
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
-    of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. expected: contraction to expect of a first
-    correction, so that one may do, with a matrix that is kept, and with a new one over its size, 0 if that is not
-    known, (2,); None with fixed steps. shows: part of the bound up to which a further correction does no more than show
-    what the one before has left: that is no wear of the matrix.
+    of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. weight: what a component of a gradient counts
+    in these sizes, times; 1 with fixed steps, (1,). expected: contraction to expect of a first correction, so that one
+    may do, with a matrix that is kept, and with a new one over its size, 0 if that is not known, (2,); None with fixed
+    steps. shows: part of the bound up to which a further correction does no more than show what the one before has
+    left: that is no wear of the matrix.
     """
 
     scale: float
@@ -87,6 +88,7 @@ class Newton(NamedTuple):
     counts: Ints
     history: Array
     wear: Array
+    weight: Array
     expected: Array | None = None
     shows: float = 0.0
 
@@ -155,7 +157,7 @@ def new_newton(chain: Chain) -> Newton:
     """Newton's iteration for a scene; what may be left of its tolerance is no less than rounding allows."""
     left = max(KAPPA * chain.run.newton_tolerance, least_left(chain))
     wear = new_wear(PRICE_OF_ROW * chain.bodies.rows)
-    return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS), wear=wear)
+    return Newton(chain.length, left, np.zeros(3, np.int64), np.zeros(ITERATIONS), wear, np.ones(1))
 
 
 def least_left(chain: Chain) -> float:

@@ -11,10 +11,8 @@ import anctmm as at
 
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
 PARTS, BOUNDS = (1, 2, 3, 4, 5, 6, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
-#: Cost allowed over that of the best fixed step of the same error, the best of 72, and of cases that cost more, in one
-#: run each; see `anctmm.integrators.adaptive.stage_control`. The aim is 1.3.
-DEARER = 1.35
-MORE = {"thrown_triangle": 1.65, "gantry_crane": 1.7}
+#: Cost allowed over that of the best fixed step of the same error, the best of 72, in any run: the aim.
+DEARER = 1.3
 
 
 @pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS | CONSTRAINED)
@@ -27,7 +25,7 @@ def test_the_error_is_at_most_three_times_the_one_asked_for(measured):
 
 
 def test_the_work_is_that_of_the_best_fixed_step_of_the_same_error(measured):
-    assert max(measured.robust_ratios) <= MORE.get(measured.name, DEARER), measured.robust_ratios
+    assert max(measured.robust_ratios) <= DEARER, measured.robust_ratios
 
 
 @pytest.mark.parametrize("name", CHOSEN_BY)
@@ -43,7 +41,7 @@ def test_small_errors_cost_no_more_than_with_steps_of_second_order(name):
     assert work(fourth) < 1.1 * work(second)
 
 
-def test_the_cheapest_fixed_steps_of_an_error_may_have_wrong_forces():
+def test_fixed_steps_that_cost_as_much_may_have_wrong_forces():
     """A loose bound of Newton's iteration leaves positions of a thrown chain right to 1e-6, and not its moments."""
     make, mesh, element = CHOSEN_BY["thrown_chain"]
     case = make()
@@ -67,7 +65,7 @@ def test_the_cheapest_fixed_steps_of_an_error_may_have_wrong_forces():
 
     loose = at.solve(case.scene, dt=case.interval / 6, newton_tolerance=1e-3, **run)
     controlled = at.solve(case.scene, tolerance=1e-5, **run)
-    assert work(loose) < work(controlled)
+    assert work(controlled) < 1.1 * work(loose)
     (cheap, wrong), (dear, right) = errors(loose), errors(controlled)
     assert max(cheap, dear) < 3e-6
     assert wrong > 1.0
