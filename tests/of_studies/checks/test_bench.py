@@ -332,8 +332,10 @@ def test_the_same_of_trees_and_ladders_is_compared(small):
     assert len(frame) == 2 * 2 * 3
     assert set(frame["scene"]) == {"tree", "ladder"}
     implicit = frame["integrator"] != "zhai"
-    for name in ("newton_per_step", "newton_chain", "newton_dae", "ratio_iteration"):
+    for name in ("newton_per_step", "newton_chain", "newton_dae"):
         assert (frame[name].notna() == implicit).all(), name
+    timed = frame["ratio"].notna()  # of times so short, other work of the machine may hide one
+    assert (frame["ratio_iteration"].notna() == (implicit & timed)).all()
     assert (frame.loc[implicit, ["newton_per_step", "newton_chain", "newton_dae"]] >= 1.0).all(axis=None)
 
 
