@@ -50,7 +50,7 @@ def test_reactions_of_a_steel_linkage_are_those_of_small_steps(fine, tolerance):
     scene = steel_linkage()
     run = at.solve(scene, mesh=1, tolerance=tolerance, **RUN)
     assert run.status.ok
-    assert run.cost.steps < 75  # for 40 outputs: most lie within
+    assert run.cost.steps < 65  # for 40 outputs: most lie within
     for joint in scene.joints:
         found, exact = run.reaction(joint)[:, :2], fine.reaction(joint)[:, :2]
         missed = np.abs(found - exact).max()  # of vibrations that neither resolves
