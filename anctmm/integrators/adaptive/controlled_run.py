@@ -294,7 +294,7 @@ def _allowed(chain: Chain, scheme: Scheme, system: System, control: Control) -> 
 def _system(chain: Chain, scheme: Scheme) -> System:
     """What the steps take: without a tolerance of the user's, Newton's is a part of the error of a step alone."""
     system = new_system(chain)
-    newton = system.newton._replace(expected=np.array([1.0, 0.0]), shows=scheme.shows)
+    newton = system.newton._replace(expected=np.array([1.0, 0.0, 0.0]), shows=scheme.shows)
     return system._replace(newton=newton if chain.run.newton_given else newton._replace(tolerance=np.inf))
 
 
@@ -333,6 +333,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         by_gradient=_by_gradient(chain),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
+        damping=0.0 if bodies.damping is None else float(max(bodies.damping)),
         restrained=restrained(chain),
         held=held(chain),
         progress=np.zeros(len(PROGRESS)),
@@ -403,7 +404,7 @@ def _march(
     )
     system = system._replace(newton=newton._replace(tolerance=np.inf)) if guess else system
     if newton.expected is not None:
-        newton.expected[:] = 1.0, 0.0
+        newton.expected[:] = 1.0, 0.0, 0.0
     code, stopped = UNFINISHED, False
     for begin, end in paced(UNLIMITED, STEP * chain.bodies.nodes):
         try:

@@ -23,16 +23,15 @@ estimate of the error. Counted like that, and no coarser than COARSE, it takes 0
 
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
-iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half: on seventeen
-moving scenes with tolerances of 1e-2 … 1e-5 0.85 in the mean, and at most 1.3 in 67 of the 68 runs. A gantry
-crane costs 1.38 at 1e-4, where its error hardly falls with the step. With COARSE of 1e-6 it costs 1.28, and all the
-others less. But then chains of stiff damped beams that amplify errors missed 1e-4 by 4.9 and 7.9 times, not by 1.2 and
-1.0. Beside the best fixed steps of either order the cost is 0.92 in the mean, and 0.90 with the better one of the two
-integrators.
+iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half, in the mean
+of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.87 in the mean, and at most 1.24 in 67
+of the 68. A gantry crane costs 1.40 at 1e-4, where its error hardly falls with the step; with a NEWTON_PART of 0.3 it
+costs 1.30, and chains of steel beams miss their tolerances three times as often.
 
-The rms error was 0.001 to 1.22 of the tolerance on these, and its peak up to 2.2 on scenes drawn at random, with the
-bounds of Newton's iteration of then. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times
-the error of some motions and 64 times that of others, as they cancel or not.
+The rms error was 0.001 to 2.6 of the tolerance on these, and on chains of two and three steel beams drawn at random up
+to 5.5 in 7 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it
+4 missed by more than 3. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
+some motions and 64 times that of others, as they cancel or not.
 
 Where bodies turn freely many times errors of their speed stay, which is no part of that: see `free_turns`.
 """
@@ -48,6 +47,7 @@ from anctmm.forces.timeline import set_actions
 from anctmm.integrators.adaptive.contraction import (
     expect_contraction,
     forget_contraction,
+    leaps,
     learn_contraction,
     new_contraction,
     rate_of_motion,
@@ -141,9 +141,11 @@ LATEST, FADES = 20.0, 0.7
 #: Part of the step aimed at, and of the error allowed, below which a step tells nothing: rounding over h⁵.
 SHORT = 0.1
 #: Part of the error allowed in a step that the iteration of a stage may leave: what it leaves is noise of w, and with
-#: as much as all of it the estimate would answer that noise with ever smaller steps. The second is that in structures
-#: which joints hold: with 3.5 to 6 reactions at 1e-2 and a portal's error at 1e-5 were up to six times as large.
-NEWTON_PART, HELD_PART = 0.3, 1.0
+#: as much as all of it the estimate would answer that noise with ever smaller steps. Where stiff beams turn, it is of
+#: their momenta, too: with 0.3 chains of steel beams missed 1e-4 and 1e-5 by up to 8.9 times, for 0.97 times the work.
+#: The second is that where nothing is elastic. The last is that in structures which joints hold: with 3.5 to 6
+#: reactions at 1e-2 and a portal's error at 1e-5 were up to six times as large.
+NEWTON_PART, RIGID_PART, HELD_PART = 0.1, 0.3, 1.0
 #: Times that where drives move rigid bodies: what is left of their forces is in the work of the drives, and the balance
 #: of energy was wrong by up to 8 times the tolerance, now by 2.3 times it, for 1 to 5 % more steps.
 DRIVEN = 0.2
@@ -154,11 +156,10 @@ DRIVEN = 0.2
 #: largest, not 0.17, and without a bound by 1.05. Nor in linkages of rigid bodies: the error of Andrews' squeezer was
 #: up to 2.0 times the tolerance.
 TIMES, LEFT = (0.0, 60.0, 10.0, 1.0, 5.0, 1.0), 1e-5
-#: What may be left of a gradient, even if it moves next to nothing: it strains beams. With five times that, chains that
-#: amplify errors missed 1e-4 by up to 7.9 times, in more steps; with no limit a fall at 1e-2 took three times the
-#: steps. Where drives move rigid bodies gradients count in full: the balance of energy was wrong by 4 times the
-#: tolerance.
-COARSE = 2e-7
+#: What may be left of a gradient, even if it moves next to nothing: it strains beams. With no limit a fall at 1e-2 took
+#: three times the steps. Where drives move rigid bodies gradients count in full: the balance of energy was wrong by 4
+#: times the tolerance.
+COARSE = 1e-6
 #: Steps in a run above which each may leave more than its part.
 MANY = 100.0
 #: Relative change of the step beyond which the matrix is renewed.
@@ -385,11 +386,9 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
     made, rate = newton.counts[1], rate_of_motion(h, system.state, newton.scale)
     method = track.euler if guess else track.method
     linkage = is_linkage(system, control)
-    part = HELD_PART if control.restrained else NEWTON_PART
-    part *= DRIVEN if drives_rigid(control) else 1.0 if linkage else times_for_many(h, MANY, control)
-    left, row, solved = left_by_newton(part, h, system, control), last if guess else 1, True
+    left = left_by_newton(_newton_part(h, linkage, control), h, c, system, control)
+    row, solved, effort = last if guess else 1, True, 0.0
     newton.weight[0] = 1.0 if drives_rigid(control) else max(control.by_gradient, min(1.0, left / COARSE))
-    effort = 0.0
     while solved and row <= last:
         may = (
             left if linkage else min(TIMES[row] * left, max(left, LEFT * newton.weight[0]), newton.tolerance)
@@ -400,6 +399,13 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
             row += 1
     effort += newton.wear[PRICE] * (newton.counts[1] - made)
     return effort, solved if guess else end_step(solved, track.room, system, control.angles[last])
+
+
+@inlined
+def _newton_part(h, linkage, control):  # type: ignore[no-untyped-def]
+    """Part of the error allowed in a step that the iteration of a stage may leave."""
+    part = HELD_PART if control.restrained else NEWTON_PART if control.turns.elastic else RIGID_PART
+    return part * (DRIVEN if drives_rigid(control) else 1.0 if linkage else times_for_many(h, MANY, control))
 
 
 @inlined
@@ -432,6 +438,8 @@ def _take_stage(i, row, h, left, rate, c, method, system, control, track):  # ty
     t = progress[TIME] + track.method.c[row] * h
     expect_contraction(t, h, rate, newton, progress, known)
     solved = solve_stage(1, system, c, values, left)
+    if control.allowed < np.inf:  # a guess is one step for all of the run
+        solved = solved and not leaps(newton.history, h, rate, control.kinks)
     if solved:
         learn_contraction(t, h, control.rounding, newton, progress, known)
     learn_multipliers(solved, h, track.multiplier_rates[row], track.before, system.factors.loops)

@@ -110,8 +110,8 @@ class Control(NamedTuple):
     reference: coordinates at the start. bulge: largest displacement beside each node that a unit of its gradient makes,
     m, (nodes,); by_gradient: the largest of these, relative to Newton's scale. moved: displacement of each node until
     now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate adds to
-    them, (2, bodies, ...). progress: where the run stands. actions: what acts in time. restrained, held, returning: see
-    `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
+    them, (2, bodies, ...). damping: the largest one of a body, s. progress: where the run stands. actions: what acts in
+    time. restrained, held, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -143,6 +143,7 @@ class Control(NamedTuple):
     by_gradient: float
     moved: Array
     elastic: Array
+    damping: float
     restrained: bool
     held: bool
     progress: Array
@@ -199,12 +200,16 @@ def pass_stops(control):  # type: ignore[no-untyped-def]
 
 
 @inlined
-def left_by_newton(part, h, system, control):  # type: ignore[no-untyped-def]
+def left_by_newton(part, h, c, system, control):  # type: ignore[no-untyped-def]
     """What Newton's iteration may leave in a step of h: a part of the error that it may make; no less than rounding.
+
+    Damping resists what is left of a gradient by τ γ/(β h) times as much as elasticity. Without this factor, squared,
+    beams of steel with τ of 1 ms and more missed 1e-2 … 1e-5 by up to 150 times, for no less work.
 
     Where errors of the speed stay, what it leaves, over h, is one until the end: see `free_turns` and `returning`.
     """
-    may = part * control.allowed * h / control.t_end
+    resists = 1.0 + control.damping * c.gamma / (c.beta * c.h)
+    may = part * control.allowed * h / control.t_end / (resists * resists)
     returning = control.returning
     stays = goes_on(control) or h > returning.resolved
     if stays or knows_kinks(control.kinks):

@@ -150,7 +150,7 @@ def _expected(new, size, expected):  # type: ignore[no-untyped-def]
     if expected is not None:
         if not new:
             found = expected[0]
-        elif expected[1] > 0.0:
+        elif size <= expected[2]:
             found = expected[1] * size
     return found
 

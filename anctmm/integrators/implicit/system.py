@@ -78,9 +78,9 @@ class Newton(NamedTuple):
     counts: corrections, factorizations, whether the matrix must be renewed. history: of the sizes of the corrections
     of the last step, (ITERATIONS,). wear: of the matrix, see `renewal`. weight: what a component of a gradient counts
     in these sizes, times; 1 with fixed steps, (1,). expected: contraction to expect of a first correction, so that one
-    may do, with a matrix that is kept, and with a new one over its size, 0 if that is not known, (2,); None with fixed
-    steps. shows: part of the bound up to which a further correction does no more than show what the one before has
-    left: that is no wear of the matrix.
+    may do, with a matrix that is kept, and with a new one over its size, and the largest size for which that is known,
+    (3,); None with fixed steps. shows: part of the bound up to which a further correction does no more than show what
+    the one before has left: that is no wear of the matrix.
     """
 
     scale: float

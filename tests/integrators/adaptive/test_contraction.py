@@ -7,6 +7,7 @@ import pytest
 
 from anctmm.integrators.adaptive import contraction
 from anctmm.integrators.adaptive.step_control import FACTORED, PROGRESS
+from anctmm.integrators.implicit.newton import _expected
 
 pytestmark = pytest.mark.interpreted
 #: Rate of the motion, 1/s, and the step, s.
@@ -19,7 +20,7 @@ class Run:
     def __init__(self):
         self.known = contraction.new_contraction()
         self.newton = SimpleNamespace(
-            counts=np.zeros(3, np.int64), history=np.zeros(25), expected=np.array([1.0, 0.0])
+            counts=np.zeros(3, np.int64), history=np.zeros(25), expected=np.array([1.0, 0.0, 0.0])
         )
         self.progress = np.zeros(len(PROGRESS))
 
@@ -40,8 +41,8 @@ class Run:
 
 def test_nothing_is_expected_before_it_was_seen():
     run = Run()
-    kept, new = run.solve(0.0, [1e-4, 1e-9], new=True)
-    assert (kept, new) == (1.0, 0.0)
+    kept, new, sizes = run.solve(0.0, [1e-4, 1e-9], new=True)
+    assert (kept, new, sizes) == (1.0, 0.0, 0.0)
     assert run.solve(H, [1e-4])[0] == 1.0
 
 
@@ -51,7 +52,7 @@ def test_a_kept_matrix_contracts_in_proportion_to_the_way_and_is_trusted_no_furt
     over_way = 0.3
     run.solve(H, [1e-4, 1e-4 * over_way * RATE * H])
     for times in (1.0, 1.4):
-        expected, _ = run.expected(times * H)
+        expected = run.expected(times * H)[0]
         assert expected == pytest.approx(contraction.SAFE * over_way * RATE * times * H)
     assert run.expected(1.6 * H)[0] == 1.0
 
@@ -71,9 +72,25 @@ def test_steps_of_another_length_leave_their_part_which_is_not_taken_for_that_of
 def test_a_new_matrix_leaves_the_square_of_the_correction():
     run = Run()
     run.solve(0.0, [1e-4, 5e-9], new=True)
-    _, over_size = run.solve(H, [2e-4], new=True)
+    _, over_size, _ = run.solve(H, [2e-4], new=True)
     assert over_size == pytest.approx(contraction.SAFE_NEW * 0.5)
     assert run.known[contraction.MADE] == H
+
+
+def test_a_new_matrix_is_trusted_with_no_larger_correction_than_seen():
+    """A chain that moves slowly tells nothing of what large corrections leave."""
+    run = Run()
+    run.solve(0.0, [1e-6, 1e-12], new=True)
+    assert _expected(True, 1.4e-6, run.expected(H)) < 1e-4
+    assert _expected(True, 1e-5, run.expected(H)) == 1.0
+
+
+def test_a_correction_beyond_the_way_of_a_step_is_a_leap():
+    history = np.zeros(25)
+    history[:3] = 1e-2, 0.3, 1e-7
+    assert contraction.leaps(history, H, RATE, None)
+    assert not contraction.leaps(history, H, 40.0, None)
+    assert not contraction.leaps(0.1 * history, H, RATE, None)
 
 
 def test_what_is_not_shown_for_long_is_expected_to_be_worse():
