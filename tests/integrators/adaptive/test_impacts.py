@@ -23,8 +23,8 @@ from anctmm.integrators.adaptive import controlled_run
 #: Marks of runs: their kernels take a minute to compile, in which Python takes some of them.
 LONG, FEW_STEPS = pytest.mark.exhaustive, pytest.mark.interpreted
 METHODS = ("esdirk", "generalized-alpha")
-#: What `at.compare` may give, over the tolerance: 3.4 and 3.1 in two of the runs below, 1.7 at most in all others.
-PROMISED = 3.5
+#: What `at.compare` may give, over the tolerance: 0.3 in the runs below with `esdirk`, 2.6 with `generalized-alpha`.
+PROMISED = {"esdirk": 1.0, "generalized-alpha": 3.0}
 #: Frequencies (rad/s) are those of contacts: an impact of 100 rad/s lasts 0.03 s.
 SCENES = {
     **{f"bounce {w}, {n} impacts": (bounce, w, n) for w in (20.0, 100.0, 1000.0) for n in (1, 3, 10)},
@@ -41,8 +41,9 @@ SCENES = {
     "two masses collide": (collision, 50.0, 3.0),
     "two masses collide, stiff": (collision, 500.0, 3.0),
 }
-#: Those of a usual run; they missed by 3 to 15 times the tolerance, and by 10 to 50.
+#: Those of a usual run; they missed by 3 to 50 times the tolerance.
 SHORT = {
+    ("bounce on a soft preloaded floor", "esdirk", 7e-3),
     ("bounce 100.0, 3 impacts", "esdirk", 1e-4),
     ("bounce 1000.0, 1 impacts", "generalized-alpha", 1e-2),
     ("bounce on a preloaded floor", "esdirk", 1e-3),
@@ -52,7 +53,7 @@ RUNS = [
     pytest.param(name, method, tolerance, marks=FEW_STEPS if (name, method, tolerance) in SHORT else LONG)
     for name in SCENES
     for method in METHODS
-    for tolerance in (1e-2, 1e-3, 1e-4, 1e-5)
+    for tolerance in (1e-2, 7e-3, 1e-3, 1e-4, 1e-5)
 ]
 
 
@@ -63,7 +64,7 @@ def test_impacts_have_the_error_asked_for(name, integrator, tolerance):
     options = {"t_end": impact.t_end, "output_dt": impact.t_end / 40, "tolerance": tolerance}
     found = at.solve(impact.scene, integrator=integrator, **options)
     assert found.status.ok, found.status
-    assert rms(found, impact) <= PROMISED * tolerance
+    assert rms(found, impact) <= PROMISED[integrator] * tolerance
 
 
 def test_the_exact_motion_is_free_flight_and_half_a_sine():
