@@ -329,8 +329,7 @@ def _find_end(h, stop, c, system, control, lag):  # type: ignore[no-untyped-def]
     factored, slow = newton.counts[1], STAYS if goes_on(control) else SLOW
     rate = rate_of_motion(h, system.state, newton.scale)
     solved = solve_step(system, c, control.values[1], left)
-    if control.allowed < np.inf:  # a guess is one step for all of the run
-        solved = solved and not leaps(newton.history, h, rate, control.kinks)
+    solved = solved and not leaps(newton.history, h, rate, control)
     renewed = newton.counts[1] != factored
     found = contraction_or_bound(newton.history, CLEAR * control.rounding, control.rounding, slow)
     expect_aged(found, FORGETS, slow, renewed, newton, progress)

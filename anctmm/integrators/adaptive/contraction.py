@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from anctmm.integrators.adaptive.step_control import FACTORED
 from anctmm.integrators.implicit.newton import ROUNDING
-from anctmm.jit.compiling import embedded, inlined
+from anctmm.jit.compiling import inlined
 
 Array = NDArray[np.float64]
 
@@ -79,14 +79,15 @@ def rate_of_motion(h, state, scale):  # type: ignore[no-untyped-def]
     return rate + 0.5 * h * change
 
 
-@embedded
-def leaps(history, h, rate, kinks):  # type: ignore[no-untyped-def]
+@inlined
+def leaps(history, h, rate, control):  # type: ignore[no-untyped-def]
     """Whether a correction goes further than bodies do at this rate in a step of h, which then is too long.
 
-    Not where laws may bend: impacts are looked for by `law_kinks`, and change velocities within a step.
+    Not in a guess, which is one step for all of the run, nor where laws may bend: `law_kinks` looks for impacts, which
+    change velocities within a step.
     """
     found = False
-    if kinks is None:
+    if control.kinks is None and control.allowed < np.inf:
         for k in range(len(history)):
             found = found or history[k] > max(LEAP, rate * h)
     return found

@@ -311,7 +311,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
     bodies, places = chain.bodies, scheme.places
     driven, start = drives_of(chain, actuation_of(chain)), chain.start_coordinates()
     turns, actions = [drive.turns for drive in driven], _actions(chain, driven)
-    drives, histories = len(turns), len(actions.pieces.steady)
+    drives, histories, bulge = len(turns), len(actions.pieces.steady), _bulge(chain)
     return Control(
         allowed=np.inf,
         tolerance=float(chain.run.tolerance or 0.0),
@@ -329,8 +329,8 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         values=np.zeros((places, histories - drives + has_clock(chain.parts), 2)),
         missed=np.zeros(2),
         reference=start,
-        bulge=_bulge(chain),
-        by_gradient=_by_gradient(chain),
+        bulge=bulge,
+        by_gradient=_by_gradient(chain, bulge),
         moved=np.zeros((2, bodies.nodes)),
         elastic=_elastic(chain),
         damping=0.0 if bodies.damping is None else float(max(bodies.damping)),
@@ -351,9 +351,9 @@ def _bulge(chain: Chain) -> Array:
     )
 
 
-def _by_gradient(chain: Chain) -> float:
+def _by_gradient(chain: Chain, bulge: Array) -> float:
     """The largest displacement that a unit of a gradient makes, relative to Newton's scale; 1 with a user's bound."""
-    return 1.0 if chain.run.newton_given else min(1.0, float(_bulge(chain).max()) / chain.length)
+    return 1.0 if chain.run.newton_given else min(1.0, float(bulge.max()) / chain.length)
 
 
 def _elastic(chain: Chain) -> Array:

@@ -438,8 +438,7 @@ def _take_stage(i, row, h, left, rate, c, method, system, control, track):  # ty
     t = progress[TIME] + track.method.c[row] * h
     expect_contraction(t, h, rate, newton, progress, known)
     solved = solve_stage(1, system, c, values, left)
-    if control.allowed < np.inf:  # a guess is one step for all of the run
-        solved = solved and not leaps(newton.history, h, rate, control.kinks)
+    solved = solved and not leaps(newton.history, h, rate, control)
     if solved:
         learn_contraction(t, h, control.rounding, newton, progress, known)
     learn_multipliers(solved, h, track.multiplier_rates[row], track.before, system.factors.loops)

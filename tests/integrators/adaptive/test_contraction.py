@@ -86,11 +86,11 @@ def test_a_new_matrix_is_trusted_with_no_larger_correction_than_seen():
 
 
 def test_a_correction_beyond_the_way_of_a_step_is_a_leap():
-    history = np.zeros(25)
+    history, control = np.zeros(25), SimpleNamespace(allowed=1e-3, kinks=None)
     history[:3] = 1e-2, 0.3, 1e-7
-    assert contraction.leaps(history, H, RATE, None)
-    assert not contraction.leaps(history, H, 40.0, None)
-    assert not contraction.leaps(0.1 * history, H, RATE, None)
+    assert contraction.leaps(history, H, RATE, control)
+    assert not contraction.leaps(history, H, 40.0, control)
+    assert not contraction.leaps(0.1 * history, H, RATE, control)
 
 
 def test_what_is_not_shown_for_long_is_expected_to_be_worse():
