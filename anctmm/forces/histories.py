@@ -34,7 +34,7 @@ TERMS, MOST, AT_ONCE = 9, 2**17, 2**16
 SAMPLES, SAMPLES_BESIDE_BREAKS, PIECES = 2**15, 2**12, 64
 #: Samples evaluated twice: a random history gives other values.
 AGAIN = 8
-#: Part of the run within which two breaks, or a break and an output, are one, and below which no step can go.
+#: Part of the run within which two breaks, or a break and an output, are one.
 SHORTEST = 1e-9
 #: Width of a piece, in parts of the run, at which what it does not represent is a jump.
 POINT = 2.0**-46

@@ -108,6 +108,7 @@ from anctmm.integrators.adaptive.step_control import (
     left_by_newton,
     length_of,
     pass_stops,
+    seen,
     spend,
     stiffen,
     times_for_many,
@@ -295,7 +296,8 @@ def _step(h, stop, system, control, lag, out):  # type: ignore[no-untyped-def]
             error = alpha_error(progress[TIME], c.h, kept.to_w, share, system, control, lag)
             if not guess:
                 turned = turn_error(state.q_before, state.q, 2, 0.0, progress[TIME] + h, allowed, control)
-                error = max(error, turned, allowed * velocity_error(c, system, control))
+                speeds = allowed * velocity_error(c, system, control)
+                error = seen(max(error, turned, speeds), system, control)
         missed = _missed(control.kinks, c, kept.to_w, system, control)
     aside = crossing or (near_kink(control.kinks) and h < SHORT * progress[WANTED])
     good = not look or guess or (progress[FIRST_STEP] == 0.0 and error <= PEAK * allowed)

@@ -45,10 +45,12 @@ from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
     KEPT,
+    POSITIONS,
     PROGRESS,
     SPENT,
     STARTS,
     TIME,
+    TOLD_APART,
     TURNED,
     UNFINISHED,
     WANTED,
@@ -115,8 +117,6 @@ BULGE = 4.0 / 27.0
 #: Times the error allowed that may be found at the end, relative to what has moved: SHARE of it is within three times
 #: the tolerance. With 2 a falling beam whose errors grow was computed twice. Rounds of a run, at most.
 FOUND, ROUNDS = 3.0, 4
-#: Rounding of positions, relative, and how many times it a sum of errors must be for steps to be told apart.
-EPS, ROUNDED = float(np.finfo(float).eps), 1e5
 
 
 class Scheme(NamedTuple):
@@ -218,7 +218,7 @@ def run_controlled(chain: Chain, scheme: Scheme) -> Solution:
         # what acts for a moment may be seen by errors alone, if far too much was assumed
         assumed, scale = done.moved, moved if moved > least else missed
     record.stop()
-    status = Status() if done.whole else _stuck(chain, scheme, system, done.t, control.scale[0])
+    status = Status() if done.whole else _stuck(chain, scheme, system, control, done.t)
     # after the look at where it failed: it writes the state
     settle(chain, system, record, done.kept, partial(_from_outputs, chain, scheme, control), out)
     return so_far(done.kept, status)
@@ -469,12 +469,13 @@ def _from_outputs(
     return start
 
 
-def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float) -> Status:
-    """What is known of a run that ended early, whose largest displacement is `scale`, m."""
+def _stuck(chain: Chain, scheme: Scheme, system: System, control: Control, t: float) -> Status:
+    """What is known of a run that ended early."""
     state, history = system.state, system.newton.history
     if scheme.look is not None:
         scheme.look(chain, system, t)
-    if (found := locked(chain, state.q, rows_in(system.factors.loops), t)) is not None:
+    rounded = _rounded(chain, scheme, system, control)
+    if not rounded and (found := locked(chain, state.q, rows_in(system.factors.loops), t)) is not None:
         return found
     if (found := broken_law(chain, system.loads.connectors, t)) is not None:
         return found
@@ -482,26 +483,36 @@ def _stuck(chain: Chain, scheme: Scheme, system: System, t: float, scale: float)
         body, element = worst_element(chain, correction_size(chain, state))
         what = (
             f"no step was small enough at t = {t:.6g} s, with corrections {in_short(history)} in the last one "
-            f"tried; the motion may be unbounded there"
+            f"tried{'' if rounded else '; the motion may be unbounded there'}"
         )
     else:
         body, element = worst_element(chain, gradient_size(state.q))
         what = f"gradients grew beyond {STRETCH_LIMIT:g} by t = {t:.6g} s"
-    asked, known = float(chain.run.tolerance or 0.0) * scale, EPS * float(np.abs(state.q[:2]).max())
-    if asked < ROUNDED * known:
-        advice = (
-            f"tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m is {asked:.2g} m, and positions are "
-            f"rounded to {known:.2g} m: a larger tolerance is needed"
-        )
-    elif (singular := advice_at(chain, state.q, t)) is not None:
-        advice = singular
-    else:
-        bends = any(beam.name not in chain.rigid for beam in chain.parts.beams)
-        advice = "a load that does not jump may help" + (", or a finer mesh" if bends else "")
     return Status(
         "diverged",
-        f"{what}, worst in {part(body, element)}: {advice}",
+        f"{what}, worst in {part(body, element)}: {rounded or _advice(chain, state.q, t)}",
         time=t,
         body=body,
         element=element,
     )
+
+
+def _rounded(chain: Chain, scheme: Scheme, system: System, control: Control) -> str:
+    """Advice where the tolerance is too close to rounding for errors of steps to be told from it; empty elsewhere."""
+    scale = float(control.scale[0])
+    known = POSITIONS * control.rounding * system.newton.scale
+    if _allowed(chain, scheme, system, control) * scale >= TOLD_APART * known:
+        return ""
+    asked = float(chain.run.tolerance or 0.0) * scale
+    return (
+        f"tolerance {chain.run.tolerance:g} of a motion of {scale:.2g} m is {asked:.2g} m, and each step rounds "
+        f"positions to {known:.2g} m: a larger tolerance is needed"
+    )
+
+
+def _advice(chain: Chain, q: Array, t: float) -> str:
+    """What to try where no step is small enough."""
+    if (singular := advice_at(chain, q, t)) is not None:
+        return singular
+    bends = any(beam.name not in chain.rigid for beam in chain.parts.beams)
+    return "a load that does not jump may help" + (", or a finer mesh" if bends else "")

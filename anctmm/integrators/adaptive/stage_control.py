@@ -101,6 +101,7 @@ from anctmm.integrators.adaptive.step_control import (
     left_by_newton,
     length_of,
     pass_stops,
+    seen,
     spend,
     stiffen,
     times_for_many,
@@ -321,7 +322,7 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
         error *= grown(control.kinks, progress[TIME], control.t_end)
         if not guess:
             turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
-            error = max(error, turned, allowed * rates)
+            error = seen(max(error, turned, allowed * rates), system, control)
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)

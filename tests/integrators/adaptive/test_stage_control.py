@@ -110,6 +110,21 @@ def test_a_tolerance_that_asks_for_less_than_rounding_is_told():
         assert "mesh" not in run.status.message
 
 
+@pytest.mark.interpreted
+@pytest.mark.parametrize(("t_end", "tolerance"), [(1e7, 1e-2), (1e3, 1e-9)])
+def test_a_long_run_starts_with_steps_as_short_as_it_needs(t_end, tolerance):
+    """A mass that a damper stops within 0.1 s. A bound of 1e-9 of the run, or rounding taken for an error, ended it."""
+    frequency, speed = 100.0, 50.0
+    ball = at.PointMass("ball", 1.0, (1.0, 0.0), velocity=(speed, 0.0))
+    spring = at.Spring("ball.center", (0.0, 0.0), length=1.0, stiffness=frequency**2, damping=frequency)
+    scene = at.Scene("stopped", [ball], connectors=[spring])
+    run = at.solve(scene, t_end=t_end, output_dt=t_end, tolerance=tolerance, integrator="esdirk")
+    assert run.status.ok, run.status
+    assert run.cost.steps < 5000
+    assert run.energy.work[-1] == pytest.approx(-0.5 * speed**2, rel=tolerance)
+    assert np.abs(run.displacement("ball.center")[-1]).max() < tolerance
+
+
 #: Base scenes and their meshes.
 BASE = {
     "four-bar": (scenes.four_bar, {"crank": 2, "coupler": 8, "follower": 2}),
