@@ -319,7 +319,12 @@ def _fall(base: BaseScene) -> tuple[Watch, ...]:
         watch(
             {
                 "cable-adaptive": Discretisation(
-                    8, tolerance=1e-4, t_end=0.4, output_dt=0.05, newton_tolerance=TIGHT
+                    8,
+                    integrator="generalized-alpha",
+                    tolerance=1e-4,
+                    t_end=0.4,
+                    output_dt=0.05,
+                    newton_tolerance=TIGHT,
                 )
             },
             ("anctmm",),

@@ -21,7 +21,13 @@ JOINTS = [at.Pin("b.start"), at.Pin(INSIDE, "x.start")]
 FIXED = {"mesh": 4, "dt": 0.01, "t_end": 0.05}
 STEPS = {
     "fixed": FIXED,
-    "tolerance": {"mesh": 4, "tolerance": 1e-2, "t_end": 0.05, "output_dt": 0.01},
+    "tolerance": {
+        "mesh": 4,
+        "tolerance": 1e-2,
+        "t_end": 0.05,
+        "output_dt": 0.01,
+        "integrator": "generalized-alpha",
+    },
 }
 
 

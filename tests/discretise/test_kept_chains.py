@@ -42,7 +42,7 @@ RUNS = {
     "zhai": at.Discretisation(mesh=2, integrator="zhai", dt=1e-4, t_end=2e-3),
     "shear": at.Discretisation(mesh=2, element="shear", dt=1e-3, t_end=2e-2),
     "generalized-alpha": at.Discretisation(mesh=2, dt=1e-3, t_end=2e-2),
-    "tolerance": at.Discretisation(mesh=2, tolerance=1e-3, t_end=2e-2),
+    "tolerance": at.Discretisation(mesh=2, integrator="generalized-alpha", tolerance=1e-3, t_end=2e-2),
 }
 
 

@@ -21,7 +21,7 @@ DRIVEN = bar([Clamp("bar.start", Quintic(1.0, 1.0))], [Force("bar.end", lambda t
 STEPS = {
     "explicit": {"integrator": "zhai", "dt": 1e-6},
     "implicit": {"dt": 1e-6},
-    "tolerance": {"tolerance": 1e-3, "output_dt": 1e-3},
+    "tolerance": {"integrator": "generalized-alpha", "tolerance": 1e-3, "output_dt": 1e-3},
 }
 
 

@@ -287,7 +287,7 @@ TAKEN = {
     "fraction": {"tiny", "array of 3", "list"}, "spectral_radius": {"tiny"}, "material poisson": {"tiny"},
     **{n: {"text"} for n in NAMES}, **{n: {"True", "numpy's True"} for n in FLAGS},
     "mesh": {"None"}, "load_steps": {"None"},
-    "output_dt": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
+    "output_dt": {"None"}, "integrator": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
     "clamp": {"None"}, "velocity": {"None", "type"}, "tolerances": {"None"},
     "force": {"type"}, "solvers": {"texts", "array of texts"},
 }  # fmt: skip

@@ -25,6 +25,22 @@ def test_a_method_is_its_name_and_parameters(method, options):
     assert whole.explicit == (type(method) is at.Zhai)
 
 
+@pytest.mark.parametrize(
+    ("options", "name"),
+    [
+        ({"dt": 1e-3}, "generalized-alpha"),
+        ({"tolerance": 1e-3}, "esdirk"),
+        ({"tolerance": 1e-3, "spectral_radius": 0.5}, "generalized-alpha"),
+        ({"tolerance": 1e-3, "integrator": "generalized-alpha"}, "generalized-alpha"),
+        ({"tolerance": 1e-3, "integrator": at.GeneralizedAlpha()}, "generalized-alpha"),
+    ],
+)
+def test_the_usual_method_depends_on_who_chooses_the_steps(options, name):
+    run = at.Discretisation(mesh=2, **options)
+    assert run.integrator == name
+    assert run == at.Discretisation(mesh=2, **options | {"integrator": name})
+
+
 def test_a_parameter_beside_another_method_stays():
     run = at.Discretisation(mesh=2, integrator=at.GeneralizedAlpha(0.5), psi=0.6)
     assert (run.spectral_radius, run.psi) == (0.5, 0.6)

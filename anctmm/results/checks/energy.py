@@ -284,14 +284,15 @@ def _keeps_energy(run: Discretisation) -> bool:
 
 def _advice_on_dissipation(run: Discretisation) -> str:
     """Why energy may vanish, and what to try."""
+    controlled = run.tolerance is not None
+    smaller = f"a tolerance below {run.tolerance:g}" if controlled else f"a smaller dt than {run.dt:g} s"
     if not isinstance(run.method, GeneralizedAlpha):
-        return f"the method removes motions that the steps do not resolve; a smaller dt than {run.dt:g} s may help"
+        return f"the method removes motions that the steps do not resolve; {smaller} may help"
     if _keeps_energy(run):
         return _advice(run)
     taken = f"numerical dissipation (spectral_radius {run.spectral_radius:g}) removes what the steps do not resolve"
-    if run.tolerance is not None:
-        return f"{taken}; a tolerance below {run.tolerance:g}, integrator='esdirk' or a larger spectral_radius may help"
-    return f"{taken}; a smaller dt than {run.dt:g} s or a larger spectral_radius may help"
+    other = ", integrator='esdirk'" if controlled else ""
+    return f"{taken}; {smaller}{other} or a larger spectral_radius may help"
 
 
 def _exchangeable(solution: Solution) -> float:

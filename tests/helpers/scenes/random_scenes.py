@@ -347,6 +347,7 @@ def some_steps(random, scene, method, mesh, element):
     quadrature = random.choice(["full", "full", "reduced", "lobatto"])
     options = {"mesh": mesh, "element": element, "quadrature": quadrature, "newton_tolerance": TOLERANCE}
     if method == "tolerance":
+        options["integrator"] = "generalized-alpha"
         return Discretisation(tolerance=random.choice([1e-2, 1e-3]), t_end=0.1, output_dt=0.02, **options)
     if method == "generalized-alpha":
         dt, steps = random.choice([5e-4, 2e-3, 4e-3]), 20

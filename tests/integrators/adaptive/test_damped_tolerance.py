@@ -10,7 +10,7 @@ from reference import global_dae
 
 RUBBER = at.Material(E=1e7, density=1000.0, damping=1e-3)
 SQUARE = at.Rectangle(0.02, 0.02)
-OPTIONS = {"mesh": 2, "t_end": 0.2, "output_dt": 0.02}
+OPTIONS = {"mesh": 2, "t_end": 0.2, "output_dt": 0.02, "integrator": "generalized-alpha"}
 PROBES = ["bar.end", "tail.end"]
 
 
@@ -49,7 +49,7 @@ def test_a_small_tolerance_tends_to_the_global_equations_and_keeps_the_promise_o
 @pytest.mark.parametrize("damping", [1e-3, 5e-2])
 def test_damping_takes_the_energy_that_the_global_equations_lose(damping):
     scene = falling(replace(RUBBER, damping=damping))
-    run = {"mesh": 1, "t_end": 0.1, "output_dt": 0.02}
+    run = {"mesh": 1, "t_end": 0.1, "output_dt": 0.02, "integrator": "generalized-alpha"}
     ours = at.solve(scene, tolerance=1e-3, **run)
     dae = global_dae.solve(scene, dt=2e-4, newton_tolerance=1e-9, **run)
     lost = np.abs(dae.energy.work).max()
@@ -60,7 +60,7 @@ def test_damping_takes_the_energy_that_the_global_equations_lose(damping):
 
 def test_without_damping_nothing_is_added_to_the_kernels_arguments():
     elastic = replace(RUBBER, damping=0.0)
-    run = {"mesh": 1, "tolerance": 1e-2, "t_end": 0.02, "output_dt": 0.01}
+    run = {"mesh": 1, "tolerance": 1e-2, "t_end": 0.02, "output_dt": 0.01, "integrator": "generalized-alpha"}
     plain, slight = (at.solve(falling(m), **run) for m in (elastic, replace(elastic, damping=1e-12)))
     assert plain.cost.steps == slight.cost.steps
     assert np.abs(plain.position("tail.end") - slight.position("tail.end")).max() < 1e-8

@@ -23,7 +23,15 @@ from studies.regression import small_scenes
 def test_where_newtons_iteration_stops_does_not_choose_the_steps(make, t_end, bounds):
     scene = make()
     one, two = (
-        at.solve(scene, mesh=2, tolerance=1e-3, t_end=t_end, output_dt=t_end / 5, newton_tolerance=bound)
+        at.solve(
+            scene,
+            mesh=2,
+            integrator="generalized-alpha",
+            tolerance=1e-3,
+            t_end=t_end,
+            output_dt=t_end / 5,
+            newton_tolerance=bound,
+        )
         for bound in bounds
     )
     assert one.status.ok
@@ -43,7 +51,15 @@ def test_a_turned_scene_takes_the_same_steps():
     """What a force does beside its straight line was taken by components, which depend on the axes."""
     scene = small_scenes.pulse()
     one, two = (
-        at.solve(s, mesh=2, tolerance=1e-3, t_end=0.1, output_dt=0.02, newton_tolerance=1e-12)
+        at.solve(
+            s,
+            mesh=2,
+            integrator="generalized-alpha",
+            tolerance=1e-3,
+            t_end=0.1,
+            output_dt=0.02,
+            newton_tolerance=1e-12,
+        )
         for s in (scene, Change(turn=0.7).scene(scene))
     )
     assert one.cost.steps == two.cost.steps
@@ -57,7 +73,11 @@ def test_a_start_that_dies_out_fast_does_not_hold_back_all_later_steps():
     ball = at.PointMass("ball", mass=mass, position=(1.0, 0.0), velocity=(speed, 0.0))
     spring = at.Spring("ball.center", (0.0, 0.0), stiffness=stiffness, damping=damping)
     found = at.solve(
-        at.Scene("damped", [ball], connectors=[spring]), tolerance=1e-3, t_end=t_end, output_dt=t_end / 5
+        at.Scene("damped", [ball], connectors=[spring]),
+        integrator="generalized-alpha",
+        tolerance=1e-3,
+        t_end=t_end,
+        output_dt=t_end / 5,
     )
     fast, slow = np.sort(np.roots([mass, damping, stiffness]))
     exact = speed / (slow - fast) * (np.exp(slow * found.t) - np.exp(fast * found.t))
@@ -72,7 +92,7 @@ def test_a_stiff_pendulum_is_not_turned_inside_out():
     """Newton's iteration found the motion of a beam turned inside out, where no error was estimated; it diverged."""
     beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Circle(0.02), at.Material(2e11, 7800.0))
     scene = at.Scene("pendulum", [beam], [at.Pin("beam.start")], gravity=(0.0, -9.81))
-    found = at.solve(scene, mesh=2, tolerance=1e-2, t_end=4.0, output_dt=0.05)
+    found = at.solve(scene, mesh=2, integrator="generalized-alpha", tolerance=1e-2, t_end=4.0, output_dt=0.05)
     assert found.status.ok, found.status
     assert found.cost.steps < 1000  # 2.7 million until it diverged
 

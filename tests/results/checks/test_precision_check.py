@@ -12,7 +12,7 @@ from studies.scenes import cantilever_fall, four_bar
 SOFT = at.Material(E=1e7, density=1000.0)
 ROADS = {
     "fixed": {"dt": 1e-3},
-    "tolerance": {"tolerance": 1e-3},
+    "tolerance": {"integrator": "generalized-alpha", "tolerance": 1e-3},
     "zhai": {"integrator": "zhai", "dt": 2e-4},
 }
 
