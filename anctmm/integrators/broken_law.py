@@ -1,11 +1,18 @@
 """Status of a run in which the law of a connector returned no number."""
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 
 from anctmm.discretise.chain import Chain
+from anctmm.errors import PropertyError, reason
 from anctmm.forces.connectors import Connectors
-from anctmm.model.connectors import Spring, name_of
+from anctmm.model.connectors import Connector, Spring, free_of, law_value, name_of
 from anctmm.results.status import Status
+
+#: Part of the run after the time of the last state that there was, at which a law is asked, too.
+NEAR = 1e-6
 
 
 def broken_law(
@@ -21,10 +28,25 @@ def broken_law(
     connector, (force, place) = chain.scene.connectors[k], connectors.now[k, :2]
     at = f"a length of {place:.6g} m" if isinstance(connector, Spring) else f"an angle of {place:.6g} rad"
     when = f"t = {t:.6g} s" if step is None else f"t = {t:.6g} s (step {step})"
+    free, free_rate = free_of(connector, float(connectors.placed[k]), t)
+    rate = float(connectors.now[k, 5]) - free_rate
+    raised = _raised(connector, float(place) - free, rate, (t, t + NEAR * chain.run.t_end))
     return Status(
         "diverged",
-        f"the law of the {name_of(connector)} gives {force} near {when}, at {at}; a law must give a finite number for "
-        f"every elongation, rate and time",
+        f"the law of the {name_of(connector)} gives {force} near {when}, at {at}{raised}; a law must give a finite "
+        f"number for every elongation, rate and time",
         time=t,
         step=step,
     )
+
+
+def _raised(connector: Connector, elongation: float, rate: float, times: Iterable[float]) -> str:
+    """What the function itself raises there, which its compiled form cannot tell; empty if it raises nothing."""
+    law: Any = getattr(connector.law, "py_func", connector.law)
+    for t in times:
+        try:
+            law_value(name_of(connector), law, elongation, rate, t)
+        except PropertyError as error:
+            if error.__cause__ is not None:
+                return f", where it raises {reason(error.__cause__)}"
+    return ""

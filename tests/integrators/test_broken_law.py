@@ -52,6 +52,30 @@ def test_a_rotational_spring_whose_law_ends_is_named(steps, integrator):
     assert found.status.time == pytest.approx(0.2, abs=0.1)
 
 
+def raising(x, rate, t):
+    """A law that raises from 0.2 s on."""
+    if t > 0.2:
+        raise ValueError("out of oil")
+    return 10.0 * x
+
+
+@pytest.mark.parametrize(
+    "steps", [{"dt": 1e-2}, {"tolerance": 1e-3, "output_dt": 0.1}], ids=["fixed", "by error"]
+)
+def test_what_a_law_raises_is_told(steps):
+    """Its compiled form gives no number, and nothing more."""
+    mass = at.PointMass("mass", 1.0, (1.0, 0.0), velocity=(1.0, 0.0))
+    scene = at.Scene("pulled", [mass], connectors=[at.Spring("mass.center", (0.0, 0.0), law=raising)])
+    found = at.solve(scene, t_end=1.0, **steps)
+    assert found.status.code == "diverged"
+    for word in (
+        "gives nan near t = 0.2",
+        "where it raises ValueError: out of oil",
+        "test_broken_law.py, line",
+    ):
+        assert word in found.status.message
+
+
 @pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
 def test_a_law_that_has_numbers_wherever_the_motion_goes_ends_no_run(integrator):
     """The guess of how far the motion goes passes the angle of 0.6 rad, where the law ends; the motion does not."""

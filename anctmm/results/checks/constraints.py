@@ -37,7 +37,7 @@ PARTED = 1e-4
 STRAINED = 1e-6
 #: Roundings of the coordinates that count as no distance.
 ROUNDINGS = 1e3
-ADVICE = "a smaller dt or a smaller newton_tolerance may help"
+ADVICE = "smaller steps or a smaller newton_tolerance may help"
 
 
 @by_address

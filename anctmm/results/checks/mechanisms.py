@@ -26,7 +26,7 @@ from anctmm.results.solution import Solution
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-ADVICE = "a smaller dt or a smaller newton_tolerance may help"
+ADVICE = "smaller steps or a smaller newton_tolerance may help"
 
 
 @kept

@@ -217,6 +217,7 @@ class Refinement:
         i = len(self.meshes) - 1 if self.meshes else int(self.chooses_mesh)
         j = len(self.steps) - 1 if self.steps else int(self.chooses_step)
         best: Refined | None = None
+        failed: Refined | None = None
         reason = ""
         for _ in range(2 * MOST_HALVINGS):
             chosen = self.chooses_mesh or self.chooses_step
@@ -228,6 +229,7 @@ class Refinement:
                 best = found
             if found.reached or found.solution.status.code in FINAL:
                 break
+            failed = failed if found.solution.status.ok else found
             finer = self._finer(found)
             if finer == (i, j):
                 reason = "only the given mesh and step may be used"
@@ -237,6 +239,8 @@ class Refinement:
             best = self._at(i, j, target)
         if not best.solution.status.ok:
             reason = str(best.solution.status)
+        elif failed is not None and failed.i >= best.i and failed.j >= best.j:  # why none was better
+            reason = f"{failed.label} ends early ({failed.solution.status}), and {reason}"
         return replace(best, reason="" if best.reached else reason)
 
     def _at(self, i: int, j: int, target: float) -> "Refined":

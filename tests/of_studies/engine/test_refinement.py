@@ -173,6 +173,23 @@ def test_where_longer_steps_fail_a_shorter_one_is_tried_on_the_same_mesh():
     assert found.error >= 0.0056 / mesh + 10.0 * step**2
 
 
+def test_finer_meshes_that_end_early_are_told():
+    """The reason was the length of a run alone, although no length would do."""
+
+    def fails_on_finer_meshes(scene, run):
+        if run.mesh > 4:
+            return nothing("fake", scene, run, Status("diverged", "element 1 is turned inside out"))
+        return fails_by_long_steps(scene, run)
+
+    beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e9, density=1000.0))
+    case = at.Case(at.Scene("s", [beam], gravity=(0.0, -1.0)), ["b.end"], t_end=1.0, output_dt=0.1)
+    runner = Runner(None, repeats=1, resolve=lambda name: fails_on_finer_meshes)
+    found = Refinement(case, Setup(), runner, most_work=2e4).refined(1e-4)
+    assert found.solution.status.ok
+    assert "ends early (diverged: element 1 is turned inside out), and" in found.reason
+    assert "elements times steps would be needed" in found.reason
+
+
 def test_a_solver_that_cannot_do_a_scene_is_asked_once():
     found = levels(DOUBLE_PENDULUM, solver="pyelastica").refined(1e-2)
     assert not found.reached
