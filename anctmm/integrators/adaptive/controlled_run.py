@@ -35,6 +35,7 @@ from anctmm.forces.timeline import Timeline, timeline
 from anctmm.integrators.adaptive.free_turns import ANEW, begin_turns, know_turns, new_turns
 from anctmm.integrators.adaptive.law_kinks import begin_kinks, know_kinks, new_kinks
 from anctmm.integrators.adaptive.returning import (
+    afloat,
     begin_returning,
     held,
     know_returning,
@@ -336,6 +337,7 @@ def _control(chain: Chain, scheme: Scheme) -> Control:
         damping=0.0 if bodies.damping is None else float(max(bodies.damping)),
         restrained=restrained(chain),
         held=held(chain),
+        afloat=afloat(chain),
         progress=np.zeros(len(PROGRESS)),
         actions=actions,
         turns=new_turns(chain),

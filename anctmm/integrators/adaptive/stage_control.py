@@ -319,10 +319,10 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
     if solved:
         to_w = _stage_of(part * progress[FACTORED] / h).to_w
         error, between, rates = stage_error(progress[TIME], h, to_w, system, control, track)
-        error *= grown(control.kinks, progress[TIME], control.t_end)
+        error = seen(error, system, control) * grown(control.kinks, progress[TIME], control.t_end)
         if not guess:
             turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
-            error = seen(max(error, turned, allowed * rates), system, control)
+            error = max(error, turned, allowed * rates)
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)

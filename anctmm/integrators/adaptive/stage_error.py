@@ -22,6 +22,7 @@ the stages have it, and the work with them. At the end of a step they are projec
 The same quintic is where the motion at outputs starts from: see `stage_outputs`.
 """
 
+from anctmm.integrators.adaptive.step_control import seen
 from anctmm.integrators.adaptive.step_error import filtered_error, largest_error
 from anctmm.integrators.adaptive.velocity_error import drives_rigid, largest_of, velocity_allowed
 from anctmm.jit.compiling import inlined
@@ -49,15 +50,14 @@ def stage_error(t, h, to_w, system, control, track):  # type: ignore[no-untyped-
         for i in range(q.shape[1]):
             way = 0.5 * h * (start[1, k, i] + v[k, i])
             x[k, i] = q[k, i] - start[0, k, i] - way + h * h / 12.0 * (w[k, i] - start[2, k, i])
-    between = BETWEEN * largest_error(x, 0.0, False, control)
-    rates = 0.0
-    if drives_rigid(control) and h <= control.returning.resolved:
+    plain, rates = seen(largest_error(x, 0.0, False, control), system, control), 0.0
+    if plain > 0.0 and drives_rigid(control) and h <= control.returning.resolved:
         rates = RATES * largest_of(x, control) / (h * velocity_allowed(v, control))
     for k in range(q.shape[0]):
         for i in range(q.shape[1]):
             x[k, i] *= to_w
     turned = filtered_error(t, h, to_w, PLACES, ROWS, True, system, control)
-    return largest_error(x, max(turned, _of_drives(h, control)), True, control), between, rates
+    return largest_error(x, max(turned, _of_drives(h, control)), True, control), BETWEEN * plain, rates
 
 
 @inlined

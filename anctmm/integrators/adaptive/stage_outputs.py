@@ -7,9 +7,11 @@ kept is a stage from there,
 
     M w = F(q, v, t),    q = q* + (γh)² (w − w*),    v = v* + γh (w − w*),
 
-by one Newton correction: what is stiff goes where its forces balance, all else moves by about as much as the quintic
+by Newton corrections: what is stiff goes where its forces balance, all else moves by about as much as the quintic
 misses. Constraints are kept as positions; what is nonlinear in them is taken off before and after. The matrix is the
-one kept, or a new one where that is old: as stiff parts turn, it takes what they move across themselves for strain.
+one kept, or a new one where that is old or does not do: as stiff parts turn, it takes what they move across themselves
+for strain. So one correction, which does in most places, left a steel arm that a drive indexes with forces of seventy
+times the largest at single outputs. What the corrections leave must be small beside the stretches of the step's ends.
 
 Errors of reactions and tensions, over the largest, without and with it, at a tolerance of 1e-2: a steel linkage 40 and
 0.1, a straight-line mechanism with steel links 135 and 0.3, a gantry crane 20 and 0.3, a four-bar driven by a moment
@@ -27,6 +29,10 @@ from anctmm.integrators.implicit.newton import SLOW
 from anctmm.integrators.stage_constraints import project
 from anctmm.jit.compiling import inlined
 from anctmm.recursion.constrained import give_back_multipliers, keep_multipliers
+
+#: What corrections at an output leave of a gradient, over the largest stretch at the ends of the step, and at least.
+#: With 0.1 seventeen scenes took 1.01 times the work, with 1 single forces were wrong by a third of the largest.
+BALANCED, LEAST = 0.3, 1e-9
 
 
 @inlined
@@ -69,6 +75,18 @@ def put_tensions(row, system, control, found):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _enough(start, end, control):  # type: ignore[no-untyped-def]
+    """Correction of a gradient that is small beside the stretches at the ends of a step; any where nothing bends."""
+    stretch = 0.0
+    for q in (start, end):
+        for i in range(q.shape[1]):
+            length = (q[2, i] * q[2, i] + q[3, i] * q[3, i]) ** 0.5
+            if length > 0.5:  # a point mass has no gradient
+                stretch = max(stretch, abs(length - 1.0))
+    return max(BALANCED * stretch, LEAST) if control.turns.elastic else np.inf
+
+
+@inlined
 def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-def]
     """Bring the motion in `track.found` to balance by a stage with the coefficients c; a row has what acts.
 
@@ -82,10 +100,11 @@ def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-d
             state.v[k, i] = found[1, k, i] - c.h * found[2, k, i]
     keep_multipliers(system.factors.loops, track.multipliers)
     move_drives(system.factors, system.clamps, control.angles[row])
-    stale, expected = newton.counts[2], newton.expected[0]
+    stale, made, expected = newton.counts[2], newton.counts[1], newton.expected[0]
     newton.counts[2] = 1 if stale != 0 and expected > SLOW else 0
-    solved = correct_stage(False, system, c, control.values[row], np.inf)
-    newton.counts[2], newton.expected[0] = stale, expected
+    enough = newton.weight[0] * _enough(track.start[0], end[0], control)
+    solved = correct_stage(False, system, c, control.values[row], enough)
+    newton.counts[2], newton.expected[0] = 1 if newton.counts[1] > made else stale, expected
     give_back_multipliers(system.factors.loops, track.multipliers)
     small = newton.history[0] * newton.scale <= control.allowed * control.scale[0]
     for k in range(found.shape[1]):

@@ -55,14 +55,16 @@ from anctmm.jit.compiling import embedded, inlined
 
 Array = NDArray[np.float64]
 
-#: Smallest step, of the run: with 1e-9 no first step of a steel arm in a run of 5,000 s was small enough.
-SMALLEST = 1e-12
+#: Smallest step, of the run. With 1e-9 no first step of a steel arm in a run of 5,000 s was small enough, with 1e-12
+#: none of a fine frame at whose end a force begins.
+SMALLEST = 1e-14
 #: Rounding of positions, of what it leaves in Newton's iteration; and how many times it the sum of errors that is
 #: allowed must be for errors of steps to be told from it.
-POSITIONS, TOLD_APART = 1.0 / 32.0, 1e5
+POSITIONS, TOLD_APART = 1.0 / 8.0, 3e4
 #: Part of the error allowed that may be what Newton's iteration leaves of speeds, where errors of these stay; and where
 #: anything is elastic: what is left of a stiff length does not alternate. A smaller part costs next to nothing there.
-SPEED_PART, ELASTIC_PART = 0.2, 0.002
+#: The last one is where what drives and loads move is joined to nothing that stands still.
+SPEED_PART, ELASTIC_PART, AFLOAT_PART = 0.2, 0.002, 0.05
 #: Changes of the step below which it stays: each costs a factorization.
 SHORTER, LONGER = 0.87, 1.15
 #: Part of the run over which the mean of the errors is taken, and steps at most: what is over, as a start that dies out
@@ -114,7 +116,7 @@ class Control(NamedTuple):
     m, (nodes,); by_gradient: the largest of these, relative to Newton's scale. moved: displacement of each node until
     now, and the one assumed, m, (2, nodes). elastic: constants of the elements, and what damping times rate adds to
     them, (2, bodies, ...). damping: the largest one of a body, s. progress: where the run stands. actions: what acts in
-    time. restrained, held, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
+    time. restrained, held, afloat, returning: see `returning`. turns: see `free_turns`. kinks: see `law_kinks`.
 
     The progress is the time reached, the step aimed at, that of the matrix, the last one (0: none), s; the number of
     the next stop; whether the motion starts there; whether its first step comes next; outputs kept; steps since the
@@ -149,6 +151,7 @@ class Control(NamedTuple):
     damping: float
     restrained: bool
     held: bool
+    afloat: bool
     progress: Array
     actions: Timeline
     turns: Turns
@@ -214,9 +217,9 @@ def left_by_newton(part, h, c, system, control):  # type: ignore[no-untyped-def]
     resists = 1.0 + control.damping * c.gamma / (c.beta * c.h)
     may = part * control.allowed * h / control.t_end / (resists * resists)
     returning = control.returning
-    stays = goes_on(control) or h > returning.resolved
-    if stays or knows_kinks(control.kinks):
-        speed = ELASTIC_PART if returning.elastic else SPEED_PART
+    stays = goes_on(control) or h > returning.resolved or knows_kinks(control.kinks)
+    if stays or control.afloat:
+        speed = AFLOAT_PART if not stays else ELASTIC_PART if returning.elastic else SPEED_PART
         over = control.t_end * (control.t_end - control.progress[TIME])
         may = min(may, speed * control.allowed * h * h / over)
     left = max(control.rounding, may * control.scale[0] / system.newton.scale)

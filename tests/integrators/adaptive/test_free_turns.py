@@ -164,6 +164,28 @@ def test_a_stiff_beam_that_spins_has_the_error_asked_for(pinned, damping, integr
     assert error(found, "bar.end", exact) <= 1.5 * tolerance
 
 
+@pytest.mark.compiled
+@pytest.mark.parametrize(("t_end", "tolerance"), [(20.0, 1e-2), (20.0, 3e-3), (15.0, 1e-3)])
+def test_a_satellite_rests_after_its_drives_have_folded_its_panels(t_end, tolerance):
+    """All its momentum is 0. It went on turning, by up to 25 times the tolerance: of what Newton's iteration left."""
+    panel, metal = at.Rectangle(0.3, 0.01), at.Material(E=7e10, density=2700.0, damping=1e-4)
+    bodies = [
+        at.RigidBody("bus", 100.0, 20.0, (0, 0), {"r": (0.5, 0), "l": (-0.5, 0)}),
+        at.Beam("right", (0.5, 0), (2.5, 0), panel, metal),
+        at.Beam("left", (-0.5, 0), (-2.5, 0), panel, metal),
+    ]
+    folds = [
+        at.Weld("bus.r", "right.start", angle=at.Quintic(1.2, 2.0)),
+        at.Weld("bus.l", "left.start", angle=at.Quintic(0.5, 1.0)),
+    ]
+    options = {"mesh": 2, "t_end": t_end, "output_dt": t_end / 100, "integrator": "esdirk"}
+    scene = at.Scene("satellite", bodies, folds)
+    exact = at.solve(scene, dt=5e-3, newton_tolerance=1e-10, **options)
+    found = at.solve(scene, tolerance=tolerance, **options)
+    assert found.status.ok
+    assert at.compare(found, exact, ["bus.r", "right.end", "left.end"]).error < 2.0 * tolerance
+
+
 @pytest.mark.parametrize(("integrator", "tolerance"), [("esdirk", 1e-4), ("generalized-alpha", 1e-3)])
 def test_a_body_that_turns_as_it_flies_has_the_error_asked_for(integrator, tolerance):
     """It missed by 11 times the tolerance with steps of fourth order, by 28 times with generalized-alpha."""
