@@ -4,10 +4,12 @@ Every run is compared with its own stored history (like with like), and a peer t
 equations also with what ANC-TMM has stored, within both their tolerances.
 """
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
 from functools import partial
+from itertools import starmap, zip_longest
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -28,6 +30,7 @@ from studies.regression.history import (
     Column,
     History,
     is_ours,
+    physics_of,
     read_baseline,
     write_baseline,
 )
@@ -319,6 +322,34 @@ def _like(done: Done, baselines: Path) -> Iterator[Finding]:
 
 
 def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
+    found = _difference(task, computed, stored, against)
+    scene = _scene_changes(stored.physics, physics_of(task)) if found.verdict == DIFFERS else ""
+    return replace(found, reason="; ".join(filter(None, (found.reason, scene))))
+
+
+def _scene_changes(before: Sequence[str], now: Sequence[str]) -> str:
+    """What of a scene is not what it was; empty where nothing is, or nothing was stored."""
+    gone, come = [b for b in before if b not in now], [n for n in now if n not in before]
+    if not before or not (gone or come):
+        return ""
+    return "the scene has changed: " + "; ".join(
+        starmap(_part_change, zip_longest(gone, come, fillvalue="nothing"))
+    )
+
+
+def _part_change(before: str, now: str) -> str:
+    """How a part of a scene has changed: of a body what of it has, of others the whole."""
+    body = before.partition(", ")[0]
+    if "(name=" in body and now.startswith(body):
+        kind, _, name = body.partition("(name=")
+        plain = (
+            re.sub(r"\w+=\w+\((?=\w+=)", "", part) for part in (before, now)
+        )  # "E=" for "material=Material(E="
+        return f"{kind} {name}: {_changes(*plain)}"
+    return f"stored with {before}; now {now}"
+
+
+def _difference(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
     kept = stored.history.columns
     # histories that were stored before angles were have none
     computed = computed.of_columns(lambda column: column.quantity != ANGLE or column in kept)

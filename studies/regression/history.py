@@ -18,7 +18,7 @@ from studies.regression.scenes import CheckError, Static, Task
 
 Array = NDArray[np.float64]
 
-FIRST, LAST = "# anctmm history 1", "# end"
+FIRST, LAST, PHYSICS = "# anctmm history 1", "# end", "# physics: "
 #: Of the quantities, each with one tolerance.
 UNITS = {
     "displacement": "m",
@@ -159,6 +159,7 @@ class Baseline:
     tolerances: Mapping[str, Tolerance]
     history: History
     margins: Mapping[str, int] = field(default_factory=dict)
+    physics: tuple[str, ...] = ()
 
 
 def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
@@ -168,7 +169,7 @@ def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> No
     lines = [
         FIRST,
         f"# scene: {task.scene.name}",
-        *(f"# physics: {part}" for part in _physics(task)),
+        *(f"{PHYSICS}{part}" for part in physics_of(task)),
         f"# run: {task.run_name}",
         f"# solver: {task.solver}",
         f"# settings: {stored.settings}",
@@ -236,7 +237,8 @@ def read_baseline(path: Path) -> Baseline:
         {name: count for name, count, _ in counted},
         _after(head, "# ending: "),
     )
-    return Baseline(settings, tolerances, history, {name: margin for name, _, margin in counted})
+    physics = tuple(line.removeprefix(PHYSICS) for line in head if line.startswith(PHYSICS))
+    return Baseline(settings, tolerances, history, {name: margin for name, _, margin in counted}, physics)
 
 
 def is_ours(path: Path) -> bool:
@@ -248,7 +250,7 @@ def is_ours(path: Path) -> bool:
         return False
 
 
-def _physics(task: Task) -> list[str]:
+def physics_of(task: Task) -> list[str]:
     """The scene in words; functions by their names, whose addresses say nothing."""
     scene = task.scene
     parts = [

@@ -19,7 +19,7 @@ from anctmm.discretise import kept_chains
 from anctmm.elements import cable, shear_kernel
 from anctmm.elements.shapes import gauss, hermite
 from anctmm.integrators import zhai as explicit
-from anctmm.recursion import riccati
+from anctmm.recursion import node_blocks
 from studies.regression.check import check
 from studies.regression.scenes import declared_in, tasks_of
 
@@ -65,8 +65,8 @@ def swapped_sign_in_the_transfer_of_the_mass(patch):
 
 
 def swapped_sign_in_the_transfer_of_the_tangent(patch):
-    """D of the outboard node becomes K_OO + L K_IO in place of K_OO − L K_IO: the last `-=` of its code."""
-    patch.setattr(riccati, "eliminate", with_last_minus_swapped(riccati.eliminate))
+    """A component that is eliminated is added to the coupling of the others: the last `-=` of `update_row`."""
+    patch.setattr(node_blocks, "update_row", with_last_minus_swapped(node_blocks.update_row))
 
 
 def with_last_minus_swapped(function):

@@ -267,6 +267,21 @@ def test_whatever_else_changes_has_its_verdict(spinner, stored, change, verdict,
     assert passed([found]) == (verdict == "same")  # where nothing was compared, nothing is known
 
 
+def test_a_scene_that_has_changed_is_told_beside_the_difference(spinner, stored):
+    """A history that differs has another cause where the scene is not the one that was stored."""
+    spinner.rate *= 1.001
+    assert "scene" not in one(check([TASK], stored)).reason
+    stiffer = [replace(b, material=replace(b.material, E=2.0 * b.material.E)) for b in SCENE.bodies]
+    scene = replace(SCENE, bodies=stiffer, gravity=(0.0, -1.5))
+    found = one(check([replace(TASK, scene=scene)], stored))
+    assert found.verdict == "differs"
+    beam, material = SCENE.bodies[0], SCENE.bodies[0].material
+    assert f"the scene has changed: Beam {beam.name!r}: stored with " in found.reason
+    assert f"E={material.E}" in found.reason
+    assert f"E={2.0 * material.E}" in found.reason
+    assert f"stored with gravity {SCENE.gravity}; now gravity (0.0, -1.5)" in found.reason
+
+
 def test_how_a_run_must_end_is_stored_and_compared(spinner, tmp_path):
     """Of a run that must diverge, status, step, body and element; less or more of it is a difference."""
     spinner.status = Status("diverged", "too fast", 0.5, 50, "bar", 1)
