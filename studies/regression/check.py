@@ -342,9 +342,8 @@ def _part_change(before: str, now: str) -> str:
     body = before.partition(", ")[0]
     if "(name=" in body and now.startswith(body):
         kind, _, name = body.partition("(name=")
-        plain = (
-            re.sub(r"\w+=\w+\((?=\w+=)", "", part) for part in (before, now)
-        )  # "E=" for "material=Material(E="
+        # "E=" for "material=Material(E="
+        plain = (re.sub(r"\w+=\w+\((?=\w+=)", "", part) for part in (before, now))
         return f"{kind} {name}: {_changes(*plain)}"
     return f"stored with {before}; now {now}"
 

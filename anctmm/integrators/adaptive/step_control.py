@@ -238,8 +238,8 @@ def seen(error, system, control):  # type: ignore[no-untyped-def]
 
     Where rounding is more of what is allowed than can be told apart, it counts, and no step is small enough.
     """
-    rounded = POSITIONS * control.rounding * system.newton.scale / control.scale[0]
-    return 0.0 if error <= rounded and TOLD_APART * rounded <= control.allowed else error
+    rounded, scale = POSITIONS * control.rounding * system.newton.scale, control.scale[0]
+    return 0.0 if error * scale <= rounded and TOLD_APART * rounded <= control.allowed * scale else error
 
 
 @inlined

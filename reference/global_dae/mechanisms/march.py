@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
+from anctmm.errors import PropertyError
 from anctmm.model.bodies import Beam
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
-from anctmm.results.ended_early import Interrupted, interruption
+from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.fields import Field, HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status, in_short
@@ -107,6 +108,8 @@ class Marcher:
                 taken = n
         except KeyboardInterrupt:
             raise Interrupted(so_far(interruption(float(times[taken])))) from None
+        except PropertyError as error:  # of a load, a drive or a law
+            raise HistoryError(so_far(broken_off(error, float(times[taken])))) from error
         return so_far(status)
 
     def _failed(self, failure: Failure, n: int, t: float) -> Status:

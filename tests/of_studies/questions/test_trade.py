@@ -69,7 +69,7 @@ def measured(result, tmp_path_factory) -> recommend.Measured:
         ("cantilever-fall", "8", 2e-3, 5.7e-3, "mesh"),
         ("cantilever-fall", "16", 5e-3, 8.8e-4, "mesh"),  # the benchmark's finer reference says the same
         ("cantilever-fall", "32", 5e-3, 1.36e-4, "both"),
-        ("four-bar", "2/6/2", 1e-3, 4.5e-4, "mesh"),
+        ("four-bar", "2/6/2", 1e-3, 4.1e-4, "mesh"),
         ("four-bar", "3/10/3", 5e-3, 1.92e-3, "step"),
     ],
 )
@@ -306,13 +306,14 @@ def test_the_command_prints_setting_cost_runners_up_and_a_script_that_runs(resul
     assert answer.exit_code == 0
     chosen = recommend.choose(result.table("points").frame, "four-bar", 1e-3, 0.5)
     said = answer.stdout
+    unbroken = " ".join(said.split())  # lines end where the terminal does
     for part in (
         f"Recommended: {setting_of(chosen.line)}",
         f"expected {milliseconds(chosen.line['cpu_s'])} of CPU time; error {chosen.line['error']:.2g}",
         "Runners-up, the cheapest of each kind",
         "meets the target error 0.001",
     ):
-        assert part in said
+        assert part in unbroken
     script = said[said.index("import anctmm") : said.index("Rerun of this script")]
     with redirect_stdout(StringIO()) as printed:
         exec(compile(script, "<printed>", "exec"), {})
