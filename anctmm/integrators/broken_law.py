@@ -8,7 +8,8 @@ import numpy as np
 from anctmm.discretise.chain import Chain
 from anctmm.errors import PropertyError, reason
 from anctmm.forces.connectors import Connectors
-from anctmm.model.connectors import Connector, Spring, free_of, law_value, name_of
+from anctmm.integrators.jumping_law import asked_of_law
+from anctmm.model.connectors import Connector, Spring, law_value, name_of
 from anctmm.results.status import Status
 
 #: Part of the run after the time of the last state that there was, at which a law is asked, too.
@@ -28,9 +29,7 @@ def broken_law(
     connector, (force, place) = chain.scene.connectors[k], connectors.now[k, :2]
     at = f"a length of {place:.6g} m" if isinstance(connector, Spring) else f"an angle of {place:.6g} rad"
     when = f"t = {t:.6g} s" if step is None else f"t = {t:.6g} s (step {step})"
-    free, free_rate = free_of(connector, float(connectors.placed[k]), t)
-    rate = float(connectors.now[k, 5]) - free_rate
-    raised = _raised(connector, float(place) - free, rate, (t, t + NEAR * chain.run.t_end))
+    raised = _raised(connector, *asked_of_law(connector, connectors, k, t), (t, t + NEAR * chain.run.t_end))
     return Status(
         "diverged",
         f"the law of the {name_of(connector)} gives {force} near {when}, at {at}{raised}; a law must give a finite "

@@ -11,7 +11,7 @@ from anctmm.discretise.chain import Chain
 from anctmm.discretise.methods import Coefficients
 from anctmm.forces.connectors import Connectors
 from anctmm.forces.laws import call_law
-from anctmm.model.connectors import Spring, free_of, name_of
+from anctmm.model.connectors import Connector, Spring, free_of, name_of
 
 #: Corrections to either side in which a jump is looked for, and halvings of that.
 NEAR, HALVINGS = 10.0, 60
@@ -19,6 +19,12 @@ NEAR, HALVINGS = 10.0, 60
 JUMPS, ROUNDED = 0.5, 1e-6
 #: Part of the way looked at that counts as none.
 NONE = 1e-12
+
+
+def asked_of_law(connector: Connector, connectors: Connectors, k: int, t: float) -> tuple[float, float]:
+    """Elongation and rate at which the law of connector k was last evaluated, for a step to t, s."""
+    free, free_rate = free_of(connector, float(connectors.placed[k]), t)
+    return float(connectors.now[k, 1]) - free, float(connectors.now[k, 5]) - free_rate
 
 
 def advice_on_jump(
@@ -40,8 +46,7 @@ def advice_on_jump(
         return None
     for k in np.flatnonzero(connectors.laws):
         connector, law = chain.scene.connectors[k], int(connectors.laws[k])
-        free, free_rate = free_of(connector, float(connectors.placed[k]), t)
-        x, rate = float(connectors.now[k, 1]) - free, float(connectors.now[k, 5]) - free_rate
+        x, rate = asked_of_law(connector, connectors, int(k), t)
         spring = isinstance(connector, Spring)
         reach = NEAR * correction * (chain.length if spring else 1.0)
         ways: tuple[tuple[str, float, float, Callable[[float], float]], ...] = (

@@ -20,7 +20,7 @@ from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
 from anctmm.results.checks.acting import length_of, reach_of
 from anctmm.results.checks.finding import Finding
-from anctmm.results.checks.mechanisms import is_mechanism, mechanism_findings
+from anctmm.results.checks.mechanisms import ADVICE, is_mechanism, mechanism_findings
 from anctmm.results.checks.places import Places, joined_places, names_of
 from anctmm.results.solution import Solution
 
@@ -37,7 +37,6 @@ PARTED = 1e-4
 STRAINED = 1e-6
 #: Roundings of the coordinates that count as no distance.
 ROUNDINGS = 1e3
-ADVICE = "smaller steps or a smaller newton_tolerance may help"
 
 
 @by_address
