@@ -94,6 +94,7 @@ def test_a_runner_says_what_begins(tmp_path):
 def test_a_log_without_a_terminal_has_a_line_for_each_part(monkeypatch, tmp_path):
     """A real command whose output goes nowhere that could show a bar."""
     monkeypatch.setattr(progress, "BRIEF", 0.0)
+    monkeypatch.delenv("COLUMNS", raising=False)  # lines are broken where a width is stated
     arguments = ["study", "convergence", DOUBLE_PENDULUM, "--quick", "--out", str(tmp_path)]
     done = CliRunner().invoke(app, arguments)
     assert done.exit_code == 0
@@ -101,7 +102,7 @@ def test_a_log_without_a_terminal_has_a_line_for_each_part(monkeypatch, tmp_path
     finished = [line for line in lines if not re.search(r"\d+ of \d+ done", line)]  # a slow part says so
     assert finished
     done_in = r"anctmm: \[\d+ (s|min)\] double-pendulum: .* in \d+ (s|min)"
-    assert all(re.fullmatch(done_in, line) for line in finished)
+    assert not [line for line in finished if not re.fullmatch(done_in, line)]
 
 
 def test_a_terminal_has_no_log():
