@@ -1,11 +1,12 @@
 """Junctions: the places where ends of bodies meet, derived from the joints as edges of a graph."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, Protocol, TypeVar
 
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
+from anctmm.model.connectors import Connector, ends_of
 from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld, drive_of
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, Place, Written
@@ -137,6 +138,20 @@ def turning_bodies(scene: Graph) -> list[str]:
             found.setdefault(sets.of(body.name), body.name)
     held = sets.of(GROUND)
     return [name for one, name in found.items() if one != held]
+
+
+def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
+    """Pairs of bodies that joints, or these connectors, join to each other; None is the ground."""
+    for joint in scene.joints:
+        first, *others = [scene.place(end).body.name for end in joint.ends]
+        yield from ((first, other) for other in others)
+        if isinstance(joint, Guide):
+            yield first, joint.body
+        elif joint.grounded:
+            yield first, GROUND
+    for connector in connectors:
+        one, two = ends_of(scene, connector)
+        yield one.body.name, two.body.name if isinstance(two, Place) else GROUND
 
 
 def end_of(scene: Graph, place: Written) -> End:

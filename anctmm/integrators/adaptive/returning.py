@@ -35,10 +35,10 @@ from anctmm.jit.compiling import inlined
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, free_of, law_value, name_of
 from anctmm.model.initial_motion.rigid_start import mobile
-from anctmm.model.joints import Guide, drive_of
+from anctmm.model.joints import drive_of
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
-from anctmm.model.topology import GROUND, Sets
+from anctmm.model.topology import GROUND, Sets, joined_bodies
 from anctmm.model.velocities import Point
 
 Array = NDArray[np.float64]
@@ -100,14 +100,8 @@ def afloat(chain: Chain) -> bool:
     scene, sets = chain.scene, Sets[str | None]()
     if not (scene.loads or any(drive_of(joint) is not None for joint in scene.joints)):
         return False
-    for joint in scene.joints:
-        joined: list[str | None] = [scene.place(end).body.name for end in joint.ends]
-        joined += [joint.body] if isinstance(joint, Guide) else [GROUND] if joint.grounded else []
-        for other in joined[1:]:
-            sets.unite(joined[0], other)
-    for connector in scene.connectors:
-        one, two = ends_of(scene, connector)
-        sets.unite(one.body.name, two.body.name if isinstance(two, Place) else GROUND)
+    for one, two in joined_bodies(scene, scene.connectors):
+        sets.unite(one, two)
     still = sets.of(GROUND)
     return any(beam.name not in chain.rigid and sets.of(beam.name) != still for beam in scene.beams)
 

@@ -19,7 +19,7 @@ from anctmm.model.joints import Guide, Joint
 from anctmm.model.loads import Force, LineLoad, Torque, tabulated
 from anctmm.model.places import Place
 from anctmm.model.scene import Scene
-from anctmm.model.topology import Sets
+from anctmm.model.topology import GROUND, Sets, joined_bodies
 from anctmm.model.velocities import Point
 from anctmm.results.status import Status
 
@@ -144,16 +144,9 @@ def _groups(scene: Scene) -> list[_Group]:
     """Bodies of a scene by what connects them."""
     sets = Sets[str]()
     acting = [connector for connector in scene.connectors if _acts(connector)]
-    for joint in scene.joints:
-        names = [scene.place(end).body.name for end in joint.ends]
-        if isinstance(joint, Guide) and joint.body is not None:
-            names.append(joint.body)
-        for name in names[1:]:
-            sets.unite(names[0], name)
-    for connector in acting:
-        first, second = ends_of(scene, connector)
-        if isinstance(second, Place):
-            sets.unite(first.body.name, second.body.name)
+    for one, two in joined_bodies(scene, acting):
+        if two is not GROUND:
+            sets.unite(one, two)
     groups = {names[0]: _Group(names) for names in sets.among(body.name for body in scene.bodies)}
     of = {name: group for group in groups.values() for name in group.bodies}
     for joint in scene.joints:
