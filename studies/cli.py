@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["app", "main", "read_options", "sweeping"]
 
 app = typer.Typer(
-    cls=Commands,
-    help="Accuracy, stability and cost of planar flexible multibody solvers.",
-    epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
+    cls=Commands, epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
 
 Elements = Annotated[
@@ -69,6 +67,23 @@ Cluster = Annotated[
 def main() -> None:
     """Entry point."""
     app()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"anctmm {version('anctmm')}")
+        raise typer.Exit
+
+
+@app.callback()
+def whole_command(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Accuracy, stability and cost of planar flexible multibody solvers."""
 
 
 @app.command("list", cls=Command)

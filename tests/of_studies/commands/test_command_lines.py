@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -522,6 +523,11 @@ def test_a_check_in_other_characters(charset, project):
 
 def test_the_table_is_long():
     assert sum(map(len, (SCENES, BASELINES, TABLES, ARGUMENTS, ENVIRONMENTS))) >= 240
+
+
+def test_the_version_is_told_before_anything_is_done():
+    done = CliRunner().invoke(app, ["--version", "run", "five-bar"])
+    assert (done.exit_code, done.output) == (0, f"anctmm {version('anctmm')}\n")
 
 
 def test_what_an_encoding_lacks_has_a_likeness():
