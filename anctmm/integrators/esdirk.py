@@ -176,12 +176,12 @@ def advance(
         copy(flat_v, room.v)
         copy(room.w[count - 1], room.w[0])
         room.power[0] = room.power[count - 1]
-        solved = _find_stages(False, numbers, row, room, system, clamp_table, load_table)
+        solved = _find_stages(False, step == 0, numbers, row, room, system, clamp_table, load_table)
         again = not solved and room.projected is not None
         if again:
             copy(room.q, flat_q)
             copy(room.v, flat_v)
-            solved = _find_stages(True, numbers, row, room, system, clamp_table, load_table)
+            solved = _find_stages(True, step == 0, numbers, row, room, system, clamp_table, load_table)
         row += count - 1
         if not end_step(solved, room, system, clamp_table[row - 1]):
             return step + 1
@@ -193,7 +193,7 @@ def advance(
 
 
 @shared
-def _find_stages(places, numbers, row, room, system, clamp_table, load_table):  # type: ignore[no-untyped-def]
+def _find_stages(places, first, numbers, row, room, system, clamp_table, load_table):  # type: ignore[no-untyped-def]
     """Find the stages of a step, with all constraints kept as positions if `places`; False if one is not found.
 
     Near a singular position accelerations do not keep a linkage together: an error in a direction that it is about to
@@ -206,6 +206,8 @@ def _find_stages(places, numbers, row, room, system, clamp_table, load_table):  
     for i in range(1, len(table.c)):
         room.at[0] = i
         begin_stage(i, h, c.h, table, room, state.flat)
+        if first:
+            _stay(h * (table.c[i] - table.c[i - 1]), c.h, room, state.flat)
         move_drives(factors, clamps, clamp_table[row])
         if not solve_stage(2, system, c, load_table[row], newton.tolerance):
             return False
@@ -250,6 +252,14 @@ def begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
         v[k] += v_start[k]
         was[k] = q_start[k] + (was[k] - part * v[k])
         had[k] = last[k]
+
+
+@embedded
+def _stay(h, part, room, flat):  # type: ignore[no-untyped-def]
+    """Predict the w by which a stage ends where the one before did, moved on for h by the velocities at the start."""
+    q, v, _, _, was, had = flat
+    for k in range(len(q)):
+        had[k] = (q[k] + h * room.v[k] - was[k] - part * v[k]) / (part * part)
 
 
 @shared

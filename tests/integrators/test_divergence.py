@@ -197,6 +197,15 @@ def test_elements_inside_out_are_found_however_they_lie(angle, vectors):
     assert inside_out(turned(mirrored, angle), 1.0).tolist() == [[False, True, True, False]]
 
 
+@pytest.mark.parametrize("angle", [0.0, 1.0])
+@pytest.mark.parametrize("end", [0.575, 0.9, 1.3])
+def test_an_axis_that_folds_back_on_itself_has_a_cusp(angle, end):
+    """A bar whose last element is folded: its strains balance an axial load, and its chord may have any direction."""
+    q = straight(vectors=2)
+    q[0, 4, 0, 0], q[0, 4, 1, 0] = 3.0 + end - 0.86, -1.1
+    assert inside_out(turned(q, angle), 1.0).tolist() == [[False, False, False, True]]
+
+
 @pytest.mark.parametrize("vectors", [2, 3])
 def test_bending_to_nearly_half_a_circle_is_no_fault(vectors):
     angle, radius = np.linspace(0.0, 0.95 * np.pi * 4, 5), 1.0 / (0.95 * np.pi)

@@ -26,10 +26,14 @@ from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 Mask = NDArray[np.bool_]
 
 #: A gradient longer than this is taken as divergence: no elastic beam stretches a thousandfold.
 STRETCH_LIMIT = 1e3
+#: Part of an element's length, along its gradient at an end, below which its chord makes one look along its axis; the
+#: places looked at; and the length of a gradient there at which an axis has a cusp: it is a part of a right one's 1.
+SHORTENED, PLACES, CUSP = 1.0 / 3.0, 33, 0.1
 #: Elements times outputs that are looked at together: what this takes stays in the cache.
 BATCH = 20_000
 
@@ -38,7 +42,8 @@ def inside_out(q: Array, length: float | Array) -> Mask:
     """Whether elements are turned inside out.
 
     An element with an r_y is so where r_x × r_y ≤ 0 at a node or in its middle. An axis alone has no sides: it is so
-    where it turns by more than half a circle within the element, so that it runs against its gradients at both ends.
+    where it turns by more than half a circle within the element, so that it runs against its gradients at both ends, or
+    where it has a cusp: a bar under an axial load that folds back on itself balances that, too.
 
     Parameters
     ----------
@@ -57,12 +62,24 @@ def inside_out(q: Array, length: float | Array) -> Mask:
     found = (back * a).real < 0.0
     if np.count_nonzero(found):  # as nearly never; quicker than any() where arrays are small
         found &= (back * b).real < 0.0
+    short = np.minimum((back * a).real, (back * b).real) < SHORTENED * length
+    if np.count_nonzero(short):
+        found |= short & _has_cusp(chord / length, a, b)
     if q.shape[-2] == 3:
         sides = (np.conj(z[..., 1]) * z[..., 2]).imag
         axis, across = 1.5 * chord / length - 0.25 * (a + b), 0.5 * (z[..., :-1, 2] + z[..., 1:, 2])
         middle = (np.conj(axis) * across).imag
         found |= (sides[..., :-1] <= 0.0) | (sides[..., 1:] <= 0.0) | (middle <= 0.0)
     return found  # type: ignore[no-any-return]
+
+
+def _has_cusp(chord: Complex, a: Complex, b: Complex) -> Mask:
+    """Whether the axis between gradients a and b, with a chord over its undeformed length, shrinks to a point."""
+    least = np.full(chord.shape, np.inf)
+    for x in np.linspace(0.0, 1.0, PLACES):
+        slope = 6.0 * x * (1.0 - x) * chord + (1.0 - x) * (1.0 - 3.0 * x) * a + x * (3.0 * x - 2.0) * b
+        least = np.minimum(least, np.abs(slope))
+    return least < CUSP  # type: ignore[no-any-return]
 
 
 def out_of_bounds(q: Array) -> Mask:

@@ -324,3 +324,19 @@ def test_a_preloaded_start_at_rest_stays():
     rest = at.solve_static(scene, mesh=2)
     found = at.solve(scene, mesh=2, integrator="esdirk", dt=1e-2, t_end=0.1, start=rest)
     assert np.abs(coordinates(found) - coordinates(found)[0]).max() < 1e-9
+
+
+@pytest.mark.parametrize("strain", [-1e-3, 1e-5, 1e-3])
+@pytest.mark.parametrize("damping", [0.0, 1e-3])
+@pytest.mark.parametrize("dt", [1e-2, 2e-2])
+def test_a_stiff_bar_under_a_load_that_acts_at_once_comes_to_rest(strain, damping, dt):
+    """F/EA, however long the step: bars had turned inside out, some with status ok, when stages started from F/m."""
+    E, area = 7e10, 1e-4
+    metal = at.Material(E, 2700.0, damping=damping)
+    beam = at.Beam("bar", (0, 0), (1, 0), at.Rectangle(0.02, 0.005), metal)
+    load = at.Force("bar.end", (strain * E * area, 0.0))
+    scene = at.Scene("bar", [beam], [at.Clamp("bar.start", stretch="free")], [load])
+    run = at.solve(scene, mesh=4, dt=dt, t_end=0.4, integrator="esdirk")
+    assert run.status.ok
+    # N of Green's strain: EA (e + e²/2) (1 + e) = F
+    assert run.position("bar.end")[-1, 0] - 1.0 == pytest.approx(strain, rel=2.0 * abs(strain) + 1e-4)
