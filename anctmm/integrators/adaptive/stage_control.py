@@ -147,6 +147,10 @@ SHORT = 0.1
 #: The second is that where nothing is elastic. The last is that in structures which joints hold: with 3.5 to 6
 #: reactions at 1e-2 and a portal's error at 1e-5 were up to six times as large.
 NEWTON_PART, RIGID_PART, HELD_PART = 0.1, 0.3, 1.0
+#: That of rigid bodies that move freely, over the part that the step is of what is left of the run: until its end they
+#: go on with the speeds that the iteration leaves. Without it 10 of 320 runs of pendulums of one to three bodies, drawn
+#: at random, missed their tolerances by 3 to 26 times; with it, for 1.1 times the work, none by more than 2.
+SWINGING_PART = 3.0
 #: Times that where drives move rigid bodies: what is left of their forces is in the work of the drives, and the balance
 #: of energy was wrong by up to 8 times the tolerance, now by 2.3 times it, for 1 to 5 % more steps.
 DRIVEN = 0.2
@@ -406,6 +410,8 @@ def _take_stages(guess, h, c, system, control, track):  # type: ignore[no-untype
 def _newton_part(h, linkage, control):  # type: ignore[no-untyped-def]
     """Part of the error allowed in a step that the iteration of a stage may leave."""
     part = HELD_PART if control.restrained else NEWTON_PART if control.turns.elastic else RIGID_PART
+    if not (control.turns.elastic or control.held):
+        part = min(part, SWINGING_PART * h / (control.t_end - control.progress[TIME]))
     return part * (DRIVEN if drives_rigid(control) else 1.0 if linkage else times_for_many(h, MANY, control))
 
 
