@@ -209,6 +209,14 @@ class HermiteField:
 
 
 @dataclass(frozen=True)
+class InterpolatedField(HermiteField):
+    """Axis through the nodes of elements of another kind, in the directions that these give: its forces are not known.
+
+    Its parameters are those of `HermiteField`.
+    """
+
+
+@dataclass(frozen=True)
 class QuinticField(HermiteField):
     """Axis of a body of quintic cables, whose nodes have r (m), r_x and l r_xx; l is the length of an element.
 

@@ -7,7 +7,7 @@ from typing import Any
 from anctmm.elements.kinds import KINDS
 from anctmm.errors import DiscretisationError, shown, unknown_option
 from anctmm.model.needs import MECHANISMS, WITH
-from anctmm.validation import one_of
+from anctmm.validation import one_of, positive
 
 #: What a solver may lack, and what that means. Whoever lacks something says so; asked for it all the same, it answers
 #: with the status "unsupported" or raises an error of `anctmm.errors`.
@@ -54,6 +54,8 @@ class Offer:
         compare its times only if the solver is requested by name.
     element : str
         The one element it uses whatever the discretisation says; empty if it uses the requested one.
+    order : float
+        Order in space of that element, if it is none of ours: studies write it beside the observed one.
     limits : mapping of str to str
         By the requested element, the continuum to which its equilibria converge: "elastica", "reissner" or "director"
         (see `reference.exact`). Other elements are not used in statics.
@@ -72,6 +74,7 @@ class Offer:
 
     lacks: frozenset[str] = frozenset()
     element: str = ""
+    order: float = 2.0
     limits: Mapping[str, str] = field(default_factory=lambda: dict(LIMITS))
     choices: tuple[Mapping[str, Any], ...] = tuple({"newton_tolerance": t} for t in NEWTON_TOLERANCES)
     extras: frozenset[str] = frozenset()
@@ -83,6 +86,7 @@ class Offer:
         object.__setattr__(self, "extras", extras - self.lacks)
         slow = frozenset(one_of("a feature an Offer is slow with", part, FEATURES) for part in self.slow_with)
         object.__setattr__(self, "slow_with", slow)
+        object.__setattr__(self, "order", positive("an Offer's order", self.order, DiscretisationError))
         for element, limit in self.limits.items():
             one_of("an Offer's element", element, LIMITS)
             one_of(f"an Offer's limit of {element!r}", limit, ("elastica", "reissner", "director"))
@@ -107,6 +111,11 @@ class Offer:
     def element_of(self, asked: str) -> str:
         """Name of the element that it uses for a requested one."""
         return self.element or asked
+
+    def order_of(self, asked: str) -> float:
+        """Order in space of the element that it uses for a requested one."""
+        own = self.element_of(asked)
+        return KINDS[own].order if own in KINDS else self.order
 
 
 def uncombined() -> frozenset[str]:

@@ -73,7 +73,7 @@ def solve(
     """
     run = discretise(run, options)
     check_room(scene, run)
-    return dynamics(Cables(scene, run), scene, run, tolerances, newton)
+    return _of_cables(dynamics(Cables(scene, run), scene, run, tolerances, newton))
 
 
 def solve_static(
@@ -94,7 +94,12 @@ def solve_static(
     """
     run = discretise(run, options)
     check_room(scene, run, parts_of_load(load_steps) + 1)
-    return statics(Cables(scene, run), scene, run, load_steps)
+    return _of_cables(statics(Cables(scene, run), scene, run, load_steps))
+
+
+def _of_cables(found: Solution) -> Solution:
+    """The same with the element that was used, by which forces are found from it."""
+    return found if found.run is None else replace(found, run=replace(found.run, element="cable"))
 
 
 @dataclass

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 OFFER = Offer(
     lacks=optional_beside(ELEMENTS) | {"zhai + joints", "zhai + drives"} | LACKS | {"interior-loads"},
     element="reissner",
+    order=4.0,
     limits={"shear": "reissner"},
     choices=CHOICES,
 )

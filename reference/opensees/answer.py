@@ -11,7 +11,7 @@ from anctmm.model.loads import LOADS, Load, load_text, width_of
 from anctmm.model.needs import not_offered
 from anctmm.model.scene import Beam, Force, LineLoad, Torque
 from anctmm.results.checks.divergence import checked
-from anctmm.results.fields import HermiteField
+from anctmm.results.fields import InterpolatedField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from reference.opensees.frame import Frame
@@ -129,7 +129,7 @@ def _failure(frame: Frame, analysis: Analysis, turns: Array) -> Status:
 # --- fields and energies -------------------------------------------------------------------------------------
 
 
-def _field(frame: Frame, body: Beam, analysis: Analysis) -> HermiteField:
+def _field(frame: Frame, body: Beam, analysis: Analysis) -> InterpolatedField:
     """Axis through the nodes in their directions; its stretch at a node is that of the chords beside it."""
     tags = np.array(frame.of_body[body.name]) - 1
     q = analysis.displacements[:, tags]
@@ -145,7 +145,7 @@ def _field(frame: Frame, body: Beam, analysis: Analysis) -> HermiteField:
         v = analysis.velocities[:, tags]
         turning = np.stack([-slope[..., 1], slope[..., 0]], axis=-1) * v[..., 2:]
         rates = np.stack([v[..., :2], turning], axis=2)
-    return HermiteField(np.stack([places, slope], axis=2), body.length, rates)
+    return InterpolatedField(np.stack([places, slope], axis=2), body.length, rates)
 
 
 def _energy(frame: Frame, t: Array, analysis: Analysis) -> Energy:

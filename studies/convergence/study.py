@@ -7,7 +7,6 @@ from typing import Any
 
 import pandas as pd
 
-from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
 from anctmm.model.joints import Clamp, Weld
 from studies.cases import assumptions_of
@@ -103,11 +102,14 @@ def motion(found: Refined) -> Film | None:
 
 
 def setups(options: Options, case: Case) -> list[Setup]:
-    """Who solves with which element: without beams all are the same."""
+    """Who solves with which element, its own once: without beams all are the same."""
     several = not options.quick and bool(case.scene.beams)
     elements = (options.element,) if options.element else ("cable", "shear") if several else ("cable",)
     integrator = options.integrator or Setup.integrator
-    return [Setup(solver, e, integrator) for solver in options.solvers or ("anctmm",) for e in elements]
+    found: dict[tuple[str, str], Setup] = {}
+    for setup in (Setup(name, e, integrator) for name in options.solvers or ("anctmm",) for e in elements):
+        found.setdefault((setup.solver, setup.own_element), setup)
+    return list(found.values())
 
 
 def mesh_levels(found: Refined) -> Iterator[dict[str, Any]]:
@@ -144,7 +146,7 @@ def finding(found: Refined) -> str:
     about = ", ".join(value for value in _about(found).values() if value != NO_BEAMS)
     if not found.solution.status.ok:
         return f"{about}: {found.reason}."
-    levels, theory = found.levels, KINDS[found.levels.setup.element].order
+    levels, theory = found.levels, found.levels.setup.mesh_order
     orders = [
         f"{name} {part.order:.2f} (theory {expected:g})"
         for name, part, expected in (
@@ -171,7 +173,7 @@ def finding(found: Refined) -> str:
 def _held_stretch(found: Refined) -> str:
     """What makes a mesh converge at first order only, where that is likely."""
     held = any(isinstance(j, Clamp | Weld) and j.stretch == "held" for j in found.levels.case.scene.joints)
-    high = KINDS[found.levels.setup.element].order > FIRST_ORDER
+    high = found.levels.setup.mesh_order > FIRST_ORDER
     if not (held and high and found.mesh.order < FIRST_ORDER and found.mesh.error > found.step.error):
         return ""
     return (
@@ -197,7 +199,7 @@ def _levels(
 def _about(found: Refined) -> dict[str, str]:
     setup, case = found.levels.setup, found.levels.case
     return {
-        "scene": case.name, "solver": setup.solver, "element": setup.element if case.scene.beams else NO_BEAMS,
+        "scene": case.name, "solver": setup.solver, "element": setup.own_element if case.scene.beams else NO_BEAMS,
         "integrator": "static" if case.static else setup.integrator,
     }  # fmt: skip
 

@@ -16,6 +16,7 @@ from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import not_installed
+from studies.engine.running.rows import element_of
 from studies.engine.running.trial import Mesh
 from studies.engine.storage.files import atomic_write, check_writable
 from studies.engine.tables import write_machine, write_table
@@ -38,12 +39,15 @@ class Other:
         From the run itself, relative; infinite where one is not whole.
     allowed : float
         Largest difference that is no miss; infinite where none is known.
+    element : str
+        That it has used, if it is another one than the run's.
     """
 
     solver: str
     solution: Solution
     difference: float
     allowed: float = inf
+    element: str = ""
 
     @property
     def missed(self) -> bool:
@@ -58,7 +62,8 @@ class Other:
             status = self.solution.status
             return "the difference is not known" if status.ok else str(status)
         above = f", above the target {self.allowed:g}" if self.missed else ""
-        return f"differs by {self.difference:.1e}{above}"
+        own = f", with {self.element} elements" if self.element else ""
+        return f"differs by {self.difference:.1e}{above}{own}"
 
 
 @dataclass(frozen=True)
@@ -109,7 +114,7 @@ class SingleRun:
         """Mesh and step in words."""
         trial, case = self.found.trial, self.case
         step = "static equilibrium" if case.static else f"{trial.integrator}, Δt = {trial.dt:.4g} s"
-        beams = f", {trial.cut} {trial.element} elements" if case.scene.beams else ""
+        beams = f", {trial.cut} {self.found.levels.setup.own_element} elements" if case.scene.beams else ""
         return f"{trial.solver}{beams}, {step}"
 
     @property
@@ -253,4 +258,6 @@ def _count(number: int, what: str) -> str:
 def _other(found: Refined, name: str, runner: Runner, allowed: float) -> Other:
     trial = replace(found.trial, solver=name)
     solution = runner.sweep([trial], budget_s=0.0)[0].solution
-    return Other(name, solution, found.levels.difference(solution, found.solution), allowed)
+    own = element_of(name, found.levels.setup.element)
+    other = own if found.levels.case.scene.beams and own != found.levels.setup.own_element else ""
+    return Other(name, solution, found.levels.difference(solution, found.solution), allowed, other)

@@ -23,7 +23,7 @@ from anctmm.elements.kinds import Element, kind_of
 from anctmm.elements.shapes import gauss
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import ResultError
-from anctmm.results.fields import HermiteField
+from anctmm.results.fields import HermiteField, InterpolatedField
 from anctmm.results.internal_forces.actions import Action, actions_on, along
 
 Array = NDArray[np.float64]
@@ -71,7 +71,8 @@ def element_count(solution: Any, body: str) -> int:
         If the solution does not have what section forces are found from.
     """
     field = solution.fields.get(body)
-    if not isinstance(field, HermiteField) or solution.run is None:
+    ours = isinstance(field, HermiteField) and not isinstance(field, InterpolatedField)
+    if not ours or solution.run is None:
         raise ResultError(
             f"section forces of {body!r} are not known by solver {solution.solver!r}: ANCF elements are needed"
         )

@@ -24,6 +24,7 @@ from studies.engine.accuracy.richardson import Part, Spacing, part_of
 from studies.engine.measuring.setting import stable_step
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Outcome, Reference
+from studies.engine.running.rows import element_of, order_of
 from studies.engine.running.trial import STATIC, Mesh, Trial
 
 #: Of the longest beam on the coarsest mesh: of elements of fourth order, and of others.
@@ -71,12 +72,22 @@ class Setup:
         one_of("quadrature", self.quadrature, QUADRATURES)
 
     @property
+    def own_element(self) -> str:
+        """The element that the solver uses for this one."""
+        return element_of(self.solver, self.element)
+
+    @property
+    def mesh_order(self) -> float:
+        """Order in space of that element."""
+        return order_of(self.solver, self.element)
+
+    @property
     def step_order(self) -> float:
         """Order in time of the integrator."""
         return float(METHODS[self.integrator].order)
 
     def __str__(self) -> str:
-        return f"{self.solver}, {self.element}, {self.integrator}"
+        return f"{self.solver}, {self.own_element}, {self.integrator}"
 
 
 class Refinement:
@@ -199,7 +210,7 @@ class Refinement:
     def mesh_part(self, i: int, j: int) -> Part:
         """What the mesh adds to the error."""
         spacing = Spacing(*(self._finer_mesh(k) for k in (i, i - 1)))
-        return self._part(self.mesh_runs(i, j), KINDS[self.setup.element].order, spacing)
+        return self._part(self.mesh_runs(i, j), self.setup.mesh_order, spacing)
 
     def step_part(self, i: int, j: int) -> Part:
         """What the step adds to the error."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import pandas as pd
 
-from anctmm.elements.kinds import kind_of
+from anctmm.elements.kinds import KINDS, kind_of
 from anctmm.errors import AnctmmError
 from anctmm.solvers import registry
 from studies.engine.measuring.timing import summarise
@@ -26,6 +26,14 @@ def element_of(solver: str, asked: str) -> str:
         return registry.offer_of(registry.load(solver)).element_of(asked)
     except AnctmmError:
         return asked
+
+
+def order_of(solver: str, asked: str) -> float:
+    """Order in space of the element that a solver uses for a requested one; its own if the solver is not installed."""
+    try:
+        return registry.offer_of(registry.load(solver)).order_of(asked)
+    except AnctmmError:
+        return KINDS[asked].order
 
 
 def _quadrature_shown(case: Trial) -> str:

@@ -468,3 +468,13 @@ def test_statics_of_a_free_body_fail():
     answer = exudyn_cable.solve_static(Scene("free", [beam()], gravity=(0.0, -G)), mesh=2)
     assert answer.status == "failed"
     assert "hold every body" in answer.status.message
+
+
+def test_forces_are_those_of_cables_whatever_element_is_named():
+    """Reactions of a solution that named shear elements raised an error of NumPy."""
+    scene = cantilever(Force("beam.end", (0.0, -1.0)))
+    cables, asked = (exudyn_cable.solve_static(scene, mesh=4, element=e) for e in ("cable", "shear"))
+    assert asked.run.element == "cable"
+    support = asked.reaction(scene.joints[0])
+    assert np.array_equal(support, cables.reaction(scene.joints[0]))
+    assert support[-1, 1] == pytest.approx(1.0, abs=1e-6)

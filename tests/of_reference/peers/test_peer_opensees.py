@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import UnknownOptionError
+from anctmm.errors import ResultError, UnknownOptionError
 from reference import opensees
 from reference.exact import solve_static
 from reference.opensees import process
@@ -330,3 +330,15 @@ def test_its_cost_is_that_of_its_steps():
     assert (few.steps, many.steps) == (10, 100)
     assert min(few.cpu_s, few.wall_s, few.build_s) > 0.0
     assert few.compile_s == 0.0
+
+
+@needed
+def test_forces_are_refused():
+    """Those of our elements between its nodes were wrong by twice the weight on coarse meshes, with status ok."""
+    scene = frame()
+    found = opensees.solve_static(scene, mesh=4)
+    assert found.status.ok
+    for ask in (lambda: found.reaction(scene.joints[0]), lambda: found.section_force("left", 0.5)):
+        with pytest.raises(ResultError, match="not known by solver 'opensees'"):
+            ask()
+    assert found.angle("arm.end").shape == found.t.shape

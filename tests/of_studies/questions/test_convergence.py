@@ -9,6 +9,7 @@ import anctmm as at
 from studies.cases import find_case, find_cases
 from studies.cli import app
 from studies.convergence.study import run
+from studies.engine.accuracy.refinement import Setup
 from studies.engine.runner import Runner
 from studies.engine.study import Options, StudyError, without_motion
 from studies.single_run.study import run_case
@@ -52,6 +53,30 @@ def test_both_elements_and_what_is_asked_for():
     assert set(values["integrator"]) == {"zhai"}
     ours, theirs = (values[values["solver"] == s]["value"].to_numpy() for s in ("anctmm", "global-dae"))
     assert ours == pytest.approx(theirs, abs=1e-6)
+
+
+def test_a_solver_with_elements_of_its_own_is_studied_once_by_their_name_and_order():
+    """Cables of Exudyn had been told to be shear elements, and ended the study; its beams had two theories."""
+    pytest.importorskip("exudyn")
+    case = find_case(PORTAL_FRAME, "portal-frame-at-rest")
+    found = studied([case], meshes=((2,), (4,), (8,)), solvers=("exudyn-cable", "exudyn-reissner"))
+    rows = found.table("mesh").frame[["solver", "element"]].drop_duplicates()
+    assert rows.to_numpy().tolist() == [["exudyn-cable", "cable"], ["exudyn-reissner", "reissner"]]
+    assert all("(theory 4)" in said for said in found.findings)
+    forces = found.table("forces").frame
+    assert set(forces[forces["joint"].str.startswith("clamp")]["solver"]) == {"exudyn-cable"}
+
+
+def test_another_element_than_the_one_named_is_told():
+    pytest.importorskip("exudyn")
+    case = find_case(PORTAL_FRAME, "portal-frame-at-rest")
+    setup = Setup("exudyn-cable", element="shear")
+    done = run_case(
+        case, Runner(None, repeats=1), mesh=(4,), setup=setup, others=("anctmm", "exudyn-reissner")
+    )
+    assert "exudyn-cable, 4 cable elements" in done.setting
+    assert [other.element for other in done.others] == ["shear", "reissner"]
+    assert "with reissner elements" in done.others[1].told
 
 
 def test_a_solver_that_cannot_is_a_finding():
