@@ -144,10 +144,10 @@ class Bodies:
         table = [m.damping for m in self.meshes]
         return np.array(table) if any(table) else None
 
-    def stiffened(self, factors: Iterable[float]) -> "Bodies":
-        """The bodies with so many times their stiffness each."""
+    def stiffened(self, factors: Iterable[float], stresses: bool = True) -> "Bodies":
+        """The bodies with so many times their stiffness each, and, as far as tangents go, their stresses."""
         pairs = zip(self.meshes, factors, strict=True)
-        return Bodies([mesh.stiffened(f) for mesh, f in pairs])
+        return Bodies([mesh.stiffened(f, stresses) for mesh, f in pairs])
 
     @cached_property
     def masses(self) -> Array:

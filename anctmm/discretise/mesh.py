@@ -147,9 +147,9 @@ class BodyMesh:
         """Mass of an element, a row and a column for each vector of its two nodes."""
         return self.element.mass
 
-    def stiffened(self, factor: float) -> "BodyMesh":
-        """The same with so many times its stiffness."""
-        return replace(self, element=self.element.stiffened(factor))
+    def stiffened(self, factor: float, stresses: bool = True) -> "BodyMesh":
+        """The same with so many times its stiffness, and, as far as the tangent goes, its stresses."""
+        return replace(self, element=self.element.stiffened(factor, stresses))
 
     def node(self, side: Key) -> int:
         """Node at the body's start (0) or end (1)."""

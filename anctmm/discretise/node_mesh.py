@@ -105,7 +105,7 @@ class NodeMesh:
         """Its one node, whatever the place."""
         return 0
 
-    def stiffened(self, factor: float) -> "NodeMesh":
+    def stiffened(self, factor: float, stresses: bool = True) -> "NodeMesh":
         """Itself: it has no stiffness."""
         return self
 

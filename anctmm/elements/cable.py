@@ -44,6 +44,8 @@ class CableElement:
         "full", "reduced" or "lobatto".
     damping : float
         Kelvin-Voigt damping, s.
+    stressed : float
+        Stresses that the tangent has, over those of the stiffness: 1 but in the matrix of an iteration with damping.
     """
 
     l: float  # noqa: E741
@@ -52,6 +54,7 @@ class CableElement:
     mass_per_length: float
     quadrature: str = "full"
     damping: float = 0.0
+    stressed: float = 1.0
 
     vectors_per_node = 2
     #: Degree of the axis in ξ.
@@ -70,9 +73,13 @@ class CableElement:
             m.damping,
         )
 
-    def stiffened(self, factor: float) -> "CableElement":
-        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
-        return replace(self, EA=factor * self.EA, EI=factor * self.EI)
+    def stiffened(self, factor: float, stresses: bool = True) -> "CableElement":
+        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix.
+
+        Without `stresses` those of its tangent are as before: rates of strain add to the stiffness, but not to these.
+        """
+        stressed = self.stressed if stresses else self.stressed / factor
+        return replace(self, EA=factor * self.EA, EI=factor * self.EI, stressed=stressed)
 
     def axis(self, xi: ArrayLike, order: int = 0) -> Array:
         """Weights of the coordinates, (points, 4), in the axis at ξ, or in a derivative of it by x."""

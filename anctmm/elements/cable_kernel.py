@@ -40,7 +40,7 @@ from anctmm.jit.compiling import inlined, kernel
 Array = NDArray[np.float64]
 
 #: Where the points start among the constants, and how many numbers an axial and a bending point take.
-HEAD, AXIAL, BENDING = 5, 4, 7
+HEAD, AXIAL, BENDING = 7, 4, 7
 #: Where the sums of tangents stand: second derivatives by u = (r_O − r_I)/l, r'_I and r'_O.
 UU, IU, II, OU, OI, OO = 0, 3, 7, 10, 14, 18
 PLACES = placement(
@@ -60,12 +60,16 @@ PLACES = placement(
 
 
 def constants(e: CableElement) -> Array:
-    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points."""
-    return np.concatenate([[e.l, e.EA, e.EI], _points(e.quadrature)])
+    """What the kernels need of an element: l, EA, EI, numbers of axial and bending points, and the points.
+
+    Before the points stand EA and EI of the stresses of the tangent.
+    """
+    numbers, points = _points(e.quadrature)
+    return np.concatenate([[e.l, e.EA, e.EI], numbers, [e.stressed * e.EA, e.stressed * e.EI], points])
 
 
 @lru_cache
-def _points(quadrature: str) -> Array:
+def _points(quadrature: str) -> tuple[Array, Array]:
     """Numbers of axial and bending points, and the points: none of it depends on the length of an element.
 
     An axial point is l S1', S2', S5' and the weight, a bending point these three, l² S1'', l S2'', l S5''
@@ -75,7 +79,7 @@ def _points(quadrature: str) -> Array:
     (Ba, wa), (Bb, Cb, wb) = unit.axial_rule, unit.bending_rule
     axial = np.column_stack([Ba[:, columns], wa])
     bending = np.column_stack([Bb[:, columns], Cb[:, columns], wb])
-    return np.concatenate([[len(wa), len(wb)], axial.ravel(), bending.ravel()])
+    return np.array([len(wa), len(wb)]), np.concatenate([axial.ravel(), bending.ravel()])
 
 
 @kernel
@@ -317,16 +321,18 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, r_O, r'_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
+    NA, NI = constants[5] * constants[0], constants[6] * constants[0]
     axial, bending = int(constants[3]), int(constants[4])
     e = four_rows(q, first)
     clear_sums(out, 21)
     for p in range(axial):
         at = HEAD + p * AXIAL
-        A, B, C, f = -constants[at], constants[at + 1], constants[at + 2], EA * constants[at + 3]
+        A, B, C, w = -constants[at], constants[at + 1], constants[at + 2], constants[at + 3]
+        f, g = EA * w, NA * w
         for j in range(count):
             bx = B * e[2][j] + C * e[2][j + 1] + A * (e[0][j + 1] - e[0][j]) * v
             by = B * e[3][j] + C * e[3][j + 1] + A * (e[1][j + 1] - e[1][j]) * v
-            S = axial_stiffness(bx, by, f)
+            S = axial_stiffness(bx, by, f, g)
             F = S[0], S[1], S[1], S[2]
             add_symmetric(out, UU, j, A * A, S)
             add_full(out, IU, j, B * A, F)
@@ -338,12 +344,12 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
         at = HEAD + axial * AXIAL + p * BENDING
         A, B, C = -constants[at], constants[at + 1], constants[at + 2]
         a, b, c = -constants[at + 3] * v, constants[at + 4] * v, constants[at + 5] * v
-        f = EI * constants[at + 6]
+        f, g = EI * constants[at + 6], NI * constants[at + 6]
         for j in range(count):
             ux, uy = (e[0][j + 1] - e[0][j]) * v, (e[1][j + 1] - e[1][j]) * v
             bx, by = B * e[2][j] + C * e[2][j + 1] + A * ux, B * e[3][j] + C * e[3][j + 1] + A * uy
             cx, cy = b * e[2][j] + c * e[2][j + 1] + a * ux, b * e[3][j] + c * e[3][j + 1] + a * uy
-            D = bending_stiffness(bx, by, cx, cy, f)
+            D = bending_stiffness(bx, by, cx, cy, f, g)
             add_symmetric(out, UU, j, 1.0, _twice(A, a, D))
             add_full(out, IU, j, 1.0, _both(B, b, A, a, D))
             add_symmetric(out, II, j, 1.0, _twice(B, b, D))

@@ -60,8 +60,8 @@ PLACES = placement(_blocks())
 
 
 def constants(e: QuinticElement) -> Array:
-    """What the kernels need of an element: l, EA, EI."""
-    return np.array([e.l, e.EA, e.EI])
+    """What the kernels need of an element: l, EA, EI, and both of the stresses of the tangent."""
+    return np.array([e.l, e.EA, e.EI, e.stressed * e.EA, e.stressed * e.EI])
 
 
 @kernel
@@ -73,7 +73,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most BLOCK.
-    constants : ndarray, shape (≥ 3,)
+    constants : ndarray, shape (≥ 5,)
         See `constants`.
     out : ndarray, shape (12 * BLOCK,)
         Output, in the layout of `force_blocks`.
@@ -207,19 +207,20 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most TANGENT_BLOCK.
-    constants : ndarray, shape (≥ 3,)
+    constants : ndarray, shape (≥ 5,)
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r'_I, l r''_I, r_O, r'_O, l r''_O.
     """
     v, EA, EI = 1.0 / constants[0], constants[1] * constants[0], constants[2] * constants[0]
+    NA, NI = constants[3] * constants[0], constants[4] * constants[0]
     e = six_rows(q, first)
     clear_sums(out, POINT)
     for p in range(AXIAL):
         W = AXIAL_POINTS[p]
-        f = EA * W[10]
+        f, g = EA * W[10], NA * W[10]
         for j in range(count):
             bx, by = _slope(e, j, W, 0, v)
-            xx, xy, yy = axial_stiffness(bx, by, f)
+            xx, xy, yy = axial_stiffness(bx, by, f, g)
             _keep(out, j, 0, xx, xy, yy)
         row = 0
         for k in range(VECTORS):
@@ -231,11 +232,11 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
                 row += 1
     for p in range(BENDING):
         W = BENDING_POINTS[p]
-        f = EI * W[10]
+        f, g = EI * W[10], NI * W[10]
         for j in range(count):
             bx, by = _slope(e, j, W, 0, v)
             cx, cy = _slope(e, j, W, 5, v)
-            P, Q, S = bending_stiffness(bx, by, cx * v, cy * v, f)
+            P, Q, S = bending_stiffness(bx, by, cx * v, cy * v, f, g)
             _keep(out, j, 0, P[0], P[1], P[2])
             _keep(out, j, 3, Q[0], Q[1], Q[2])
             _keep(out, j, 6, Q[3], S[0], S[1])

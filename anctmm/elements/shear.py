@@ -46,6 +46,8 @@ class ShearElement:
         kg/m³.
     damping : float
         Kelvin-Voigt damping, s.
+    stressed : float
+        Stresses that the tangent has, over those of the stiffness: 1 but in the matrix of an iteration with damping.
     """
 
     l: float  # noqa: E741
@@ -56,6 +58,7 @@ class ShearElement:
     G: float
     density: float
     damping: float = 0.0
+    stressed: float = 1.0
 
     vectors_per_node = 3
     #: Degree of the axis in ξ.
@@ -69,9 +72,13 @@ class ShearElement:
             body.length / elements, s.area, s.second_moment, s.fourth_moment, *m.lame, m.density, m.damping
         )
 
-    def stiffened(self, factor: float) -> "ShearElement":
-        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix."""
-        return replace(self, lam=factor * self.lam, G=factor * self.G)
+    def stiffened(self, factor: float, stresses: bool = True) -> "ShearElement":
+        """An element of so many times the stiffness: with τ, its tangent without stress is the damping matrix.
+
+        Without `stresses` those of its tangent are as before: rates of strain add to the stiffness, but not to these.
+        """
+        stressed = self.stressed if stresses else self.stressed / factor
+        return replace(self, lam=factor * self.lam, G=factor * self.G, stressed=stressed)
 
     def axis(self, xi: ArrayLike, order: int = 0) -> Array:
         """Weights of the coordinates, (points, 6), in the axis at ξ, or in a derivative of it by x."""

@@ -59,9 +59,10 @@ PLACES = placement(
 
 
 def constants(e: ShearElement) -> Array:
-    """What the kernels need of an element: l, ΛA, ΛI, ΛJ, λA, λI, GA, GI."""
+    """What the kernels need of an element: l, ΛA, ΛI, ΛJ, λA, λI, GA, GI, and the last seven of its stresses."""
     L = e.lam + 2.0 * e.G
-    return np.array([e.l, L * e.A, L * e.I, L * e.J, e.lam * e.A, e.lam * e.I, e.G * e.A, e.G * e.I])
+    moduli = np.array([L * e.A, L * e.I, L * e.J, e.lam * e.A, e.lam * e.I, e.G * e.A, e.G * e.I])
+    return np.concatenate([[e.l], moduli, e.stressed * moduli])
 
 
 @inlined
@@ -101,7 +102,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most BLOCK.
-    constants : ndarray, shape (8,)
+    constants : ndarray, shape (15,)
     out : ndarray, shape (12 * BLOCK,)
         Output, in the layout of `force_blocks`.
     """
@@ -241,7 +242,7 @@ def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> 
     q : ndarray, shape (6, nodes)
     first, count : int
         First node of the block, number of its elements, at most TANGENT_BLOCK.
-    constants : ndarray, shape (8,)
+    constants : ndarray, shape (15,)
     out : ndarray, shape (TANGENT_BUFFER,)
         Output, in the layout of `tangent_blocks`; nodal vectors r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O.
     """
@@ -283,11 +284,13 @@ def _second_derivatives(w, constants, cx, cy, dx, dy, ex, ey):  # type: ignore[n
     """Of the energy at a Gauss point of weight w: by c' twice, d' and c', d and c', d' twice, d' and d, d twice."""
     LA, LI, LJ = w * constants[1], w * constants[2], w * constants[3]
     lA, lI, GA, GI = w * constants[4], w * constants[5], w * constants[6], w * constants[7]
+    NA, NI, NJ = w * constants[8], w * constants[9], w * constants[10]
+    nA, nI, QA, QI = w * constants[11], w * constants[12], w * constants[13], w * constants[14]
     k2 = 0.5 * (ex * ex + ey * ey)
     e0, eyy = 0.5 * (cx * cx + cy * cy) - 0.5, 0.5 * (dx * dx + dy * dy) - 0.5
-    N0, N1 = LA * e0 + LI * k2 + lA * eyy, LI * (cx * ex + cy * ey)
-    N2, Ny = LI * e0 + LJ * k2 + lI * eyy, LA * eyy + lA * e0 + lI * k2
-    Q0, Q1 = GA * (cx * dx + cy * dy), GI * (ex * dx + ey * dy)
+    N0, N1 = NA * e0 + NI * k2 + nA * eyy, NI * (cx * ex + cy * ey)
+    N2, Ny = NI * e0 + NJ * k2 + nI * eyy, NA * eyy + nA * e0 + nI * k2
+    Q0, Q1 = QA * (cx * dx + cy * dy), QI * (ex * dx + ey * dy)
     return (
         (
             LA * cx * cx + LI * ex * ex + GA * dx * dx + N0,

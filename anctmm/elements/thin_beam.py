@@ -48,21 +48,22 @@ def bending_damping(bx, by, cx, cy, gx, gy, hx, hy, m):  # type: ignore[no-untyp
 
 
 @inlined
-def axial_stiffness(bx, by, f):  # type: ignore[no-untyped-def]
-    """Second derivative of ½ f ε² by r', (xx, xy, yy)."""
+def axial_stiffness(bx, by, f, g):  # type: ignore[no-untyped-def]
+    """Second derivative of ½ f ε² by r', (xx, xy, yy); the stress, f ε, is that of g."""
     s = 1.0 / (bx * bx + by * by)
-    h = f * sqrt(s)
-    return f - h + h * bx * bx * s, h * bx * by * s, f - h + h * by * by * s
+    n = g - g * sqrt(s)
+    m = (f - n) * s
+    return n + m * bx * bx, m * bx * by, n + m * by * by
 
 
 @inlined
-def bending_stiffness(bx, by, cx, cy, f):  # type: ignore[no-untyped-def]
-    """Of ½ f κ²: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice."""
+def bending_stiffness(bx, by, cx, cy, f, g):  # type: ignore[no-untyped-def]
+    """Of ½ f κ²: by r' twice, (xx, xy, yy); by r' and r'', (xx, xy, yx, yy); by r'' twice; the moment, f κ, is of g."""
     curvature, s, ux, uy = curvature_of(bx, by, cx, cy)
     # gradient of κ by r', g, and by r'', h; κ is linear in r''
     gx, gy = ux * s, uy * s
     hx, hy = -by * s, bx * s
-    m = f * curvature
+    m = g * curvature
     n = 2.0 * m * s
     return (
         (

@@ -364,9 +364,8 @@ def _elastic(chain: Chain) -> Array:
     if bodies.damping is None:
         return np.zeros((2, 0, 0))
     plain = bodies.tables().constants
-    return np.array(
-        [plain, bodies.stiffened([1.0 + tau for tau in bodies.damping]).tables().constants - plain]
-    )
+    damped = bodies.stiffened([1.0 + tau for tau in bodies.damping], stresses=False)
+    return np.array([plain, damped.tables().constants - plain])
 
 
 def _march(

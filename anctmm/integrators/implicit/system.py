@@ -147,10 +147,15 @@ def new_damping(chain: Chain) -> Damping | None:
 
 
 def stiffened_bodies(bodies: Bodies, c: Coefficients) -> Bodies:
-    """The bodies with the stiffness that the iteration matrix has of them."""
+    """The bodies with the stiffness that the iteration matrix has of them.
+
+    Damping resists rates of strain as a larger stiffness resists strains. It does not add to stresses: where it was
+    thought to, a heavy rope with a damping of 10 ms took 20 times the steps, or diverged, when it had turned.
+    """
     if bodies.damping is None:
         return bodies
-    return bodies.stiffened([1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping])
+    factors = [1.0 + c.gamma / (c.beta * c.h) * tau for tau in bodies.damping]
+    return bodies.stiffened(factors, stresses=False)
 
 
 def new_newton(chain: Chain) -> Newton:
