@@ -72,7 +72,13 @@ from anctmm.integrators.adaptive.prediction import (
 )
 from anctmm.integrators.adaptive.returning import follow_returning
 from anctmm.integrators.adaptive.stage_error import stage_error
-from anctmm.integrators.adaptive.stage_outputs import balance_within, motion_within, put_actions, put_tensions
+from anctmm.integrators.adaptive.stage_outputs import (
+    balance_within,
+    motion_within,
+    put_actions,
+    put_tensions,
+    strained_by,
+)
 from anctmm.integrators.adaptive.step_control import (
     CAP,
     DONE,
@@ -85,6 +91,7 @@ from anctmm.integrators.adaptive.step_control import (
     SMALLEST,
     SPENT,
     STARTS,
+    STRAINED,
     STUCK,
     TIME,
     TURNED,
@@ -327,6 +334,7 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
         if not guess:
             turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
             error = max(error, turned, allowed * rates)
+        progress[STRAINED] = strained_by(system.loads.connectors, between, track.start[0], system, control)
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)

@@ -100,7 +100,8 @@ DONE, STUCK, UNFINISHED, TURNED = 0, 1, 2, 3
     SEEN_AT,
     ROOTS,
     LARGEST,
-) = PROGRESS = range(20)
+    STRAINED,
+) = PROGRESS = range(21)
 
 
 @by_address
@@ -125,7 +126,8 @@ class Control(NamedTuple):
     good enough, s; part of the last change of the accelerations that the next step is expected to repeat. Of the matrix
     its age, in steps; the last contraction seen with it, and the age then, 0 if none was: see `matrix_age`. The
     integral over time of the activity, the (order + 1)th root of the mean of the errors; the largest of the last errors
-    over the same power of the step as their mean, which fades.
+    over the same power of the step as their mean, which fades; how far the motion at outputs within the last step may
+    strain beams, see `stage_outputs`.
     """
 
     allowed: float
