@@ -24,9 +24,9 @@ estimate of the error. Counted like that, and no coarser than COARSE, it takes 0
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half, in the mean
-of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.88 in the mean, and at most 1.27 in 67
-of the 68. A gantry crane costs 1.39 at 1e-4, where its error hardly falls with the step; with a NEWTON_PART of 0.3 it
-costs 1.30, and chains of steel beams miss their tolerances three times as often.
+of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.89 in the mean, and at most 1.25 in 66
+of the 68. A gantry crane costs 1.35 at 1e-2 and 1.58 at 1e-4, where its error hardly falls with the step: one Newton
+correction does for each stage of the best fixed steps, which nobody knows before.
 
 The rms error was 0.001 to 2.6 of the tolerance on these, and on chains of two and three steel beams drawn at random up
 to 5.5 in 7 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it

@@ -13,7 +13,7 @@ import anctmm as at
 PARTS, BOUNDS = (1, 2, 3, 4, 5, 6, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
 #: Cost allowed over that of the best fixed step of the same error, the best of 72: the aim, and of a case that costs
 #: more in one run, see `anctmm.integrators.adaptive.stage_control`.
-DEARER, MORE = 1.3, {"gantry_crane": 1.45}
+DEARER, MORE = 1.3, {"gantry_crane": 1.65}
 
 
 @pytest.fixture(scope="module", params=CHOSEN_BY | OTHERS | CONSTRAINED)
