@@ -1,11 +1,17 @@
-"""Variants of the cantilever of the rules with features of mechanisms: bodies, guides, connectors and loads."""
+"""Variants of the cantilever of the rules with features of mechanisms, and whether these do what they should."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+import anctmm
+from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.drives import Quintic
 from anctmm.model.joints import Joint
 from anctmm.model.loads import Load
+from anctmm.model.needs import features_of
 from anctmm.model.scene import (
     Clamp,
     Connector,
@@ -21,6 +27,13 @@ from anctmm.model.scene import (
     Spring,
     Weld,
 )
+from anctmm.results.solution import Solution
+from reference import global_dae
+from studies.conformance.subject import BrokenRule, Measure, Subject
+
+Array = NDArray[np.float64]
+#: From a scene to one that needs a feature, or to what it is compared with.
+Change = Callable[[Scene], Scene]
 
 FAR = (1.0, 0.0)
 """End of the bar."""
@@ -40,20 +53,20 @@ def _plate(name: str = "plate") -> RigidBody:
     return RigidBody(name, 1.0, 0.01, (1.2, 0.1), {"a": FAR, "b": (1.4, 0.0)})
 
 
-def _with_plate(*joints: Joint) -> Callable[[Scene], Scene]:
+def _with_plate(*joints: Joint) -> Change:
     """A rigid body at the end of the bar, held by joints."""
     return lambda scene: replace(scene, bodies=(*scene.bodies, _plate()), joints=(*scene.joints, *joints))
 
 
-def _joined(*joints: Joint) -> Callable[[Scene], Scene]:
+def _joined(*joints: Joint) -> Change:
     return lambda scene: replace(scene, joints=(*scene.joints, *joints))
 
 
-def _connected(*connectors: Connector) -> Callable[[Scene], Scene]:
+def _connected(*connectors: Connector) -> Change:
     return lambda scene: replace(scene, connectors=(*scene.connectors, *connectors))
 
 
-def _loaded(*loads: Load) -> Callable[[Scene], Scene]:
+def _loaded(*loads: Load) -> Change:
     return lambda scene: replace(scene, loads=(*scene.loads, *loads))
 
 
@@ -62,8 +75,14 @@ def _weighted(scene: Scene) -> Scene:
     return replace(scene, bodies=(*scene.bodies, mass), joints=(*scene.joints, Pin("bar.end", "tip.center")))
 
 
+def _damped(scene: Scene) -> Scene:
+    """Of a damped material: stresses grow with the rate of strain."""
+    damped = (replace(b, material=replace(b.material, damping=1e-2)) for b in scene.beams)
+    return replace(scene, bodies=tuple(damped))
+
+
 #: By feature.
-DEMANDS: Mapping[str, Callable[[Scene], Scene]] = {
+DEMANDS: Mapping[str, Change] = {
     "rigid-bodies": _with_plate(Pin("bar.end", "plate.a")),
     "point-masses": _weighted,
     "sliders": _joined(Slider("bar.end", (0.0, 1.0))),
@@ -83,4 +102,75 @@ DEMANDS: Mapping[str, Callable[[Scene], Scene]] = {
     "interior-loads": _loaded(Force(("bar", 0.3), (0.0, -1.0))),
     "follower-forces": _loaded(Force("bar.end", (0.0, -1.0), follower=True)),
     "line-loads": _loaded(LineLoad("bar", (0.0, -1.0))),
+    "damping": _damped,
 }
+#: What a feature is compared with, where that is not the cantilever alone: the same without what makes it one.
+WITHOUT: Mapping[str, Change] = {
+    "driven-guides": DEMANDS["sliders"],
+    "driven-welds": _with_plate(Weld("bar.end", "plate.a")),
+    "driven-springs": _connected(Spring("bar.end", (1.0, -0.5), stiffness=20.0)),
+    "follower-forces": _loaded(Force("bar.end", (0.0, -1.0))),
+}
+#: Features whose effect is seen. Whether a stretch is held means nothing to elements without one.
+ACTING = tuple(DEMANDS.keys() - {"free-stretch", "free-welds"})
+#: Part by which what a feature does may differ from what it does in another solver, on the same mesh.
+ALLOWED = 0.2
+PROBES = ("bar.end", ("bar", 0.5))
+
+
+def acts(subject: Subject, feature: str, scene: Scene) -> float | None:
+    """How far what a feature does to a scene differs from what it does in another solver, over the latter.
+
+    Parameters
+    ----------
+    subject : Subject
+    feature : str
+        Of `DEMANDS`.
+    scene : Scene
+        Without it.
+
+    Returns
+    -------
+    float or None
+        None where the solver lacks it, or lacks it with each of its integrators.
+    """
+    changed, plain = DEMANDS[feature](scene), WITHOUT.get(feature, lambda same: same)(scene)
+    needed = {feature, *features_of(changed)}
+    integrators = (i for i in subject.offer.integrators if not subject.offer.lacking({*needed, i}))
+    integrator = next(integrators, None)
+    if integrator is None:
+        return None
+    theirs = _effect(*(subject.motion(s, integrator=integrator) for s in (changed, plain)))
+    run = replace(subject.run(integrator="generalized-alpha"), element="cable")
+    ours = _effect(*(_by_another(subject, s, run) for s in (changed, plain)))
+    return float(np.abs(theirs - ours).max() / np.abs(ours).max())
+
+
+def _by_another(subject: Subject, scene: Scene, run: Discretisation) -> Solution:
+    return global_dae.solve(scene, run) if subject.name == "anctmm" else anctmm.solve(scene, run)
+
+
+def _effect(changed: Solution, plain: Solution) -> Array:
+    """Difference of two motions at the probes."""
+    return np.array([changed.displacement(p) - plain.displacement(p) for p in PROBES])
+
+
+def features_act(subject: Subject, scene: Scene) -> Measure | str:
+    """Each feature that it claims does what it does in another solver.
+
+    Raises
+    ------
+    BrokenRule
+        Naming those that do not.
+    """
+    found = {name: acts(subject, name, scene) for name in sorted(ACTING)}
+    known = {name: off for name, off in found.items() if off is not None}
+    wrong = [f"{name} ({off:.2g})" for name, off in known.items() if not off <= ALLOWED]
+    if wrong:
+        raise BrokenRule(
+            f"what these do differs by so many times it from another solver: {', '.join(wrong)}; {ALLOWED:g} is allowed"
+        )
+    if not known:
+        return "lacks all of them"
+    worst = max(known, key=lambda name: known[name])
+    return Measure(known[worst], ALLOWED, f"of what {worst} do, the worst of {len(known)}")

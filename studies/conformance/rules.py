@@ -108,13 +108,6 @@ def turning(scene: Scene) -> Scene:
     return replace(scene, joints=(*driven().joints, *scene.joints[1:]))
 
 
-def damping(scene: Scene) -> Scene:
-    """Of a damped material: stresses grow with the rate of strain."""
-    return replace(
-        scene, bodies=tuple(replace(b, material=replace(b.material, damping=1e-3)) for b in scene.beams)
-    )
-
-
 def as_it_is(scene: Scene) -> Scene:
     """Nothing is changed."""
     return scene
@@ -127,7 +120,6 @@ DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
     "branches": (branched, {}),
     "loops": (looped, {}),
     "varying-loads": (lambda scene: replace(scene, loads=pulled().loads), {}),
-    "damping": (damping, {}),
     **{
         name: (as_it_is, {"mesh": 1 if kind.rigid else 8, "element": name})
         for name, kind in KINDS.items()
@@ -395,6 +387,11 @@ def loads_vary(s: Subject) -> Measure:
     return Measure(float(np.abs(moved - way).max() / way[-1]), 1e-3, "of the way")
 
 
+def mechanisms_act(s: Subject) -> Measure | str:
+    """Bodies, guides, connectors and loads that it claims are not ignored."""
+    return mechanisms.features_act(s, cantilever())
+
+
 def rests_exactly(s: Subject) -> Measure:
     """Large deflection under a tip force and a moment against the exact rod that it says it tends to."""
     limits = s.offer.limits
@@ -461,6 +458,11 @@ RULES = (
     Rule("loops", "a swinging triangle stays closed", loops_hold, ("loops",)),
     Rule("drives", "a turning clamp rotates the bar", drives_drive, ("drives",)),
     Rule("varying loads", "a growing force moves the mass centre", loads_vary, ("varying-loads",)),
+    Rule(
+        "features",
+        "bodies, guides, connectors, loads and damping do what they do in another solver",
+        mechanisms_act,
+    ),
     Rule("statics", "32 elements against the exact rod", rests_exactly, ("statics",)),
     Rule("convergence", "32 elements are more accurate than 8", gains_by_elements, ("statics",)),
     Rule("load factors", "statics go from 0 to 1", loads_grow, ("statics",)),

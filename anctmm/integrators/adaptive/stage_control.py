@@ -29,7 +29,7 @@ of the 68. A gantry crane costs 1.35 at 1e-2 and 1.58 at 1e-4, where its error h
 correction does for each stage of the best fixed steps, which nobody knows before.
 
 The rms error was 0.001 to 2.6 of the tolerance on these, and on chains of two and three steel beams drawn at random up
-to 5.5 in 7 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it
+to 5.1 in 8 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it
 4 missed by more than 3. No share brings both near to 1: the sum of the sizes of the errors is 1.3 times the error of
 some motions and 64 times that of others, as they cancel or not.
 
