@@ -129,7 +129,7 @@ def stiffened(model: Model, c: Scheme) -> Parts:
     if model.bodies.damping is None:
         return model.parts
     factors = 1.0 + c.by_velocity * model.bodies.damping
-    return model.parts._replace(constants=model.bodies.stiffened(factors).constants)
+    return model.parts._replace(constants=model.bodies.stiffened(factors, stresses=False).constants)
 
 
 def scheme_of(model: Model) -> Scheme:

@@ -98,7 +98,9 @@ class Elastic:
         model, parts = self.model, self.parts
         if by_velocity and model.bodies.damping is not None:
             parts = parts._replace(
-                constants=model.bodies.stiffened(1.0 + by_velocity * model.bodies.damping).constants
+                constants=model.bodies.stiffened(
+                    1.0 + by_velocity * model.bodies.damping, stresses=False
+                ).constants
             )
         system, data, small, K = self._pattern
         assemble(system, 0.0, parts, model.loads, np.zeros((0, 2)), self._nodal(q), small, K, data)
