@@ -60,6 +60,8 @@ from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+#: Change of a gradient by the accelerations at the start, above which they are no guess of those of the first step.
+ASTRAY = 0.01
 
 
 @by_address
@@ -198,15 +200,20 @@ def _find_stages(places, first, numbers, row, room, system, clamp_table, load_ta
 
     Near a singular position accelerations do not keep a linkage together: an error in a direction that it is about to
     be free in grows as the inverse square of what holds it there. Positions, which bring less order, do.
+
+    In the first step stages start from where the one before has ended, if the accelerations there lead astray: under
+    loads that act at once they move what is stiff by centimetres in a long step, and Newton's iteration found bars
+    turned inside out from there.
     """
     h, table = numbers.h, numbers.stages
     c = of_stages(numbers.coefficients, room.projected, places)
+    stays = first and _leads_astray(c.h, room.w[0], system.state.q.shape[1])
     state, tables, _, factors, clamps, loads, newton, damping = system
     _, flat_v, _, flat_w, _, _ = state.flat
     for i in range(1, len(table.c)):
         room.at[0] = i
         begin_stage(i, h, c.h, table, room, state.flat)
-        if first:
+        if stays:
             _stay(h * (table.c[i] - table.c[i - 1]), c.h, room, state.flat)
         move_drives(factors, clamps, clamp_table[row])
         if not solve_stage(2, system, c, load_table[row], newton.tolerance):
@@ -252,6 +259,15 @@ def begin_stage(i, h, part, table, room, flat):  # type: ignore[no-untyped-def]
         v[k] += v_start[k]
         was[k] = q_start[k] + (was[k] - part * v[k])
         had[k] = last[k]
+
+
+@embedded
+def _leads_astray(h, w, nodes):  # type: ignore[no-untyped-def]
+    """Whether accelerations w, flat, change a gradient in a stage of length h by more than a motion does."""
+    largest = 0.0
+    for k in range(2 * nodes, len(w)):
+        largest = max(largest, abs(w[k]))
+    return h * h * largest > ASTRAY
 
 
 @embedded

@@ -75,7 +75,7 @@ def _weighted(scene: Scene) -> Scene:
     return replace(scene, bodies=(*scene.bodies, mass), joints=(*scene.joints, Pin("bar.end", "tip.center")))
 
 
-def _damped(scene: Scene) -> Scene:
+def damped(scene: Scene) -> Scene:
     """Of a damped material: stresses grow with the rate of strain."""
     damped = (replace(b, material=replace(b.material, damping=1e-2)) for b in scene.beams)
     return replace(scene, bodies=tuple(damped))
@@ -102,7 +102,6 @@ DEMANDS: Mapping[str, Change] = {
     "interior-loads": _loaded(Force(("bar", 0.3), (0.0, -1.0))),
     "follower-forces": _loaded(Force("bar.end", (0.0, -1.0), follower=True)),
     "line-loads": _loaded(LineLoad("bar", (0.0, -1.0))),
-    "damping": _damped,
 }
 #: What a feature is compared with, where that is not the cantilever alone: the same without what makes it one.
 WITHOUT: Mapping[str, Change] = {
@@ -112,7 +111,9 @@ WITHOUT: Mapping[str, Change] = {
     "follower-forces": _loaded(Force("bar.end", (0.0, -1.0))),
 }
 #: Features whose effect is seen. Whether a stretch is held means nothing to elements without one.
-ACTING = tuple(DEMANDS.keys() - {"free-stretch", "free-welds"})
+CHANGES = {name: DEMANDS[name] for name in DEMANDS.keys() - {"free-stretch", "free-welds"}} | {
+    "damping": damped
+}
 #: Part by which what a feature does may differ from what it does in another solver, on the same mesh.
 ALLOWED = 0.2
 PROBES = ("bar.end", ("bar", 0.5))
@@ -125,7 +126,7 @@ def acts(subject: Subject, feature: str, scene: Scene) -> float | None:
     ----------
     subject : Subject
     feature : str
-        Of `DEMANDS`.
+        Of `CHANGES`.
     scene : Scene
         Without it.
 
@@ -134,7 +135,7 @@ def acts(subject: Subject, feature: str, scene: Scene) -> float | None:
     float or None
         None where the solver lacks it, or lacks it with each of its integrators.
     """
-    changed, plain = DEMANDS[feature](scene), WITHOUT.get(feature, lambda same: same)(scene)
+    changed, plain = CHANGES[feature](scene), WITHOUT.get(feature, lambda same: same)(scene)
     needed = {feature, *features_of(changed)}
     integrators = (i for i in subject.offer.integrators if not subject.offer.lacking({*needed, i}))
     integrator = next(integrators, None)
@@ -163,7 +164,7 @@ def features_act(subject: Subject, scene: Scene) -> Measure | str:
     BrokenRule
         Naming those that do not.
     """
-    found = {name: acts(subject, name, scene) for name in sorted(ACTING)}
+    found = {name: acts(subject, name, scene) for name in sorted(CHANGES)}
     known = {name: off for name, off in found.items() if off is not None}
     wrong = [f"{name} ({off:.2g})" for name, off in known.items() if not off <= ALLOWED]
     if wrong:

@@ -119,6 +119,7 @@ DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
     "joints": (lengthened, {}),
     "branches": (branched, {}),
     "loops": (looped, {}),
+    "damping": (mechanisms.damped, {}),
     "varying-loads": (lambda scene: replace(scene, loads=pulled().loads), {}),
     **{
         name: (as_it_is, {"mesh": 1 if kind.rigid else 8, "element": name})

@@ -399,6 +399,23 @@ def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
         assert np.abs((K - expected) * np.outer(s, s)).max() < 1e-13 * stiffness_scale(e)
 
 
+@every_kernel
+def test_tangents_with_damping_are_those_of_stresses_and_of_rates_of_strain(kind, quadrature):
+    """By Newton's iteration of a step: what damping resists is added, whatever the stresses are."""
+    e, bodies, q = row_of_elements(kind, 2, quadrature)
+    damped, buffer = replace(e, damping=3.0), np.full(TANGENT_BUFFER, np.nan)
+    stiff, K = bodies.stiffened([1.0 + damped.damping], stresses=False), np.zeros((2 * bodies.rows,) * 2)
+    block_tangents(bodies.formulations, q, 0, 2, int(bodies.kinds[0]), stiff.constants[0], buffer)
+    s = scales(e).repeat(2)
+    for i in range(2):
+        unpack_tangent(buffer, i, int(bodies.kinds[0]), K)
+        here = nodal(q, i)
+        rates = np.eye(len(K)).reshape(len(K), *here.shape)
+        resisted = np.array([damped.damping_force(here, v).ravel() for v in rates])
+        expected = e.tangent(here).reshape(K.shape) + resisted
+        assert np.abs((K - expected) * np.outer(s, s)).max() < 1e-12 * stiffness_scale(e)
+
+
 @pytest.mark.parametrize("kind", ["cable", "shear", "quintic"])
 def test_compiled_kinetic_energy_is_that_of_the_mass_matrix(kind):
     e, bodies, v = row_of_elements(kind, 5)

@@ -333,10 +333,10 @@ def test_a_broken_solver_fails_the_rule_it_breaks(plugged, solve, static, offer,
     assert not_run == (len(RULES) - 1 if rule == "signature" else 0)
 
 
-@pytest.mark.parametrize("feature", sorted(mechanisms.ACTING))
+@pytest.mark.parametrize("feature", sorted(mechanisms.CHANGES))
 def test_a_feature_that_is_ignored_is_named(plugged, feature):
     """A solver that claims all and drops one: it had passed, and differed from others by as much as it moved."""
-    changed = mechanisms.DEMANDS[feature](cantilever())
+    changed = mechanisms.CHANGES[feature](cantilever())
     without = mechanisms.WITHOUT.get(feature, lambda scene: scene)(cantilever())
     broken = Subject("broken", lambda scene, run: at.solve(without if scene == changed else scene, run))
     with pytest.raises(BrokenRule, match=feature):
