@@ -33,7 +33,7 @@ Mask = NDArray[np.bool_]
 STRETCH_LIMIT = 1e3
 #: Part of an element's length, along its gradient at an end, below which its chord makes one look along its axis; the
 #: places looked at; and the length of a gradient there at which an axis has a cusp: it is a part of a right one's 1.
-SHORTENED, PLACES, CUSP = 1.0 / 3.0, 33, 0.1
+SHORTENED, PLACES, CUSP = 1.0 / 3.0, 129, 0.05
 #: Elements times outputs that are looked at together: what this takes stays in the cache.
 BATCH = 20_000
 
