@@ -334,7 +334,10 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
         if not guess:
             turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
             error = max(error, turned, allowed * rates)
-        progress[STRAINED] = strained_by(system.loads.connectors, between, track.start[0], system, control)
+        if inside:
+            progress[STRAINED] = strained_by(
+                system.loads.connectors, between, track.start[0], system, control
+            )
         fits = between <= control.allowed
         longer = (control.allowed / max(between, LEAST_ERROR)) ** 0.2
         progress[WITHIN] = h * min(FITS * longer, LENGTHENED)
