@@ -114,7 +114,13 @@ def test_every_solver_answers_with_the_same_class(module):
         assert answer.status == "ok"
         assert answer.t == pytest.approx([0.0, 0.5 * answer.t[-1], answer.t[-1]])
         assert answer.position("b", 0.5).shape == answer.displacement("b.end").shape == (3, 2)
-        assert {f.name for f in fields(answer.energy)} == {"kinetic", "strain", "potential", "work"}
+        assert {f.name for f in fields(answer.energy)} == {
+            "kinetic",
+            "strain",
+            "potential",
+            "work",
+            "dissipated",
+        }
         assert {len(series) for series in vars(answer.energy).values()} == {3}
         assert answer.cost.cpu_s >= 0.0
         assert answer.cost.steps > 0

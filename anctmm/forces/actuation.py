@@ -211,8 +211,13 @@ def clamp_reactions(q: Array, a: Array, f: Array, tables: Tables, clamps: Driven
 
 
 @merged
-def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
-    """Work of driven clamps and varying loads since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
+def work_done(
+    moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values: Array
+) -> tuple[float, float]:
+    """Work of clamps, loads and connectors since the last call, and that of damping, by the trapezoidal rule, J.
+
+    Both are 0 unless `moving`.
+    """
     work = 0.0
     for h in range(len(clamps.nodes)):
         for k in range(q.shape[0]):
@@ -220,15 +225,16 @@ def work_done(moving: bool, q: Array, clamps: DrivenClamps, loads: Loads, values
             if moving:
                 work += 0.5 * (force + clamps.memory[0, h, k]) * (place - clamps.memory[1, h, k])
             clamps.memory[0, h, k], clamps.memory[1, h, k] = force, place
-    work += loads_work(moving, q, loads, values)
-    return work
+    others, lost = loads_work(moving, q, loads, values)
+    return work + others, lost
 
 
 @merged
-def power_of(q: Array, v: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> float:
-    """Power of driven clamps and varying loads, and of connectors beside their energy, at velocities v, W."""
+def power_of(q: Array, v: Array, clamps: DrivenClamps, loads: Loads, values: Array) -> tuple[float, float]:
+    """Power of driven clamps and loads, and of connectors beside their energy; and that of damping; W."""
     power = 0.0
     for h in range(len(clamps.nodes)):
         for k in range(clamps.held[h]):
             power += clamps.reaction[h, k] * clamps.motion[1, h, k]
-    return power + loads_power(q, v, loads, values)  # type: ignore[no-any-return]
+    others, lost = loads_power(q, v, loads, values)
+    return power + others, lost

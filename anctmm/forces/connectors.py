@@ -60,10 +60,11 @@ class Connectors(NamedTuple):
         Measure in the reference; angles are counted from there.
     unit : ndarray, shape (n,)
         Size of a measure, m or rad.
-    now, memory : ndarray, shape (n, 6)
+    now, memory : ndarray, shape (n, 8)
         Force, measure and energy at the last evaluation, and at the last call of `connectors_work`; the gradient of the
         measure by b, and the rate of the measure where the force depends on it. In `memory` the part of the force that
-        changes its sign with the rate stands in the place of the rate.
+        changes its sign with the rate stands in the place of the rate; then the part that changes its sign with the
+        rate of the elongation, which resists, and the elongation.
     v : ndarray, shape (rows, nodes)
         Scratch: velocities at the end of an implicit step, where connectors act.
     part : ndarray, shape (3,)
@@ -169,7 +170,7 @@ def connectors_of(scene: Scene, bodies: Bodies, loads: int) -> Connectors | None
         ],
         dtype=np.int64,
     )
-    memory = np.zeros((n, 6))
+    memory = np.zeros((n, 8))
     memory[:, 1] = np.where(kinds == SPRING, placed, 0.0)
     lossy = (laws != 0) | (numbers[:, 1] != 0.0)
     return Connectors(
@@ -353,40 +354,46 @@ def add_connectors_at_end(connectors, q, values, f):  # type: ignore[no-untyped-
 
 @merged
 def connectors_work(connectors, moving, values):  # type: ignore[no-untyped-def]
-    """Work of connectors since the last call that is not their energy, J; 0 unless `moving`.
+    """Work of connectors since the last call that is not their energy, and that of what resists, J; 0 unless `moving`.
 
     What was evaluated last is accepted: forces by the trapezoidal rule, less what energy has grown. A spring whose
     direction turns by more than a right angle in a step has passed its length 0 or a small one, which the change of its
     length does not show: the mean of two forces that oppose the rate would be about 0. The part of the force that
     changes its sign with the rate does work on the displacement then.
     """
-    work = 0.0
+    work, lost = 0.0, 0.0
     if connectors is not None:
         now, memory, t = connectors.now, connectors.memory, time_of(values)
         for n in range(len(connectors.kinds)):
-            odd = 0.0
-            if connectors.lossy[n] and connectors.kinds[n] == SPRING:
+            odd, resists, x = 0.0, 0.0, 0.0
+            if connectors.lossy[n]:
                 free, rate = free_measure(connectors, n, values)
-                odd = 0.5 * (now[n, 0] - force_of(connectors, n, now[n, 1] - free, -now[n, 5] - rate, t))
+                x = now[n, 1] - free
+                resists = 0.5 * (now[n, 0] - force_of(connectors, n, x, rate - now[n, 5], t))
+                odd = resists
+                if rate != 0.0:
+                    odd = 0.5 * (now[n, 0] - force_of(connectors, n, x, -now[n, 5] - rate, t))
                 turned = now[n, 3] * memory[n, 3] + now[n, 4] * memory[n, 4]
-                if moving and turned < 0.0:
-                    work += 0.5 * (1.0 - turned) * (memory[n, 5] * now[n, 1] - odd * memory[n, 1])
+                if moving and connectors.kinds[n] == SPRING and turned < 0.0:
+                    passed = 0.5 * (1.0 - turned) * (memory[n, 5] * now[n, 1] - odd * memory[n, 1])
+                    work, lost = work + passed, lost + passed
             if moving:
                 work -= 0.5 * (now[n, 0] + memory[n, 0]) * (now[n, 1] - memory[n, 1])
                 work += now[n, 2] - memory[n, 2]
+                lost -= 0.5 * (resists + memory[n, 6]) * (x - memory[n, 7])
             for k in range(5):
                 memory[n, k] = now[n, k]
-            memory[n, 5] = odd
-    return work
+            memory[n, 5], memory[n, 6], memory[n, 7] = odd, resists, x
+    return work, lost
 
 
 @embedded
 def connectors_power(connectors, q, v, values):  # type: ignore[no-untyped-def]
-    """Power of connectors beside the rate of their energy, W, at q and v, which are accepted.
+    """Power of connectors beside the rate of their energy, and that of what resists, W, at q and v, which are accepted.
 
-    With x = m − l: −N ṁ + dE/dt, where dE/dt = (k x + preload) ẋ.
+    With x = m − l: −N ṁ + dE/dt, where dE/dt = (k x + preload) ẋ; and −½ [N(x, ẋ) − N(x, −ẋ)] ẋ.
     """
-    power = 0.0
+    power, lost = 0.0, 0.0
     if connectors is not None:
         t = time_of(values)
         for n in range(len(connectors.kinds)):
@@ -396,9 +403,13 @@ def connectors_power(connectors, q, v, values):  # type: ignore[no-untyped-def]
             free, rate = free_measure(connectors, n, values)
             turn = ax * ux + ay * uy + bx * wx + by * wy
             kept = connectors.numbers[n, 0] * (m - free) + connectors.part[0] * connectors.numbers[n, 2]
-            power += kept * (turn - rate) - force_of(connectors, n, m - free, turn - rate, t) * turn
+            force = force_of(connectors, n, m - free, turn - rate, t)
+            power += kept * (turn - rate) - force * turn
+            if connectors.lossy[n]:
+                resists = 0.5 * (force - force_of(connectors, n, m - free, rate - turn, t))
+                lost -= resists * (turn - rate)
             connectors.memory[n, 1] = m
-    return power
+    return power, lost
 
 
 @merged

@@ -169,8 +169,11 @@ def set_loads(q: Array, f: Array, dead: Array, loads: Loads, values: Array) -> N
 
 @embedded
 def loads_work(moving, q, loads, values):  # type: ignore[no-untyped-def]
-    """Work of loads and connectors since the last call, by the trapezoidal rule, J; 0 unless `moving`."""
-    work = connectors_work(loads.connectors, moving, values)
+    """Work of loads and connectors since the last call, and that of damping, by the trapezoidal rule, J.
+
+    Both are 0 unless `moving`.
+    """
+    work, lost = connectors_work(loads.connectors, moving, values)
     for n in range(len(loads.kinds)):
         fx, fy = load_at(loads, n, q, values[n, 0], values[n, 1])
         x, y = vector_at(loads.targets, n, q)
@@ -179,15 +182,15 @@ def loads_work(moving, q, loads, values):  # type: ignore[no-untyped-def]
             work += 0.5 * (fy + loads.memory[0, n, 1]) * (y - loads.memory[1, n, 1])
         loads.memory[0, n, 0], loads.memory[0, n, 1] = fx, fy
         loads.memory[1, n, 0], loads.memory[1, n, 1] = x, y
-    return work
+    return work, lost
 
 
 @embedded
 def loads_power(q, v, loads, values):  # type: ignore[no-untyped-def]
-    """Power of loads, and of connectors beside the rate of their energy, at velocities v, W."""
-    power = connectors_power(loads.connectors, q, v, values)
+    """Power of loads, and of connectors beside the rate of their energy; and that of damping; at velocities v, W."""
+    power, lost = connectors_power(loads.connectors, q, v, values)
     for n in range(len(loads.kinds)):
         fx, fy = load_at(loads, n, q, values[n, 0], values[n, 1])
         x, y = rate_at(loads.targets, n, v)
         power += fx * x + fy * y
-    return power
+    return power, lost

@@ -46,7 +46,7 @@ from anctmm.integrators.implicit.newton import iterate
 from anctmm.integrators.implicit.run import Steps, take_steps
 from anctmm.integrators.implicit.step import copy, predict
 from anctmm.integrators.implicit.system import System, new_system
-from anctmm.integrators.output import Output, keep, too_large
+from anctmm.integrators.output import Output, add_work, keep, too_large
 from anctmm.integrators.stage_constraints import end_step, look_ahead, of_stages, projected
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
@@ -78,7 +78,8 @@ class Numbers(NamedTuple):
 @writes("q", "v", "w", "power", "at", "projected")
 @by_address
 class Room(NamedTuple):
-    """What a step keeps: q and v at its start, flat, and of each stage w, flat, and the power of what does work, W.
+    """What a step keeps: q and v at its start, flat, and of each stage w, flat, and the power, W, of what does work
+    and of damping alone, (stages, 2).
 
     at: number of the last stage tried, (1,). projected: see `stage_constraints`.
     """
@@ -98,7 +99,7 @@ def new_room(chain: Chain) -> Room:
         np.zeros(size),
         np.zeros(size),
         np.zeros((count, size)),
-        np.zeros(count),
+        np.zeros((count, 2)),
         np.zeros(1, np.int64),
         projected(chain),
     )
@@ -177,7 +178,7 @@ def advance(
         copy(flat_q, room.q)
         copy(flat_v, room.v)
         copy(room.w[count - 1], room.w[0])
-        room.power[0] = room.power[count - 1]
+        pass_power(room.power)
         solved = _find_stages(False, step == 0, numbers, row, room, system, clamp_table, load_table)
         again = not solved and room.projected is not None
         if again:
@@ -187,8 +188,7 @@ def advance(
         row += count - 1
         if not end_step(solved, room, system, clamp_table[row - 1]):
             return step + 1
-        for i in range(count):
-            out.work[0] += h * table.A[count - 1, i] * room.power[i]
+        add_work(out, work_of_stages(h, table, room.power))
         if again:  # w of such stages is not that of the end of the step
             _balance(room, system, load_table[row - 1])
     return -1
@@ -221,7 +221,9 @@ def _find_stages(places, first, numbers, row, room, system, clamp_table, load_ta
         for k in range(len(flat_v)):
             flat_v[k] += c.h * flat_w[k]
         copy(flat_w, room.w[i])
-        room.power[i] = stage_power(state, tables, factors, clamps, loads, load_table[row], damping)
+        room.power[i, 0], room.power[i, 1] = stage_power(
+            state, tables, factors, clamps, loads, load_table[row], damping
+        )
         row += 1
     return True
 
@@ -238,7 +240,9 @@ def _balance(room, system, values):  # type: ignore[no-untyped-def]
     newton.counts[2] = 1
     solve_stage(2, system, c, values, newton.tolerance)
     copy(flat_w, room.w[last])
-    room.power[last] = stage_power(state, tables, factors, clamps, loads, values, damping)
+    room.power[last, 0], room.power[last, 1] = stage_power(
+        state, tables, factors, clamps, loads, values, damping
+    )
     newton.counts[2] = 1
 
 
@@ -319,13 +323,32 @@ def _drive(q, v, w, clamps, part):  # type: ignore[no-untyped-def]
 
 @shared
 def stage_power(state, tables, factors, clamps, loads, values, damping):  # type: ignore[no-untyped-def]
-    """Power of all that does work beside energies, W, at the state found."""
-    power = power_of_drives(factors.loops, state.q)
+    """Power of all that does work beside energies, and of damping alone, W, at the state found."""
+    power, lost = power_of_drives(factors.loops, state.q), 0.0
     if len(clamps.nodes) + len(loads.touched) > 0:
         clamp_reactions(state.q, state.w, state.f, tables, clamps)
-        power += power_of(state.q, state.v, clamps, loads, values)
+        acting, lost = power_of(state.q, state.v, clamps, loads, values)
+        power += acting
     if damping is not None:
+        resisting = 0.0
         for k in range(state.v.shape[0]):
             for i in range(state.v.shape[1]):
-                power += damping.force[0, k, i] * state.v[k, i]
-    return power
+                resisting += damping.force[0, k, i] * state.v[k, i]
+        power, lost = power + resisting, lost + resisting
+    return power, lost
+
+
+@inlined
+def work_of_stages(h, table, power):  # type: ignore[no-untyped-def]
+    """Work over a step of h, J, by the method's quadrature: all, and that of damping."""
+    last, work, lost = len(table.c) - 1, 0.0, 0.0
+    for i in range(last + 1):
+        work += h * table.A[last, i] * power[i, 0]
+        lost += h * table.A[last, i] * power[i, 1]
+    return work, lost
+
+
+@inlined
+def pass_power(power):  # type: ignore[no-untyped-def]
+    """The power at the end of a step is that at the start of the next one."""
+    power[0, 0], power[0, 1] = power[-1, 0], power[-1, 1]

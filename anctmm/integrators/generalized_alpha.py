@@ -34,6 +34,7 @@ from anctmm.integrators.implicit.step import begin_step, dissipated, finish
 from anctmm.integrators.implicit.system import Newton, System, new_system
 from anctmm.integrators.output import (
     Output,
+    add_work,
     keep,
     too_large,
 )
@@ -114,7 +115,7 @@ def advance(
         if driven and step >= 0:
             values = load_table[step - first]
             clamp_reactions(q, w, f, tables, clamps)
-            out.work[0] += work_done(step > 0, q, clamps, loads, values)
+            add_work(out, work_done(step > 0, q, clamps, loads, values))
         if step >= 0:
             out.work[0] += work_of_drives(factors.loops, step > 0, q)
             count_turns(q, out.turns)
@@ -135,7 +136,8 @@ def advance(
         if not solve_step(system, coefficients, load_table[step + 1 - first], newton.tolerance):
             return step + 1
         unfinished = True
-        out.work[0] += dissipated(damping, q, state.q_before)
+        lost = dissipated(damping, q, state.q_before)
+        add_work(out, (lost, lost))
     if unfinished:
         finish(flat_v, flat_a, flat_w, flat_before, coefficients)
     return -1

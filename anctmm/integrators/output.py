@@ -20,7 +20,7 @@ from anctmm.forces.connectors import Connectors, connectors_energy
 from anctmm.integrators.turn_count import TurnCount, new_count, put_angles
 from anctmm.jit.announcing import compiling
 from anctmm.jit.by_address import by_address
-from anctmm.jit.compiling import kernel, separate
+from anctmm.jit.compiling import embedded, kernel, separate
 from anctmm.jit.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -43,9 +43,9 @@ TOGETHER = 1 << 17
 
 @by_address
 class Output(NamedTuple):
-    """What kernels fill: coordinates, velocities and accelerations, (outputs, rows, nodes), kinetic and strain energy
-    and work, (outputs, 3), and the work done until now, (1,); angles of the bodies whose turns are counted, (outputs,
-    bodies), and their turns until now.
+    """What kernels fill: coordinates, velocities and accelerations, (outputs, rows, nodes), kinetic and strain energy,
+    work and the part of it that damping does, (outputs, 4), and both done until now, (2,); angles of the bodies whose
+    turns are counted, (outputs, bodies), and their turns until now.
     """
 
     q: Array
@@ -86,7 +86,7 @@ class Record:
     def resize(self, n: int) -> None:
         """Make room for n outputs, none of which is filled."""
         self.series = np.empty((3, n, self.chain.bodies.rows, self.chain.bodies.nodes))
-        self.energy = np.zeros((n, 3))
+        self.energy = np.zeros((n, 4))
         self.angles = np.zeros((n, len(turning_bodies(self.chain.scene))))
 
     @property
@@ -97,7 +97,7 @@ class Record:
     def arrays(self) -> Output:
         """What kernels fill, before the first step."""
         q, v, a = self.series
-        return Output(q, v, a, self.energy, np.zeros(1), self.angles, new_count(self.chain))
+        return Output(q, v, a, self.energy, np.zeros(2), self.angles, new_count(self.chain))
 
     def start(self) -> None:
         """Start the clocks."""
@@ -138,7 +138,7 @@ class Record:
         chain = self.chain
         q, static = self.q[:kept], t is not None
         fields = self.fields(kept, static)
-        kinetic, strain, work = self.energy[:kept].T
+        kinetic, strain, work, damping = self.energy[:kept].T
         potential = _potential(q, light(chain, _reference), chain.dead_load)
         found = Solution(
             solver="anctmm",
@@ -146,7 +146,7 @@ class Record:
             run=chain.run,
             t=light(chain, output_times)[:kept].copy() if t is None else t,
             fields=fields,
-            energy=Energy(kinetic, strain, potential, work),
+            energy=Energy(kinetic, strain, potential, work, 0.0 - damping),
             cost=Cost(cpu, wall, steps, iterations, factorizations),
             status=status,
             dofs=once(chain, _dofs),
@@ -302,6 +302,13 @@ def too_large(q: Array, limit: float) -> bool:
     return False
 
 
+@embedded
+def add_work(out, done):  # type: ignore[no-untyped-def]
+    """Count work that was done, J, all and that of damping."""
+    out.work[0] += done[0]
+    out.work[1] += done[1]
+
+
 @separate
 def keep(
     step: int,
@@ -321,5 +328,5 @@ def keep(
     out.energy[place, 0] = kinetic_energy(v, tables.first, tables.masses)
     out.energy[place, 1] = strain_energy(tables.formulations, q, tables.first, tables.kinds, tables.constants)
     out.energy[place, 1] += connectors_energy(connectors)
-    out.energy[place, 2] = out.work[0]
+    out.energy[place, 2], out.energy[place, 3] = out.work[0], out.work[1]
     put_angles(q, out.turns, out.angles[place])

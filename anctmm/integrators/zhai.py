@@ -32,6 +32,7 @@ from anctmm.integrators.locking import locked, rows_in
 from anctmm.integrators.output import (
     Output,
     Record,
+    add_work,
     gradient_size,
     keep,
     run_batches,
@@ -338,7 +339,8 @@ def advance(begin: int, end: int, system: System, out: Output, clamp_table: Arra
         if acted:
             set_loads(q, state.f, state.dead, loads, values)
             add_connectors(loads.connectors, q, v, values, state.f)
-        out.work[0] += _resist(damping, state, tables, step > 0, numbers.dt)
+        lost = _resist(damping, state, tables, step > 0, numbers.dt)
+        add_work(out, (lost, lost))
         _accelerate(block, rows, state, tables, clamps, split, now)
         out.work[0] += _work_of_drives(rows, step > 0)
         # a value that is not finite anywhere makes this sum not finite
@@ -346,7 +348,7 @@ def advance(begin: int, end: int, system: System, out: Output, clamp_table: Arra
         if check - check != 0.0:
             return step
         if acted:
-            out.work[0] += work_done(step > 0, q, clamps, loads, values)
+            add_work(out, work_done(step > 0, q, clamps, loads, values))
         count_turns(q, out.turns)
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, STRETCH_LIMIT):

@@ -59,12 +59,20 @@ class Energy:
     work : ndarray
         Done by drives, torques, laws, and forces that vary in time or follow their place, less the energy
         dissipated by damping.
+    dissipated : ndarray, optional
+        The part of the work that damping has taken, of materials and of connectors; of a law what its force loses when
+        the rate changes its sign. NaN where a solver does not tell it apart.
     """
 
     kinetic: Array
     strain: Array
     potential: Array
     work: Array
+    dissipated: Array = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.dissipated is None:
+            object.__setattr__(self, "dissipated", np.full(np.shape(self.work), np.nan))
 
     @classmethod
     def unknown(cls, n: int) -> "Energy":

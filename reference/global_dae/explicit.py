@@ -149,8 +149,10 @@ def march(equations: Equations, span: tuple[int, int, int], acting: Acting, out:
         elastic_forces(parts.formulations, m.q, parts.first, parts.kinds, parts.constants, m.buffer, s.force)
         for i in range(size):
             right[i] = dead[i] - right[i]
-        lost = resist(damping, parts, m, s.force)
-        m.work[0] -= 0.5 * scheme.h * lost if n > 0 else 0.0
+        lost = 0.5 * scheme.h * resist(damping, parts, m, s.force)
+        if n > 0:
+            m.work[0] -= lost
+            m.work[1] -= lost
         add_loads(loads, values, at, flat_q, right)
         scale_driven(rows, acceleration, right, size)
         if not solve(factors, constant, right, left, s.scratch, s.dense):

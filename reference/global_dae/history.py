@@ -33,8 +33,8 @@ HUGE = 1e60
 class Motion(NamedTuple):
     """Coordinates and velocities, (rows, nodes) and flat in the same memory, and what goes with them.
 
-    b, rate, acceleration (m, 2) are b, ḃ, b̈ of the constraints; trail and work the account of work done; turned tells
-    the angles of bodies.
+    b, rate, acceleration (m, 2) are b, ḃ, b̈ of the constraints; trail the account of work done; work, (2,), all
+    of it and that of damping; turned tells the angles of bodies.
     """
 
     q: Array
@@ -58,7 +58,7 @@ def motion_of(model: Model, reference: Array) -> Motion:
     trail = np.zeros((entries, 4))
     flat, places = q.reshape(-1), at_starts(model.bodies, turning_bodies(model.scene))
     return Motion(
-        q, v, flat, v.reshape(-1), reference.copy(), zeros, zeros.copy(), trail, np.zeros(1),
+        q, v, flat, v.reshape(-1), reference.copy(), zeros, zeros.copy(), trail, np.zeros(2),
         not_turned(places, flat), model.bodies.buffer(),
     )  # fmt: skip
 
@@ -76,7 +76,7 @@ def keep(parts: Parts, m: Motion, a: Array, k: int, kept: Array, energies: Array
     for i in range(m.flat_q.size):
         potential -= parts.dead[i] * (m.flat_q[i] - parts.reference[i])
     energies[k, 2] = potential
-    energies[k, 3] = m.work[0]
+    energies[k, 3], energies[k, 4] = m.work[0], 0.0 - m.work[1]
     for n in range(angles.shape[1]):
         angles[k, n] = m.turned.angles[n]
 
@@ -116,7 +116,7 @@ class Acting(NamedTuple):
 class Outputs(NamedTuple):
     """What a batch keeps: the steps wanted, ascending, from the first one not yet kept, and −1 at their end.
 
-    states: coordinates, velocities and accelerations, (outputs, 3, rows, nodes); energies, (outputs, 4); angles of the
+    states: coordinates, velocities and accelerations, (outputs, 3, rows, nodes); energies, (outputs, 5); angles of the
     bodies whose turns are counted, (outputs, bodies).
     """
 
@@ -159,7 +159,7 @@ class Marcher:
         run = self.model.run
         wanted = np.append(run.output_steps, -1).astype(np.int64)
         kept = np.zeros((len(wanted) - 1, 3, self.model.bodies.rows, self.model.bodies.nodes))
-        energies = np.zeros((len(kept), 4))
+        energies = np.zeros((len(kept), 5))
         self.prepare()
         turning = turning_bodies(self.model.scene)
         out = Outputs(wanted, kept, energies, np.zeros((len(kept), len(turning))))
@@ -243,7 +243,7 @@ def solution(
     status: Status,
     *rates: Array,
 ) -> Solution:
-    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 4), as far as it is valid.
+    """The answer made of stored coordinates (n, rows, nodes) and energies (n, 5), as far as it is valid.
 
     `rates` are velocities and accelerations, like coordinates; without them it is a static one.
     """

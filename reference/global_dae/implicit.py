@@ -337,7 +337,9 @@ def march(equations: Equations, span: tuple[int, int], acting: Acting, out: Outp
             code = solve(equations, values, at)
             if code != CONVERGED:
                 return code
-            m.work[0] += dissipated(damping, s.new, m.q)
+            lost = dissipated(damping, s.new, m.q)
+            m.work[0] += lost
+            m.work[1] += lost
             accept(c, s)
         if len(m.trail):
             work = work_since(loads, values, at, rows, s.multiplier, 0, m.flat_q, m.trail)

@@ -185,7 +185,7 @@ def _energies(model: Model, e: Equilibrium) -> Array:
     """Kinetic, strain, potential; the work of loads is found where all equilibria are known."""
     parts = model.parts
     strain = strain_energy(parts.formulations, e.q, parts.first, parts.kinds, parts.constants)
-    return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), 0.0])
+    return np.array([0.0, strain, -parts.dead @ (e.q.reshape(-1) - parts.reference), 0.0, 0.0])
 
 
 def _doubt(model: Model, now: Equilibrium, before: float) -> Status:

@@ -30,6 +30,7 @@ UNITS = {
     "load factor": "1",
 }
 LOAD_FACTOR, ANGLE = "load factor", "angle"
+ENERGIES = ("kinetic", "strain", "potential", "work")
 #: What is counted of a run's work, and its name in `Cost`.
 COUNTED = {
     "Newton corrections": "newton_iterations",
@@ -116,7 +117,8 @@ class History:
         if task.times is None:
             columns.append(Column(LOAD_FACTOR))
             values.append(solution.t)
-        for name, series in vars(solution.energy).items():
+        for name in ENERGIES:  # what is dissipated is part of the work
+            series = getattr(solution.energy, name)
             if np.any(series != 0.0) and np.isfinite(series).all():
                 columns.append(Column("work" if name == "work" else f"{name} energy"))
                 values.append(series)

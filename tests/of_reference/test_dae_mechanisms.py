@@ -339,7 +339,7 @@ def test_reactions_are_the_multipliers():
     times = solver.run.times(np.arange(21))
     for n in range(21):
         state = solver.step(state, n, float(times[n])) if n else state
-        record.keep(state.q, state.v, state.a, np.zeros(4))
+        record.keep(state.q, state.v, state.a, np.zeros(5))
         multipliers.append(state.mu)
     found = record.solution("global-dae", times, at.Cost(), at.Status())
     mu = np.array(multipliers)

@@ -119,7 +119,7 @@ from anctmm.integrators.implicit.newton import solve_step
 from anctmm.integrators.implicit.run import balance
 from anctmm.integrators.implicit.step import begin_step, copy, dissipated, finish
 from anctmm.integrators.implicit.system import System
-from anctmm.integrators.output import Output, keep, too_large
+from anctmm.integrators.output import Output, add_work, keep, too_large
 from anctmm.integrators.turn_count import count_turns
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, inlined, kernel
@@ -405,9 +405,10 @@ def _accept(h, stop, c, system, control, out):  # type: ignore[no-untyped-def]
     progress[LAST], progress[FIRST_STEP] = h, 0.0
     control.counts[0] += 1
     clamp_reactions(q, state.w, state.f, system.tables, system.clamps)
-    out.work[0] += work_done(True, q, system.clamps, system.loads, control.values[1])
+    add_work(out, work_done(True, q, system.clamps, system.loads, control.values[1]))
     out.work[0] += work_of_drives(loops, True, q)
-    out.work[0] += dissipated(system.damping, q, state.q_before)
+    lost = dissipated(system.damping, q, state.q_before)
+    add_work(out, (lost, lost))
     count_turns(q, out.turns)
     pass_stops(control)
 

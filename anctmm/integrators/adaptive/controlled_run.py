@@ -392,7 +392,7 @@ def _march(
     begin_returning(control.returning, state.q)
     begin_kinks(control.kinks)
     control.scale[0], control.fastest[0] = scale, 0.0
-    out.work[0] = 0.0
+    out.work[:] = 0.0
     begin_count(state.q, out.turns)
     turned = np.zeros_like(state.q[0]) if chain.start is None else chain.start.turned
     count_turns(system.loads.connectors, state.q, turned)  # those at the end of the last run stand there
@@ -458,8 +458,8 @@ def _from_outputs(
 ) -> Callable[[int, Newton], int]:
     """What starts a motion anew in the present state at the k-th of some outputs: for its accelerations alone."""
     times, progress = chain.run.times(outputs), control.progress
-    rooms = {name: np.empty_like(room[:1]) for name, room in out._asdict().items() if name != "turns"}
-    aside = out._replace(**rooms)
+    rooms = {name: np.empty_like(getattr(out, name)[:1]) for name in ("q", "v", "a", "energy", "angles")}
+    aside = out._replace(**rooms, work=np.empty_like(out.work))
 
     def start(k: int, newton: Newton) -> int:
         progress[:] = 0.0

@@ -120,8 +120,10 @@ from anctmm.integrators.esdirk import (
     begin_stage,
     move_drives,
     new_room,
+    pass_power,
     solve_stage,
     stage_power,
+    work_of_stages,
 )
 from anctmm.integrators.implicit.renewal import PRICE
 from anctmm.integrators.implicit.run import balance
@@ -301,7 +303,7 @@ def _start_anew(system, control, track):  # type: ignore[no-untyped-def]
     _, _, flat_a, flat_w, _, _ = state.flat
     flat_a[:] = 0.0  # stages have no acceleration beside w
     copy(flat_w, room.w[0])
-    room.power[0] = stage_power(
+    room.power[0, 0], room.power[0, 1] = stage_power(
         state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
     )
     control.progress[STARTS] = 0.0
@@ -465,7 +467,7 @@ def _take_stage(i, row, h, left, rate, c, method, system, control, track):  # ty
         flat_v[k] += c.h * flat_w[k]
     copy(flat_w, room.w[row])
     if solved:  # it counts the turns of rotational springs
-        room.power[row] = stage_power(
+        room.power[row, 0], room.power[row, 1] = stage_power(
             state, system.tables, system.factors, system.clamps, system.loads, values, system.damping
         )
     return solved
@@ -500,30 +502,28 @@ def _go_back(system, control, track):  # type: ignore[no-untyped-def]
 def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
     """Go to the end of the step, and keep the outputs within."""
     progress, room, last = control.progress, track.room, len(track.method.c) - 1
-    start, before, work = progress[TIME], out.work[0], 0.0
+    start, before, lost_before = progress[TIME], out.work[0], out.work[1]
     progress[TIME] = end_of(h, stop, progress)
     control.counts[0] += 1
-    for i in range(last + 1):
-        work += h * track.method.A[last, i] * room.power[i]
+    work, lost = work_of_stages(h, track.method, room.power)
     while control.times[int(progress[KEPT])] < progress[TIME] - CLOSE * h:
         t = control.times[int(progress[KEPT])]
         x = (t - start) / h
-        y = 1.0 - x
         motion_within(x, h, system.state, track.start, track.found)
-        out.work[0] = before + x * x * (1.0 + 2.0 * y) * work
-        out.work[0] += h * x * y * (y * room.power[0] - x * room.power[last])
+        out.work[0] = before + _work_within(x, h, work, 0, room.power)
+        out.work[1] = lost_before + _work_within(x, h, lost, 1, room.power)
         _keep(t, h, system, control, track, out)
     event = control.actions.stops[int(progress[EVENT])]
     if progress[TIME] != event and control.times[int(progress[KEPT])] < progress[TIME] + CLOSE * h:
         progress[TIME] = control.times[int(progress[KEPT])]
-    out.work[0] = before + work
+    out.work[0], out.work[1] = before + work, lost_before + lost
     if control.allowed < np.inf:  # a guess has no stages
         for i in range(1, last + 1):
             track.parts[i] = repeated(
                 h, room.w[i - 1], room.w[i], track.rates[i], system.newton.scale, system.state.q.shape[1]
             )
     copy(room.w[last], room.w[0])
-    room.power[0] = room.power[last]
+    pass_power(room.power)
     copy_actions(control.angles, control.values, last, 0)
     pass_stops(control)
     count_turns(system.state.q, out.turns)
@@ -531,6 +531,13 @@ def _accept(h, stop, system, control, track, out):  # type: ignore[no-untyped-de
     measure_speed(system.state.v, control)
     follow_turns(system.state.q, progress[TIME], control.t_end, control.turns)
     follow_returning(system.state.q, control)
+
+
+@inlined
+def _work_within(x, h, work, j, power):  # type: ignore[no-untyped-def]
+    """Work until the part x of a step of h in which this work is done, by the powers j at both ends: a cubic."""
+    y = 1.0 - x
+    return x * x * (1.0 + 2.0 * y) * work + h * x * y * (y * power[0, j] - x * power[-1, j])
 
 
 @inlined

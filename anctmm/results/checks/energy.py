@@ -90,11 +90,12 @@ def balance_of(energy: Energy, *, damped: bool) -> Array:
     """Energy from nowhere at each output, (n,), J; with damping the least that it can be.
 
     What damping takes within the first step of a motion that it stops at once is known badly (the mean force times
-    the displacement is many times the energy there was); so no more counts as taken than others have brought.
+    the displacement is many times the energy there was); so no more counts as taken than others have brought. Where a
+    solver does not tell what damping takes it is at least what all work has taken together.
     """
     if not damped:
         return energy.balance
-    return energy.balance + np.minimum(energy.work, 0.0)  # type: ignore[no-any-return]
+    return energy.balance - np.fmax(energy.dissipated, np.maximum(-energy.work, 0.0))  # type: ignore[no-any-return]
 
 
 def absorbed(energy: Energy, least: float = 0.0) -> Mask:
@@ -153,12 +154,50 @@ def energy_findings(solution: Solution) -> Iterator[Finding]:
     run, energy = solution.run, solution.energy
     if run is None or solution.t.size < 2:
         return
-    # an upper bound of what is looked for: nearly always there is none
-    large = np.abs(energy.balance) > INACCURATE * np.maximum.accumulate(all_energy(energy))
-    if not np.count_nonzero(large):
+    # upper bounds of what is looked for: nearly always there is none
+    much = INACCURATE * np.maximum.accumulate(all_energy(energy))
+    if np.count_nonzero(np.abs(energy.balance) > much):
+        yield from _from_nowhere(solution, run)
+    if np.count_nonzero(energy.dissipated < -much):
+        yield from _given_by_damping(solution, run)
+
+
+def _given_by_damping(solution: Solution, run: Discretisation) -> Iterator[Finding]:
+    """Energy that damping, which can only take, has given at some outputs, in steps of generalized-α.
+
+    Their forces of damping are those of velocities that may alternate from step to step. A load that acts at once
+    stretched a stiff bar to a hundred times its displacement at rest and back, in balance with the work of its damping.
+    A single output may be a start that the step does not resolve. Laws may give energy.
+    """
+    energy, laws = solution.energy, any(c.law is not None for c in solution.scene.connectors)
+    if laws or not isinstance(run.method, GeneralizedAlpha):
         return
-    explicit = run.explicit
-    scene = solution.scene
+    present = np.maximum(np.maximum.accumulate(all_energy(energy)), _exchangeable(solution))
+    given = -energy.dissipated > np.maximum(INACCURATE * present, noise(solution))
+    if np.count_nonzero(given) > 1:
+        k = int(np.argmax(np.where(given, -energy.dissipated, 0.0)))
+        body, element = most_stretched(solution, k)
+        worst = "" if body is None else f", worst in {part(body, element)}"
+        yield Finding(
+            k,
+            "inaccurate",
+            f"damping, which can only take energy, has given {-energy.dissipated[k]:.3g} J until {{when}}{worst}: the "
+            f"steps do not resolve how it slows the motion down; {_shorter(run)} or integrator='esdirk' may help",
+            body,
+            element,
+        )
+
+
+def _shorter(run: Discretisation) -> str:
+    """What makes steps shorter."""
+    return (
+        f"a smaller dt than {run.dt:g} s" if run.tolerance is None else f"a tolerance below {run.tolerance:g}"
+    )
+
+
+def _from_nowhere(solution: Solution, run: Discretisation) -> Iterator[Finding]:
+    """Energy that has appeared or vanished by numerical error."""
+    energy, explicit, scene = solution.energy, run.explicit, solution.scene
     vibrates = bool(scene.connectors) or any(not kind_of(kind).rigid for _, kind in run.of(scene).values())
     keeps = (run.psi == run.phi == 0.5 and not vibrates) if explicit else _keeps_energy(run)
     dampers = any(c.damping > 0.0 or c.law is not None for c in scene.connectors)
@@ -285,7 +324,7 @@ def _keeps_energy(run: Discretisation) -> bool:
 def _advice_on_dissipation(run: Discretisation) -> str:
     """Why energy may vanish, and what to try."""
     controlled = run.tolerance is not None
-    smaller = f"a tolerance below {run.tolerance:g}" if controlled else f"a smaller dt than {run.dt:g} s"
+    smaller = _shorter(run)
     if not isinstance(run.method, GeneralizedAlpha):
         return f"the method removes motions that the steps do not resolve; {smaller} may help"
     if _keeps_energy(run):

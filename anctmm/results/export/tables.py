@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 #: What each place gives: suffixes of the columns, and its unit.
 QUANTITIES = {"position": (("x", "y"), "m"), "velocity": (("vx", "vy"), "m/s"), "angle": (("angle",), "rad")}
-ENERGIES = ("kinetic", "strain", "potential", "work")
+ENERGIES = ("kinetic", "strain", "potential", "work", "dissipated")
 #: Package that a function needs, and the extra of this one that brings it.
 EXTRA = {"pandas": "files", "xarray": "files", "matplotlib": "plots"}
 

@@ -145,6 +145,13 @@ class ConnectorForce:
         pull = self._pull(s, float(gradient @ v[self.at]), t)
         return np.array([-pull.lost, -pull.stored]), np.array([s, pull.free])
 
+    def resistance(self, q: Array, v: Array, t: float) -> tuple[float, float]:
+        """The part of the force on the elongation that changes its sign with its rate, and the elongation."""
+        s, gradient, _ = self.measure(q)
+        rate, free_rate = float(gradient @ v[self.at]), free_of(self.connector, self.placed, t)[1]
+        pull, back = (self._pull(s, x, t) for x in (rate, 2.0 * free_rate - rate))
+        return 0.5 * (back.lost - pull.lost), s - pull.free
+
     def keep(self, q: Array) -> None:
         """Accept a state."""
         self.measure.keep(q)

@@ -54,7 +54,7 @@ class Zhai(Marcher):
         q, v = self._corrected(q, v, p)
         self.system.keep(q)
         a, mu, power = self._accelerate(q, v, t, p)
-        self.account.work -= 0.5 * h * (self.power + power)
+        self.account.resist(-0.5 * h * (self.power + power))
         self.power = power
         return State(q, v, a, mu, p)
 

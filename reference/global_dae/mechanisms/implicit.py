@@ -65,7 +65,7 @@ class GeneralizedAlpha(Marcher):
         mean = (1.0 - self.alpha_f) * found.a + self.alpha_f * state.a
         self.auxiliary = (mean - self.alpha_m * self.auxiliary) / (1.0 - self.alpha_m)
         damping, _ = self.system.elastic.damping(found.q, found.v)
-        self.account.work += float(0.5 * (damping + self.damping) @ (found.q - state.q))
+        self.account.resist(float(0.5 * (damping + self.damping) @ (found.q - state.q)))
         self.damping = damping
         self.system.keep(found.q)
         return found

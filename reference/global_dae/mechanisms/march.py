@@ -102,9 +102,8 @@ class Marcher:
                 self.account.add(state.q, state.v, t, state.p, state.mu)
                 turn(state.q, record.turned)
                 if n == wanted[record.count]:
-                    record.keep(
-                        state.q, state.v, state.a, system.energies(state.q, state.v, t, self.account.work)
-                    )
+                    energies = system.energies(state.q, state.v, t, self.account)
+                    record.keep(state.q, state.v, state.a, energies)
                 taken = n
         except KeyboardInterrupt:
             raise Interrupted(so_far(interruption(float(times[taken])))) from None
@@ -129,7 +128,7 @@ class Record:
     def __init__(self, system: System, count: int) -> None:
         self.system, self.count = system, 0
         self.q, self.v, self.a = np.zeros((3, count, system.size))
-        self.energies = np.zeros((count, 4))
+        self.energies = np.zeros((count, 5))
         self.turning = turning_bodies(system.layout.scene)
         self.turned = not_turned(_turning(system.layout, self.turning), system.layout.reference)
         self.angles = np.zeros((count, len(self.turning)))

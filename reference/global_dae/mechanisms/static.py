@@ -18,7 +18,7 @@ from reference.global_dae.mechanisms.implicit import at_rounding, solved
 from reference.global_dae.mechanisms.independent import independent_rows
 from reference.global_dae.mechanisms.march import Failure, Record
 from reference.global_dae.mechanisms.stability import signs
-from reference.global_dae.mechanisms.system import System
+from reference.global_dae.mechanisms.system import Account, System
 
 Array = NDArray[np.float64]
 
@@ -189,4 +189,4 @@ def equilibria(system: System, load_steps: int, solver: str) -> Solution:
 
 def _energies(system: System, e: Equilibrium) -> Array:
     """Kinetic, strain, potential; the work of loads is found where all equilibria are known."""
-    return system.energies(e.q, system.still, 0.0, 0.0)
+    return system.energies(e.q, system.still, 0.0, Account(system))

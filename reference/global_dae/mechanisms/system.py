@@ -81,11 +81,12 @@ class System:
             D[np.ix_(element.at, element.at)] += by_v
         return K, D
 
-    def energies(self, q: Array, v: Array, t: float, work: float) -> Array:
-        """Kinetic, strain (with that of connectors), potential and work, J."""
+    def energies(self, q: Array, v: Array, t: float, account: "Account") -> Array:
+        """Kinetic, strain (with that of connectors), potential, work and what damping has taken of it, J."""
         strain = self.elastic.energy(q) + sum(c.energy(q, t) for c in self.connectors)
         potential = -float(self.dead @ (q - self.layout.reference))
-        return np.array([0.5 * v @ (self.elastic.mass @ v), strain, potential, work])
+        kinetic = 0.5 * v @ (self.elastic.mass @ v)
+        return np.array([kinetic, strain, potential, account.work, 0.0 - account.lost])
 
     def keep(self, q: Array) -> None:
         """Accept a state: turns are counted from here."""
@@ -94,11 +95,12 @@ class System:
 
 
 class Account:
-    """Work of drives, connectors and loads, summed up from step to step by the trapezoidal rule, J."""
+    """Work of drives, connectors and loads, summed up from step to step by the trapezoidal rule, J; that of damping."""
 
     def __init__(self, system: System) -> None:
-        self.system, self.work = system, 0.0
+        self.system, self.work, self.lost = system, 0.0, 0.0
         self.before: tuple[Array, Array] | None = None
+        self.resisting: Array | None = None
 
     def add(self, q: Array, v: Array, t: float, p: Array, mu: Array) -> None:
         """Account for the step that leads here."""
@@ -108,3 +110,13 @@ class Account:
         if self.before is not None:
             self.work += float(0.5 * (forces + self.before[0]) @ (places - self.before[1]))
         self.before = forces, places
+        resisting = np.array([c.resistance(q, v, t) for c in self.system.connectors]).reshape(-1, 2)
+        if self.resisting is not None:
+            change = resisting - self.resisting
+            self.lost += float((resisting[:, 0] - 0.5 * change[:, 0]) @ change[:, 1])
+        self.resisting = resisting
+
+    def resist(self, work: float) -> None:
+        """Account for the work of damping of materials."""
+        self.work += work
+        self.lost += work

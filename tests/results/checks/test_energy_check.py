@@ -8,7 +8,7 @@ from samples import bar
 
 import anctmm as at
 from anctmm.results.checks.divergence import checked
-from anctmm.results.checks.energy import absorbed, energy_findings, from_nowhere
+from anctmm.results.checks.energy import absorbed, all_energy, energy_findings, from_nowhere
 from anctmm.results.solution import Energy
 from reference import exudyn_cable, global_dae
 from studies.scenes import cantilever_fall, four_bar
@@ -288,6 +288,68 @@ def test_energy_that_a_law_takes_as_it_is_made_is_seen():
     assert "was created by numerical error" in told.status.message
     at_once = Energy(zero + 1.0, zero, zero, np.where(np.arange(11) > 0, -300.0, 0.0))
     assert not absorbed(at_once).any()
+
+
+def loaded_bar(tau, force=10.0, of_time=False):
+    """A metre of aluminium under an axial force that acts at once; its exact motion is that of a rod."""
+    bar = at.Beam("bar", (0, 0), (1, 0), at.Rectangle(0.02, 0.005), at.Material(7e10, 2700.0, damping=tau))
+    load = at.Force("bar.end", (lambda t: (force, 0.0)) if of_time else (force, 0.0))
+    return at.Scene("loaded", [bar], [at.Clamp("bar.start", stretch="free")], [load])
+
+
+@pytest.mark.parametrize(("tau", "dt"), [(1e-4, 1e-3), (1e-3, 1e-4), (1e-3, 1e-3)])
+def test_a_force_may_be_a_function_of_time(tau, dt):
+    """What damping takes in the first step, known badly, was subtracted from the work of such a force: "inaccurate"."""
+    options = {"mesh": 4, "dt": dt, "t_end": 0.1, "integrator": "esdirk"}
+    constant, function = (at.solve(loaded_bar(tau, of_time=of), **options) for of in (False, True))
+    for run in (constant, function):
+        assert run.status.ok, run.status
+        assert run.position("bar.end")[-1, 0] - 1.0 == pytest.approx(10.0 / 7e6, rel=0.05)
+    assert np.allclose(constant.energy.dissipated, function.energy.dissipated, rtol=1e-6)
+    assert np.abs(function.energy.balance[1]) > 0.1 * all_energy(function.energy)[1]  # the check looks at it
+
+
+def test_the_same_of_a_damper_or_a_law_beside_a_mass():
+    """A mass on a stiff spring with a damper, or with a law that does the same."""
+    mass, guide = at.PointMass("mass", 1.0, (1.0, 0.0)), at.Slider("mass.center", (1, 0))
+    load = at.Force("mass.center", lambda t: (10.0, 0.0))
+    for integrator, dt in (("esdirk", 1e-2), ("generalized-alpha", 1e-3)):
+        for spring in (
+            at.Spring("mass.center", (0.0, 0.0), stiffness=1e6, damping=1e4),
+            at.Spring("mass.center", (0.0, 0.0), law=lambda e, r, t: 1e6 * e + 1e4 * r),
+        ):
+            scene = at.Scene("stiff", [mass], [guide], [load], connectors=[spring])
+            found = at.solve(scene, dt=dt, t_end=1.0, output_dt=1e-2, integrator=integrator)
+            assert found.status.ok, found.status
+            assert found.position("mass.center")[-1, 0] - 1.0 == pytest.approx(1e-5, rel=1e-3)
+
+
+@pytest.mark.parametrize("solve", [at.solve, global_dae.solve])
+@pytest.mark.parametrize(("tau", "dt"), [(1e-3, 1e-3), (1e-2, 1e-3), (1e-2, 1e-2), (1e-1, 1e-2)])
+def test_damping_that_gives_energy_is_told(tau, dt, solve):
+    """Steps of generalized-α overshoot by up to 170 times the displacement at rest, in balance with that work."""
+    options = {"mesh": 4, "dt": dt, "t_end": 50 * dt}
+    found = solve(loaded_bar(tau, 1e3), **options)
+    assert found.status == "inaccurate"
+    assert len(found.t) == 51
+    assert "damping, which can only take energy, has given" in found.status.message
+    assert "integrator='esdirk' may help" in found.status.message
+    assert np.abs(found.energy.balance).max() < 0.1 * found.energy.strain.max()
+    moved = (found.position("bar.end")[:, 0] - 1.0) / (1e3 / 7e6)
+    assert moved.min() < -0.5  # against the force
+    right = at.solve(loaded_bar(tau, 1e3), **options, integrator="esdirk")
+    assert right.status.ok, right.status
+    moved = (right.position("bar.end")[:, 0] - 1.0) / (1e3 / 7e6)
+    assert moved.min() == 0.0
+    assert moved.max() < 1.05
+
+
+def test_a_law_may_give_energy():
+    """A bar that turns, and is driven by its own speed."""
+    drive = at.RotationalSpring("bar.start", law=lambda e, r, t: -0.5 * r)
+    found = at.solve(replace(steel_bar(0.5), connectors=(drive,)), mesh=2, dt=5e-3, t_end=1.0)
+    assert found.status.ok, found.status
+    assert found.energy.dissipated[-1] < -0.1 * found.energy.kinetic.max()
 
 
 @pytest.mark.parametrize("meter", [1.0, 1e3])
