@@ -24,9 +24,10 @@ estimate of the error. Counted like that, and no coarser than COARSE, it takes 0
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
 iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half, in the mean
-of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.89 in the mean, and at most 1.25 in 66
-of the 68. A gantry crane costs 1.35 at 1e-2 and 1.58 at 1e-4, where its error hardly falls with the step: one Newton
-correction does for each stage of the best fixed steps, which nobody knows before.
+of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.86 in the mean, and at most 1.21 of
+the 68. What the best of so many runs costs has some chance in it: that of a gantry crane, whose error hardly falls with
+the step, differed by a tenth with the way in which Newton's iteration begins in the first step alone; beside the
+cheaper of the two it would be 1.35 at 1e-2 and 1.58 at 1e-4.
 
 The rms error was 0.001 to 2.6 of the tolerance on these, and on chains of two and three steel beams drawn at random up
 to 5.1 in 8 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it
@@ -53,7 +54,7 @@ from anctmm.integrators.adaptive.contraction import (
     rate_of_motion,
 )
 from anctmm.integrators.adaptive.controlled_run import SHARE, Scheme, run_controlled
-from anctmm.integrators.adaptive.free_turns import follow_turns, turn_error
+from anctmm.integrators.adaptive.free_turns import follow_turns, swing_error, turn_error
 from anctmm.integrators.adaptive.law_kinks import (
     before_kink,
     crosses,
@@ -334,8 +335,9 @@ def _step(h, stop, system, control, track, out):  # type: ignore[no-untyped-def]
         error, between, rates = stage_error(progress[TIME], h, to_w, system, control, track)
         error = seen(error, system, control) * grown(control.kinks, progress[TIME], control.t_end)
         if not guess:
-            turned = turn_error(track.start[0], system.state.q, 4, LOST, progress[TIME] + h, allowed, control)
-            error = max(error, turned, allowed * rates)
+            before, q, end = track.start[0], system.state.q, progress[TIME] + h
+            turned = turn_error(before, q, 4, LOST, end, allowed, control)
+            error = max(error, turned, swing_error(h, before, q, end, control), allowed * rates)
         if inside:
             progress[STRAINED] = strained_by(
                 system.loads.connectors, between, track.start[0], system, control

@@ -118,10 +118,21 @@ def _enough(start, end, control):  # type: ignore[no-untyped-def]
 
 
 @inlined
+def _small(newton, control):  # type: ignore[no-untyped-def]
+    """Whether no correction of a stage was larger than the error allowed."""
+    largest = 0.0
+    for k in range(len(newton.history)):
+        largest = max(largest, newton.history[k])
+    return largest * newton.scale <= control.allowed * control.scale[0]
+
+
+@inlined
 def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-def]
     """Bring the motion in `track.found` to balance by a stage with the coefficients c; a row has what acts.
 
-    One that would move anything by more than the error allowed is none: there the matrix does not do.
+    One that would move anything by more than the error allowed is none: there the matrix does not do, and a new one is
+    made. Metal pendulums with damping went by the length of a gradient to another solution, and back at the next
+    output, by corrections of which the first alone was small.
     """
     if control.progress[STRAINED] <= SOUND:
         return
@@ -129,20 +140,25 @@ def balance_within(row, c, system, control, track):  # type: ignore[no-untyped-d
     for k in range(found.shape[1]):
         for i in range(found.shape[2]):
             end[0, k, i], end[1, k, i], end[2, k, i] = state.q[k, i], state.v[k, i], state.w[k, i]
-            state.q[k, i], state.w[k, i] = found[0, k, i], found[2, k, i]
-            state.v[k, i] = found[1, k, i] - c.h * found[2, k, i]
     keep_multipliers(system.factors.loops, track.multipliers)
     move_drives(system.factors, system.clamps, control.angles[row])
     stale, made, expected = newton.counts[2], newton.counts[1], newton.expected[0]
     newton.counts[2] = 1 if stale != 0 and expected > SLOW else 0
     enough = newton.weight[0] * _enough(track.start[0], end[0], control)
-    solved = correct_stage(False, system, c, control.values[row], enough)
+    solved, tries = False, 0
+    while not solved and tries < 2:
+        for k in range(found.shape[1]):
+            for i in range(found.shape[2]):
+                state.q[k, i], state.w[k, i] = found[0, k, i], found[2, k, i]
+                state.v[k, i] = found[1, k, i] - c.h * found[2, k, i]
+        solved = correct_stage(False, system, c, control.values[row], enough) and _small(newton, control)
+        newton.counts[2] = 1
+        tries += 1
     newton.counts[2], newton.expected[0] = 1 if newton.counts[1] > made else stale, expected
     give_back_multipliers(system.factors.loops, track.multipliers)
-    small = newton.history[0] * newton.scale <= control.allowed * control.scale[0]
     for k in range(found.shape[1]):
         for i in range(found.shape[2]):
-            if solved and small:
+            if solved:
                 found[0, k, i], found[2, k, i] = state.q[k, i], state.w[k, i]
                 found[1, k, i] = state.v[k, i] + c.h * state.w[k, i]
             state.q[k, i], state.v[k, i], state.w[k, i] = end[0, k, i], end[1, k, i], end[2, k, i]

@@ -139,3 +139,18 @@ def test_outputs_leave_nothing_behind(scene, mesh, monkeypatch):
     for body in scene.bodies:
         ours, theirs = run.fields[body.name].coordinates, without.fields[body.name].coordinates
         assert np.array_equal(ours[-1], theirs[-1])
+
+
+@pytest.mark.parametrize(
+    ("E", "damping", "mesh"),
+    [(7e10, 1e-3, 4), (7e10, 1e-2, 4), (7e10, 1e-2, 8), (2e11, 3e-2, 4), (2e11, 0.1, 4)],
+)
+def test_an_output_is_no_other_solution(E, damping, mesh):
+    """Newton's iteration went there with the matrix of another angle: strain energies of 1e4 to 1e7 J, and back."""
+    metal = at.Material(E, 1100.0, damping=damping)
+    rod = at.Beam("rod", (0, 0), (0.8, 0), at.Circle(0.02), metal)
+    scene = at.Scene("pendulum", [rod], [at.Pin("rod.start")], gravity=(0, -9.81))
+    found = at.solve(scene, mesh=mesh, tolerance=1e-2, t_end=2.0, output_dt=0.02)
+    assert found.status.ok, found.status
+    assert len(found.t) == 101
+    assert found.energy.strain.max() < 0.03 * found.energy.kinetic.max()

@@ -344,6 +344,20 @@ def test_damping_that_gives_energy_is_told(tau, dt, solve):
     assert moved.max() < 1.05
 
 
+def test_what_damping_seems_to_have_given_has_not_vanished():
+    """The account of damping is wrong, and the motion right; not so where a law gives energy."""
+    zero, rest = np.zeros(11), np.ones(11)
+    given = np.linspace(0.0, 2.0, 11)
+    energy = Energy(rest, zero, -0.1 * rest, given, -given)
+    beam = at.Material(E=2e11, density=7850.0, damping=1e-3)
+    options = {"mesh": 2, "dt": 1e-3, "t_end": 1e-2, "integrator": "esdirk"}
+    found = at.solve(steel_bar(0.5, material=beam), **options)
+    assert checked(replace(found, energy=energy)).status.ok
+    law = at.RotationalSpring("bar.start", law=lambda e, r, t: -0.5 * r)
+    found = at.solve(replace(steel_bar(0.5, material=beam), connectors=(law,)), **options)
+    assert checked(replace(found, energy=energy)).status == "inaccurate"
+
+
 def test_a_law_may_give_energy():
     """A bar that turns, and is driven by its own speed."""
     drive = at.RotationalSpring("bar.start", law=lambda e, r, t: -0.5 * r)
