@@ -23,6 +23,7 @@ from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
 from anctmm.solvers.registry import Solver
+from studies.engine.measuring.timing import SHORT
 from studies.engine.running.ahead import from_both_ends, kind_of, kinds, warmed_up
 from studies.engine.running.case_text import case_key, classes, reproducible
 from studies.engine.running.outcomes import Outcome, Sample
@@ -48,6 +49,8 @@ class Runner:
         Samples of each run's time.
     budget_s : float
         No further sample is taken of a run once its samples have taken that long.
+    short : float
+        s; of a run that takes less, the second one in a row is timed, so that only its steps are.
     resolve : callable
         Name → solver.
     on_done : callable
@@ -73,6 +76,7 @@ class Runner:
     cache: Path | None
     repeats: int = 3
     budget_s: float = 10.0
+    short: float = SHORT
     resolve: Callable[[str], Solver] = registry.solver
     on_done: Callable[[Trial, int, int], None] = lambda case, done, total: None
     note: Callable[[str], None] = storage.note
@@ -371,7 +375,7 @@ class Runner:
 
     def _contest(self, group: Sequence[Trial], budget_s: float, timed: bool) -> Iterator[Outcome]:
         # by place, not by case: what a scene's functions are need not have a hash
-        answers = [self._answer(case) for case in group]
+        answers = [self._answer(case, timed) for case in group]
         samples = [[fresh] if fresh and found.status.ok else [] for found, fresh in answers]
         for k in range(self.repeats if timed else 0):
             for case, (solution, _), known in zip(group, answers, samples, strict=True):
@@ -382,10 +386,11 @@ class Runner:
                 solution = replace(solution, cost=known[0].cost)
             yield Outcome(case, solution, tuple(known))
 
-    def _answer(self, case: Trial) -> tuple[Solution, Sample | None]:
+    def _answer(self, case: Trial, timed: bool) -> tuple[Solution, Sample | None]:
         """The solution of a case, without times; and what it cost, if it was computed here and now.
 
-        A failure of the environment is a solution, too, but is not remembered.
+        Without `timed` a short run is done once, and what it cost is not kept. A failure of the environment is a
+        solution, too, but is not remembered.
         """
         known = self._unkept.get(case_key(case))
         if known is not None:
@@ -393,9 +398,9 @@ class Runner:
         fresh: list[Sample] = []
 
         def compute(solver: Solver) -> Solution:
-            solution, samples = self._run(case, solver)
+            solution, samples = self._run(case, solver, again=timed)
             fresh.extend(samples)
-            if samples and solution.status.ok:
+            if samples and solution.status.ok and (timed or not self._is_short(samples[0])):
                 self._timed(case, 0, samples)  # before others find the solution, and look for its time
             return without_times(solution)
 
@@ -420,9 +425,15 @@ class Runner:
             self.note(f"{label_of(case)} could not be timed: {reason(error)}")
             return []
 
-    def _run(self, case: Trial, solver: Solver) -> tuple[Solution, list[Sample]]:
-        """Run a case here, alone on this machine: the solution, and the sample, none if it did not begin."""
-        intervals: list[Interval] = []
+    def _is_short(self, sample: Sample) -> bool:
+        """Whether a first call of a setting took so little that its preparations matter."""
+        return sample.interval.end - sample.interval.begin < self.short
+
+    def _run(self, case: Trial, solver: Solver, again: bool = True) -> tuple[Solution, list[Sample]]:
+        """Run a case here, alone on this machine: the solution, and the sample, none if it did not begin.
+
+        With `again` a short one is done twice in a row, and the second one is the sample.
+        """
 
         def warm() -> None:
             if case.kernels not in self._warm:
@@ -430,15 +441,23 @@ class Runner:
                     case.warm_up(solver)
                 self._warm.add(case.kernels)
 
-        @contextmanager
-        def timed() -> Iterator[None]:
-            with self._turns.alone(), at_work() as interval:
-                intervals.append(interval)
-                yield
+        def once() -> tuple[Solution, list[Sample]]:
+            intervals: list[Interval] = []
 
-        solution = performed(case, solver, warm, timed())
+            @contextmanager
+            def timed() -> Iterator[None]:
+                with self._turns.alone(), at_work() as interval:
+                    intervals.append(interval)
+                    yield
+
+            solution = performed(case, solver, warm, timed())
+            return solution, [Sample(solution.cost, interval) for interval in intervals]
+
+        solution, samples = once()
         self._count(case)
-        return solution, [Sample(solution.cost, interval) for interval in intervals]
+        if again and solution.status.ok and samples and self._is_short(samples[0]):
+            _, samples = once()
+        return solution, samples
 
     def _count(self, case: Trial) -> None:
         """Count a finished run; separately one that cannot be stored, which an interrupted session reports."""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from anctmm.results.solution import Solution
-from studies.engine.measuring.timing import Timing, in_turn, summarise
+from studies.engine.measuring.timing import Timing, in_turn, settled, summarise
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import Mesh, Trial
@@ -92,7 +92,10 @@ def _rounds(cases: Mapping[Contestant, Trial], repeats: int, runner: Runner) -> 
     """All contestants in turn, remembered as one: ratios of times from two sessions would mean nothing."""
 
     def measure() -> dict[str, list[Solution]]:
-        calls = {c.method: (lambda case=case: runner.attempt(case)) for c, case in cases.items()}
+        calls = {
+            c.method: partial(settled, partial(runner.attempt, case), runner.short)
+            for c, case in cases.items()
+        }
         warm = {c.method: partial(runner.warm_up, case) for c, case in cases.items()}
         with runner.alone():
             rounds = in_turn(calls, repeats, warm)

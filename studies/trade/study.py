@@ -23,7 +23,7 @@ from studies.engine.accuracy.dynamics import (
 )
 from studies.engine.accuracy.robust import robust_errors
 from studies.engine.choices import choices_of, written
-from studies.engine.measuring.timing import in_turn, least
+from studies.engine.measuring.timing import in_turn, least, settled
 from studies.engine.pareto_front import NEAR, excess
 from studies.engine.runner import Runner
 from studies.engine.running.outcomes import Reference, Sample
@@ -254,11 +254,14 @@ def time_again(
     def sampler(case: Trial) -> Callable[[], Sample]:
         solver = runner.resolve(case.solver)
 
+        def once() -> Sample:
+            with at_work() as interval:
+                return Sample(case.solve(solver).cost, interval)
+
         def sample() -> Sample:
             label, k = f"times in turn: {label_of(case)}", next(began)
             runner.on_start(label, k, total)
-            with at_work() as interval:
-                found = Sample(case.solve(solver).cost, interval)
+            found = settled(once, runner.short)
             runner.on_job(label, k + 1, total)
             return found
 

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any, TypeVar
 
 import numpy as np
@@ -13,6 +14,10 @@ from threadpoolctl import threadpool_limits
 from anctmm.results.solution import Cost
 
 Sample = TypeVar("Sample")
+
+#: s; of a call that takes less, the second one in a row is timed. The first one of a setting finds the types of a
+#: kernel's arguments, and code and data that are in no cache: 1 to 2 ms, as much as the steps of a short run.
+SHORT = 0.1
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,20 @@ def least(costs: Sequence[Cost]) -> Timing:
     were of the least of five runs, and by 17 % where they were of the medians.
     """
     return summarise(costs, np.min)
+
+
+def settled(call: Callable[[], Sample], short: float = SHORT) -> Sample:
+    """What a call returns when all is ready for it: of a short one what the second call in a row returns.
+
+    Parameters
+    ----------
+    call : callable
+    short : float
+        s; a call that takes as long is not repeated.
+    """
+    began = perf_counter()
+    found = call()
+    return call() if perf_counter() - began < short else found
 
 
 def in_turn(

@@ -75,7 +75,7 @@ def runner(folder, team=None, **options):
     given = {key: options.pop(key) for key in ("pause", "deaths", "meet") if key in options}
     made = Runner(
         Path(folder) / "runs", resolve=resolver(Path(folder) / "log", **given), team=team,
-        **{"repeats": 1, "note": lambda text: None} | options,
+        **{"repeats": 1, "short": 0.0, "note": lambda text: None} | options,
     )  # fmt: skip
     made.key = repr  # the stub is code of a test
     return made

@@ -78,7 +78,7 @@ def _no_calls_yet():
 
 
 def runner(cache: Path | None, repeats: int = 1) -> Runner:
-    return Runner(cache, repeats=repeats, resolve=lambda name: fake)
+    return Runner(cache, repeats=repeats, short=0.0, resolve=lambda name: fake)
 
 
 def cases(*elements: int, dt: float = 0.05, scene: Scene = SCENE) -> list[Trial]:
@@ -158,7 +158,7 @@ def test_contestants_take_their_samples_in_turn():
         return solver
 
     both = product(SCENE, ["a", "b"], [(2,)], [0.05], t_end=1.0, output_dt=0.1)
-    outcomes = Runner(None, repeats=3, resolve=resolve).sweep(both)
+    outcomes = Runner(None, repeats=3, short=0.0, resolve=resolve).sweep(both)
     assert "".join(order) == "aabbabab"  # each warm, then in turn
     assert [len(o.costs) for o in outcomes] == [3, 3]
 
