@@ -419,11 +419,18 @@ def check(
     tasks = checking.select(every, asked, solvers)
     own = scenes or (Path(file) if file else None)
     stored = baselines or (own.parent / "baselines" if own else checking.BASELINES)
+    name = " ".join(own.name.split()) if own else ""  # it becomes a line of a header
     check_writable(out / "check")
     work = (
-        checking.update(tasks, stored)
+        checking.update(tasks, stored, name)
         if update
-        else checking.check(tasks, stored, whole=not asked and not solvers and not case, workers=processors())
+        else checking.check(
+            tasks,
+            stored,
+            whole=not asked and not solvers and not case,
+            workers=processors(),
+            file=name,
+        )
     )
     findings = checking.in_order(_shown_in_turn(work, len(tasks)), tasks)
     write_check(findings, out / "check")

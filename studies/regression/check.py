@@ -29,7 +29,9 @@ from studies.regression.history import (
     Baseline,
     Column,
     History,
+    file_of,
     is_ours,
+    note_file,
     physics_of,
     read_baseline,
     write_baseline,
@@ -163,7 +165,7 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
 
 
 def check(
-    tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1
+    tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1, file: str = ""
 ) -> Iterator[tuple[Finding, ...]]:
     """Run tasks and compare.
 
@@ -176,6 +178,8 @@ def check(
         Whether these are all tasks there are: then a stored history that none of them asks for is a finding.
     workers : int
         Processes; with more than one, findings come in another order than the tasks.
+    file : str
+        Name of the file that declares the tasks: histories that belong to another file need no task.
 
     Returns
     -------
@@ -191,7 +195,7 @@ def check(
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
     groups = _groups(tasks) if workers > 1 else [(task,) for task in tasks]
     jobs = [partial(_checked, group, baselines) for group in groups]
-    return _findings(groups, side_by_side(jobs, workers), _unasked(tasks, baselines) if whole else ())
+    return _findings(groups, side_by_side(jobs, workers), _unasked(tasks, baselines, file) if whole else ())
 
 
 def _findings(
@@ -234,8 +238,16 @@ def _kernels(task: Task) -> tuple[Any, ...]:
     return static, task.solver, method, damped, tuple(sorted(set(map(str, elements))))
 
 
-def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ...]]:
+def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
     """Run tasks and store what is new or differs; a history within its tolerance is left as it is.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+    baselines : Path
+        Directory of the stored histories.
+    file : str
+        Name of the file that declares the tasks: their histories say that they belong to it.
 
     Yields
     ------
@@ -250,7 +262,7 @@ def update(tasks: Sequence[Task], baselines: Path) -> Iterator[tuple[Finding, ..
     check_writable(baselines, "--baselines")
     for task in tasks:
         done = _done(task)
-        yield (replace(_renewed(done, baselines), wall_s=done.wall_s),)
+        yield (replace(_renewed(done, baselines, file), wall_s=done.wall_s),)
 
 
 def in_order(findings: Sequence[Finding], tasks: Sequence[Task]) -> list[Finding]:
@@ -396,7 +408,7 @@ def _worst(computed: History, stored: Baseline) -> Worst:
     return Worst(computed.columns[k], float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
 
 
-def _renewed(done: Done, baselines: Path) -> Finding:
+def _renewed(done: Done, baselines: Path, file: str) -> Finding:
     """Store a run's history if it is new or differs."""
     task, computed, path = done.task, done.history, done.task.path(baselines)
     if computed is None:
@@ -407,6 +419,8 @@ def _renewed(done: Done, baselines: Path) -> Finding:
         return Finding(task.name, UNREADABLE, reason)
     before = _own(done, baselines)
     if before.verdict == SAME:
+        if file and file_of(path) != file:
+            note_file(path, file)
         return replace(before, verdict=UNCHANGED)
     if not np.isfinite(computed.values).all():
         return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
@@ -414,7 +428,7 @@ def _renewed(done: Done, baselines: Path) -> Finding:
         stored = measured(task, computed)
     except CheckError as error:
         return Finding(task.name, FAILED, str(error))
-    write_baseline(path, task, stored, stamp())
+    write_baseline(path, task, stored, stamp(), file)
     blind = _blind(task, stored)
     if before.verdict == MISSING:
         return Finding(task.name, NEW, blind, computed=computed)
@@ -479,15 +493,29 @@ def _absent(solver: str) -> str | None:
     return None
 
 
-def _unasked(tasks: Sequence[Task], baselines: Path) -> tuple[Finding, ...]:
-    """Stored histories without a task: something is no longer checked."""
+def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding, ...]:
+    """Stored histories without a task: something is no longer checked. Those of other files are not asked for here."""
     asked = {task.path(baselines) for task in tasks}
     found = []
     for path in sorted(baselines.glob("*/*/*.csv")):
-        if path not in asked and is_ours(path):
-            name = path.relative_to(baselines).with_suffix("").as_posix()
-            found.append(Finding(name, UNASKED, f"no run asks for {path}; delete it, or ask for it"))
+        if path in asked or not is_ours(path):
+            continue
+        owner = file_of(path)
+        if file and owner not in ("", file):
+            continue
+        name = path.relative_to(baselines).with_suffix("").as_posix()
+        found.append(Finding(name, UNASKED, f"no run asks for {path}; {_ways_out(file, owner)}"))
     return tuple(found)
+
+
+def _ways_out(file: str, owner: str) -> str:
+    """What to do with a stored history that no run asks for."""
+    if not file or owner:
+        return "delete it, or ask for it"
+    return (
+        "it does not say to which file it belongs: if to another one than "
+        f"{file}, check that with --update once; else delete it, or ask for it"
+    )
 
 
 def _displacements(history: History) -> History:

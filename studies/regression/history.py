@@ -19,6 +19,8 @@ from studies.regression.scenes import CheckError, Static, Task
 Array = NDArray[np.float64]
 
 FIRST, LAST, PHYSICS = "# anctmm history 1", "# end", "# physics: "
+#: Before the name of the file whose scenes a history belongs to; histories of the package have no such line.
+FILE = "# file: "
 #: Of the quantities, each with one tolerance.
 UNITS = {
     "displacement": "m",
@@ -164,12 +166,13 @@ class Baseline:
     physics: tuple[str, ...] = ()
 
 
-def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
-    """Write a baseline, whole or not at all."""
+def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str, file: str = "") -> None:
+    """Write a baseline, whole or not at all; `file` is the name of the user's file that it belongs to."""
     history = stored.history
     decimals = [_decimals(stored.tolerances[c.quantity].value) for c in history.columns]
     lines = [
         FIRST,
+        *([f"{FILE}{file}"] if file else []),
         f"# scene: {task.scene.name}",
         *(f"{PHYSICS}{part}" for part in physics_of(task)),
         f"# run: {task.run_name}",
@@ -250,6 +253,22 @@ def is_ours(path: Path) -> bool:
             return file.read(len(FIRST)) == FIRST.encode()
     except OSError:
         return False
+
+
+def file_of(path: Path) -> str:
+    """Name of the file that a stored history belongs to; empty where it does not say, or cannot be read."""
+    try:
+        lines = path.read_text(encoding="utf-8", errors="replace").split("\n")
+    except OSError:
+        return ""
+    return _after([line for line in lines if line.startswith("# ")], FILE)
+
+
+def note_file(path: Path, file: str) -> None:
+    """Write into a stored history which file it belongs to; all else stays as it is."""
+    first, *rest = path.read_text(encoding="utf-8").split("\n")
+    kept = [line for line in rest if not line.startswith(FILE)]
+    atomic_write(path, "\n".join([first, f"{FILE}{file}", *kept]))
 
 
 def physics_of(task: Task) -> list[str]:

@@ -131,6 +131,57 @@ def test_a_history_that_hides_changes_is_told_when_it_is_stored(newton, blind):
     assert ("newton_tolerance=1e-12 in its run makes the tolerance smaller" in finding.reason) == blind
 
 
+def stored_of(**names):
+    """Files of cases with scenes of these names, and their histories in one folder."""
+    for file, scenes in names.items():
+        Path(f"{file}.py").write_text(NAMED.format(names=scenes))
+        code, output = told(f"{file}.py", "--update")
+        assert code == 0, output
+
+
+@pytest.mark.parametrize("given", [[], ["--baselines", "."]])
+def test_histories_of_another_file_in_the_folder_are_left_to_it(given):
+    """Two files in one folder share the histories' folder: the check of each was red after it was stored."""
+    for file in ("one", "two"):
+        Path(f"{file}.py").write_text(NAMED.format(names=[f"fall {file}"]))
+        assert told(f"{file}.py", *given, "--update")[0] == 0
+    for file in ("one", "two"):
+        code, output = told(f"{file}.py", *given)
+        assert (code, "unasked" in output) == (0, False), output
+
+
+def test_a_case_removed_from_a_file_is_noticed_beside_another_file():
+    stored_of(one=["a", "b"], two=["c"])
+    Path("one.py").write_text(NAMED.format(names=["a"]))
+    code, output = told("one.py")
+    assert (code, "2 unasked" in output, "delete it, or ask for it" in output) == (1, True, True), output
+    assert told("two.py")[0] == 0
+
+
+def test_histories_that_do_not_name_their_file_say_what_to_do():
+    """They were stored before; an update of their file notes it, and changes nothing else."""
+    stored_of(one=["a"], two=["b"])
+    histories = sorted(Path("baselines").glob("*/*/*.csv"))
+    before = [path.read_text() for path in histories]
+    for path, text in zip(histories, before, strict=True):
+        path.write_text("\n".join(line for line in text.split("\n") if not line.startswith("# file: ")))
+    code, output = told("one.py")
+    assert (code, "check that with --update once" in output) == (1, True), output
+    for file in ("one.py", "two.py"):
+        code, output = told(file, "--update")
+        assert (code, "2 unchanged" in output) == (0, True), output
+    assert [path.read_text() for path in histories] == before
+    assert told("one.py")[0] == told("two.py")[0] == 0
+
+
+def test_histories_follow_a_file_that_is_renamed():
+    stored_of(one=["a", "b"])
+    Path("one.py").rename("new.py")
+    assert told("new.py", "--update")[0] == 0
+    Path("new.py").write_text(NAMED.format(names=["a"]))
+    assert told("new.py")[0] == 1
+
+
 def test_nothing_stored_is_told():
     code, output = told(THROWN_CHAIN, "--baselines", "kept")
     assert (code, "no such directory; --update makes it" in output) == (2, True), output
