@@ -20,7 +20,7 @@ def _of(found: Refined) -> list[Answer]:
     if not found.solution.status.ok:
         return [Answer(f"{name}: how many digits are correct?", "none", f"{found.reason}.")]
     values = values_of(found)
-    moved = [v for v in values if v.quantity == "largest displacement"] or values
+    moved = [v for v in values if v.quantity.startswith("largest displacement")] or values
     told = [_digits(found, max(moved, key=lambda v: abs(v.value)))]
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
     return [*told, _force(name, forces)] if any(v.value for v in forces) else told
@@ -62,5 +62,5 @@ def _force(name: str, forces: Sequence[Value]) -> Answer:
     worst = max(forces, key=lambda v: abs(v.value))
     sure = isfinite(worst.uncertainty) and worst.uncertainty < 0.1 * abs(worst.value)
     doubt = "" if sure else " Only its order of magnitude is known: a smaller --error refines it."
-    take = f"{_held(worst)}In {worst.probe}, {worst.quantity.removeprefix('largest force, ')}.{doubt}"
+    take = f"{_held(worst)}In {worst.probe}, {worst.quantity.removeprefix('largest force ')}.{doubt}"
     return Answer(f"{name}: what is the largest force in a joint?", worst.text, take)

@@ -12,7 +12,7 @@ from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spr
 from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
 from anctmm.model.places import Written
 from anctmm.results.solution import Solution
-from studies.engine.accuracy.digits import ROUNDING, Value
+from studies.engine.accuracy.digits import ROUNDING, Value, largest_of
 from studies.engine.place_texts import place_texts
 
 
@@ -55,10 +55,10 @@ class _Series:
         return float(np.abs(self.values).max())
 
     def largest(self, solution: Solution, case: Case, least: float) -> Value:
-        """The largest over a motion, at rest the last, with the time."""
+        """The largest at the outputs of a motion, at rest the last, with the time."""
         k = len(self.values) - 1 if case.static else int(np.abs(self.values).argmax())
         when = "at rest" if case.static else f"at {solution.t[k]:.3g} s"
-        quantity = f"{self.what} {when}" if case.static else f"largest {self.what}, {when}"
+        quantity = f"{self.what} {when}" if case.static else f"{largest_of(self.what, case)}, {when}"
         return Value(self.name, quantity, self.unit, float(self.values[k]), least)
 
 

@@ -1,6 +1,6 @@
 """Convergence of a case with mesh and step, and how many digits of its values are correct."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from math import inf, isfinite, nan
 from typing import Any
@@ -14,7 +14,7 @@ from studies.convergence.answers import answers
 from studies.convergence.given import given_levels
 from studies.convergence.joint_forces import at_joints
 from studies.convergence.pictures import pictures
-from studies.engine.accuracy.digits import Reading, at_probes, values_of
+from studies.engine.accuracy.digits import OUTPUTS_NOTE, Reading, at_probes, values_of
 from studies.engine.accuracy.refinement import Refined, Refinement, Setup
 from studies.engine.accuracy.richardson import Part
 from studies.engine.pictures import Film, Picture
@@ -71,7 +71,11 @@ def run(options: Options, runner: Runner) -> Result:
         "step", "Error over the step", (r for f in found for r in step_levels(f)), LEVELS, _step_notes()
     )
     values = _table(
-        "values", "Values and their uncertainty", (r for f in found for r in value_rows(f)), VALUES, _digits()
+        "values",
+        "Values and their uncertainty",
+        (r for f in found for r in value_rows(f)),
+        VALUES,
+        _digits(cases),
     )
     forces = _table(
         "forces", "Largest forces in joints and springs", (r for f in found for r in value_rows(f, at_joints)),
@@ -224,14 +228,16 @@ def _step_notes() -> tuple[str, ...]:
 
 def _forces() -> tuple[str, ...]:
     return (
-        "Of all output times the largest; of an equilibrium what it holds by. A moment is that on the first place of a "
-        "joint; what a solver does not give, or equilibrium alone does not tell, is left out.",
+        "Of all output times the largest, which between them may be larger; of an equilibrium what it holds by. A "
+        "moment is that on the first place of a joint; what a solver does not give, or equilibrium alone does not "
+        "tell, is left out.",
         "digits: as of the values at the probes. Forces follow accelerations, and converge more slowly than places.",
     )
 
 
-def _digits() -> tuple[str, ...]:
+def _digits(cases: Iterable[Case]) -> tuple[str, ...]:
     return (
         "digits: the value to the first digit of its uncertainty. uncertainty: what the differences to coarser meshes "
         "and steps leave for that value, as for errors; orders above 2 are not counted on.",
+        *([OUTPUTS_NOTE] if any(not case.static for case in cases) else []),
     )

@@ -26,6 +26,12 @@ SHARE = 0.2
 ROUNDING = ROUNDINGS * EPS
 #: Digits that are counted at most.
 MOST_DIGITS = 12
+#: What is the largest of a motion is so of its outputs: its name says it, and a note what that means.
+AT_OUTPUTS = "at the outputs"
+OUTPUTS_NOTE = (
+    f"{AT_OUTPUTS}: between two of them it may be larger, by more than the uncertainty; a smaller output_dt of the "
+    "case shows it."
+)
 #: Digits of a value whose uncertainty is not known.
 DIGITS = 6
 
@@ -86,6 +92,7 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
     """For each probe its place and its angle at the end, and its largest displacement, as a `Reading`."""
     if not len(solution.t):
         return
+    largest = largest_of("displacement", case)
     when = "at rest" if case.static else f"at {solution.t[-1]:.4g} s"
     for probe, name in place_texts(case.probes).items():
         path = solution.position(probe)
@@ -93,7 +100,7 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
         least = ROUNDING * max(case.scene.length, float(np.abs(path).max()))
         yield Value(name, f"x {when}", "m", float(path[-1, 0]), least), way
         yield Value(name, f"y {when}", "m", float(path[-1, 1]), least), way
-        yield Value(name, "largest displacement", "m", way, least), way
+        yield Value(name, largest, "m", way, least), way
         if isinstance(case.scene.place(probe).body, PointMass):  # it does not turn
             continue
         with suppress(ResultError):  # not every solver keeps angles
@@ -102,6 +109,11 @@ def at_probes(solution: Solution, case: Case) -> Iterator[tuple[Value, float]]:
                 Value(name, f"angle {when}", "rad", float(angle[-1]), ROUNDING),
                 float(np.abs(angle).max(initial=-inf)),
             )
+
+
+def largest_of(what: str, case: Case) -> str:
+    """What the largest of a history is called: of a motion it is that of the outputs."""
+    return f"largest {what}" if case.static else f"largest {what} {AT_OUTPUTS}"
 
 
 Reading = Callable[[Solution, Case], Iterator[tuple[Value, float]]]
@@ -144,6 +156,7 @@ def values_table(values: Sequence[Value]) -> Table:
     frame = pd.DataFrame([vars(v) for v in values], columns=columns)
     notes = (
         "uncertainty: an estimate of what mesh and step leave, from coarser runs; none where it was not estimated.",
+        *([OUTPUTS_NOTE] if any(AT_OUTPUTS in value.quantity for value in values) else []),
     )
     return Table("values", "Values and their uncertainty", frame, notes)
 

@@ -52,6 +52,26 @@ def test_a_run_leaves_its_files(tmp_path):
     assert (values["uncertainty"] > 0).all()
 
 
+def oscillator():
+    """A mass on a spring with a damper, released from its unloaded place: a period has four outputs."""
+    mass = at.PointMass("m", mass=2.0, position=(0.0, 0.0))
+    spring = at.Spring("m.center", (-1.0, 0.0), stiffness=800.0, damping=8.0, length=0.9)
+    scene = at.Scene("oscillator", [mass], [at.Slider("m.center", (1, 0))], connectors=[spring])
+    return at.Case(scene, ["m.center"], t_end=2.0, output_dt=0.05)
+
+
+def test_the_largest_of_a_motion_is_said_to_be_of_its_outputs(tmp_path):
+    """0.1720 ± 1e-6 m was told as the largest of a motion whose largest, between two outputs, is 0.1729 m."""
+    found = run(oscillator(), error=1e-3)
+    (value,) = [v for v in found.values if v.quantity.startswith("largest")]
+    assert value.quantity == "largest displacement at the outputs"
+    decay, rate = 2.0, np.sqrt(400.0 - 4.0)
+    exact = 0.1 * (1.0 + np.exp(-decay * np.pi / rate))
+    assert exact - value.value > 10.0 * value.uncertainty
+    write_run(found, tmp_path)
+    assert "at the outputs: between two of them it may be larger" in (tmp_path / "values.md").read_text()
+
+
 def test_a_built_in_scene_runs_by_its_name():
     code, output = told("run", "cantilever-force-1", "--error", "1e-2")
     assert code == 0, output

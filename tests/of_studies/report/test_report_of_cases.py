@@ -175,6 +175,7 @@ def test_a_newcomer_reads_what_to_take_and_what_the_joints_carry(page):
         rf"frame 1/2 <pushed>: what to take for an error of 0\.001\? \S+ m?s of CPU time quick {take}", text
     )
     assert re.search(r"frame 1/2 <pushed>: how many digits are correct\? [\d.]+ ± \S+ m quick", text)
+    assert "largest displacement at the outputs. By " in text
     held = r"Its first (\d )?digits? (is|are) correct\."
     force = rf"what is the largest force in a joint\? [\d.]+ ± \S+ N quick {held} In (clamp|weld) "
     assert len(re.findall(force, text)) == 2  # also of the frame at rest
