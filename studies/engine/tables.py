@@ -1,9 +1,9 @@
 """Tables: tidy frames to CSV, Markdown, HTML and the terminal."""
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isnan
+from math import isnan, nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,14 @@ BUILD = (
 BASE_SOLVER = "anctmm"
 #: Longer tables are for programs: in their CSV file only.
 MOST_ROWS = 500
+#: Errors, and the columns that say how well what they are measured against is known.
+KNOWN_TO = {
+    "error": "reference_error",
+    "robust_error": "reference_error",
+    "mesh_error": "reference_error",
+    "step_error": "step_reference_error",
+}
+BELOW = "An error below what its reference is known to is shown as below that: < 0.0002. CSV files have the number."
 SETTING = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
 
 
@@ -62,6 +70,7 @@ def accuracy(rows: Sequence[dict[str, Any]], notes: Iterable[str] = ()) -> Table
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, "
         "u the displacement.",
         "reference_error: the reference's own uncertainty; an error near it says nothing.",
+        BELOW,
         BUILD,
     )
     return Table("accuracy", "Accuracy: who is how wrong", frame, (*standard, *notes))
@@ -112,6 +121,23 @@ def milliseconds(cpu_s: float) -> str:
     return f"{1e3 * cpu_s:.2g} ms" if cpu_s < 0.0995 else f"{cpu_s:.2g} s"
 
 
+def error_text(line: Mapping[Any, Any], name: str = "error", form: str = ".2g") -> str:
+    """An error of a row in words; where it is below what its reference is known to, that it is below that."""
+    error, known = line[name], line.get(KNOWN_TO[name], nan)
+    return f"< {known:{form}}" if 0.0 < error < known else f"{error:{form}}"
+
+
+def for_people(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """A frame whose errors are shown as below what their reference is known to, where they are; the rest as it is."""
+    for name, known in KNOWN_TO.items():
+        if {name, known} <= set(frame.columns):
+            below = (frame[name] > 0.0) & (frame[name] < frame[known])
+            if below.any():
+                told = frame[known].map("< {:.2g}".format)
+                frame = frame.assign(**{name: frame[name].astype(object).mask(below, told)})
+    return frame
+
+
 def cells(frame: "pd.DataFrame") -> list[list[str]]:
     """All cells of a frame as text."""
     return [[text(v) for v in record] for record in frame.itertuples(index=False, name=None)]
@@ -122,7 +148,7 @@ def markdown(table: Table) -> str:
     from pandas.api.types import is_numeric_dtype
 
     columns = [str(c) for c in table.frame.columns]
-    body = [[c.replace("|", "\\|") for c in line] for line in cells(table.frame)]
+    body = [[c.replace("|", "\\|") for c in line] for line in cells(for_people(table.frame))]
     numeric = [is_numeric_dtype(t) for t in table.frame.dtypes]
     rule = ["---:" if n else "---" for n in numeric]
     lines = ["| " + " | ".join(line) + " |" for line in [columns, rule, *body]]

@@ -10,6 +10,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 from anctmm.elements.kinds import KINDS, flexible
+from studies.engine.tables import error_text
 from studies.report.plots import (
     DASHES,
     Picture,
@@ -60,7 +61,7 @@ def _tip(line: Mapping[Any, Any]) -> str:
     kind = SHORT.get(line["integrator"], line["integrator"])
     words = " ".join(w for w in (line["solver"], kind, f"{line['elements']} {line['element']}") if w)
     cost = f", {1e3 * line['cpu_s']:.3g} ms" if line["cpu_s"] > 0 else ""
-    return f"{words}{step}: error {line['error']:.2g}{cost}"
+    return f"{words}{step}: error {error_text(line)}{cost}"
 
 
 def of_sweep(rows: pd.DataFrame, timed: pd.DataFrame | None, mesh: str) -> list[Picture]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import pandas as pd
 from pandas.api.types import is_numeric_dtype
 
-from studies.engine.tables import Table, text
+from studies.engine.tables import Table, for_people, text
 
 #: Columns whose name needs a unit or a symbol.
 LABELS = {
@@ -77,9 +77,10 @@ def view(table: Table) -> View:
         for n, t in shown.dtypes.items()
     ]
     names = [str(name) for name in shown.columns]
+    told_as = for_people(frame)[list(shown.columns)]
     rows = [
         [_cell(text(value), name, column) for value, name, column in zip(record, names, columns, strict=True)]
-        for record in shown.itertuples(index=False, name=None)
+        for record in told_as.itertuples(index=False, name=None)
     ]
     common = [(label(c), text(frame[c].iloc[0])) for c in told if c in COMMON]
     return View(common, columns, rows)

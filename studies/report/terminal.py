@@ -11,7 +11,7 @@ from rich.table import Table as RichTable
 from studies.engine.console import say, show_table
 from studies.engine.running.trial import NO_BEAMS
 from studies.engine.study import Result
-from studies.engine.tables import Table, failed, text
+from studies.engine.tables import Table, error_text, failed, for_people, text
 from studies.report.table_view import label, told_by_digits
 
 #: Below it whole numbers are written out.
@@ -55,7 +55,7 @@ def _shown(table: Table, console: Console) -> None:
         for column in columns:
             numeric = is_numeric_dtype(rows[column])
             shown.add_column(label(str(column)), justify="right" if numeric else "left", header_style="dim")
-        for cells in rows[columns].itertuples(index=False, name=None):
+        for cells in for_people(rows)[columns].itertuples(index=False, name=None):
             shown.add_row(*map(_cell, cells))
         show_table(console, shown)
         for column in constant:
@@ -110,7 +110,7 @@ def _runs(scene: str, runs: pd.DataFrame) -> RichTable:
         integrator = SHORT.get(run["integrator"], run["integrator"])
         whole = run["status"].split(":")[0] == "ok"
         # a failed run shows what became of it where its error would stand
-        error = f"{run['error']:.3g}" if whole else run["status"].split(":")[0]
+        error = error_text(run, form=".3g") if whole else run["status"].split(":")[0]
         shown.add_row(
             run["solver"], run["element"] + rule, integrator, run["elements"], text(run["dt"]), error,
             f"{run['cpu_s']:.3g}" if whole else "",

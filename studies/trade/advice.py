@@ -7,7 +7,7 @@ import pandas as pd
 
 from studies.engine.measuring.clock import records
 from studies.engine.running.trial import NO_BEAMS
-from studies.engine.tables import Table, times
+from studies.engine.tables import Table, error_text, times
 from studies.trade.choice import CONTROLLED, stepping
 
 #: What another way to step is called beside the one chosen.
@@ -19,9 +19,9 @@ OTHER_STEPS = {
     "implicit, fourth order, error-controlled": "error-controlled steps of fourth order",
 }
 PARTS = {
-    "mesh": "the mesh's part {mesh:.1g} outweighs the step's {step:.1g}",
-    "step": "the step's part {step:.1g} outweighs the mesh's {mesh:.1g}",
-    "both": "mesh {mesh:.1g} and step {step:.1g} in balance",
+    "mesh": "the mesh's part {mesh} outweighs the step's {step}",
+    "step": "the step's part {step} outweighs the mesh's {mesh}",
+    "both": "mesh {mesh} and step {step} in balance",
 }
 
 
@@ -56,7 +56,8 @@ def _rows(best: pd.DataFrame, rivals: pd.DataFrame) -> list[dict[str, Any]]:
             "scene": line["scene"], "target_error": line["target_error"], "solver": line["solver"],
             "element": NO_BEAMS if no_beams else line["element"] + rule, "elements": line["elements"],
             "step": f"{kind.removesuffix(CONTROLLED)}, {step}",
-            "error": _rounded(line["error"]), "cpu_ms": _rounded(1e3 * line["cpu_s"]),
+            "error": _rounded(line["error"]), "reference_error": _rounded(line["reference_error"]),
+            "cpu_ms": _rounded(1e3 * line["cpu_s"]),
             "why": _why(line, kind, rivals) if line["status"] == "ok" else line["status"],
         })  # fmt: skip
     return rows
@@ -67,9 +68,10 @@ def _why(line: Mapping[Any, Any], kind: str, rivals: pd.DataFrame) -> str:
         (rivals["scene"] == line["scene"]) & (rivals["target_error"] == line["target_error"])
         & (rivals["status"] == "ok")
     ]  # fmt: skip
-    part = PARTS.get(line["error_from"], "").format(mesh=line["mesh_error"], step=line["step_error"])
+    mesh, step = (error_text(line, f"{part}_error", ".1g") for part in ("mesh", "step"))
+    part = PARTS.get(line["error_from"], "").format(mesh=mesh, step=step)
     if line["elements"] == NO_BEAMS:
-        part = f"the whole error is the step's, {line['step_error']:.1g}"
+        part = f"the whole error is the step's, {step}"
     costs = ", ".join(f"{name} {times(ratio)}×" for name, ratio in _costs(line, kind, others))
     return "; ".join(filter(None, (part, costs or "no other kind measured reaches this error")))
 

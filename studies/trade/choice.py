@@ -8,6 +8,7 @@ import pandas as pd
 from studies.engine.accuracy.dynamics import AS_GIVEN
 from studies.engine.choices import NONE
 from studies.engine.running.trial import NO_BEAMS
+from studies.engine.tables import error_text
 
 #: What makes settings of one kind: who solves, with which element, and how the run steps.
 KIND = ["solver", "element", "stepping"]
@@ -61,8 +62,14 @@ def setting_of(line: Mapping[Any, Any]) -> str:
 
 def parts_of(line: Mapping[Any, Any]) -> str:
     """What mesh and step add to the error, in words; without beams there is no mesh."""
-    step = f"step {line['step_error']:.1g}"
-    return step if line["elements"] == NO_BEAMS else f"mesh {line['mesh_error']:.1g}, {step}"
+    step = f"step {error_text(line, 'step_error', '.1g')}"
+    return step if line["elements"] == NO_BEAMS else f"mesh {error_text(line, 'mesh_error', '.1g')}, {step}"
+
+
+def known_error(line: Mapping[Any, Any], form: str = ".1g") -> str:
+    """An error with what its reference is known to, or that it is below that."""
+    told = error_text(line, form=form)
+    return told if told.startswith("<") else f"{told} ± {line['reference_error']:.1g}"
 
 
 def own_of(line: Mapping[Any, Any]) -> str:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from studies.engine.running.trial import NO_BEAMS
 from studies.engine.storage.files import file_name
-from studies.engine.tables import text
+from studies.engine.tables import error_text, text
 from studies.report.error_pictures import ELEMENT_TITLES, RULE_SHADES, SHORT
 from studies.report.plots import (
     INK,
@@ -125,7 +125,7 @@ def _tip(line: Mapping[Any, Any], rule: str) -> str:
     beams = "" if line["elements"] == NO_BEAMS else f", {line['elements']} {element}"
     return (
         f"{line['solver']}, {SHORT.get(str(line['integrator']))}{beams}, {step}: "
-        f"error {line['error']:.2g} (from {line['error_from']}), {1e3 * float(str(line['cpu_s'])):.3g} ms"
+        f"error {error_text(line)} (from {line['error_from']}), {1e3 * float(str(line['cpu_s'])):.3g} ms"
     )
 
 
@@ -206,7 +206,7 @@ def _map(axes: Axes, rows: pd.DataFrame, steps: list[float], norm: LogNorm) -> N
         x, y = steps.index(line["dt"]) + 0.5, meshes.index(line["elements"]) + 0.5
         red, green, blue, _ = colours(norm(line["error"]))
         ink = ON_PALE if 0.3 * red + 0.59 * green + 0.11 * blue > 0.5 else ON_DARK
-        words = f"{line['error']:.0e}".replace("e-0", "e−")
+        words = error_text(line, form=".0e").replace("e-0", "e−").replace(" ", "")
         sign = SIGNS.get(line["error_from"], "")
         axes.text(x, y - 0.16, f"{words} {sign}", ha="center", va="center", fontsize=7.5, color=ink)
         axes.text(x, y + 0.22, _ms(line["cpu_s"]), ha="center", va="center", fontsize=7, color=ink)

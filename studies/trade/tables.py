@@ -20,10 +20,19 @@ from studies.engine.measuring.timing import SHORT
 from studies.engine.pareto_front import NEAR, cost_at
 from studies.engine.running.outcomes import Reference
 from studies.engine.running.trial import NO_BEAMS, mesh_label
-from studies.engine.tables import BUILD, Table, failed, milliseconds, times
+from studies.engine.tables import BELOW, BUILD, Table, error_text, failed, milliseconds, times
 from studies.trade import step_orders
 from studies.trade.case_digest import digest_of
-from studies.trade.choice import KIND, STEPPING, nearest, parts_of, reaching, setting_of, stepping
+from studies.trade.choice import (
+    KIND,
+    STEPPING,
+    known_error,
+    nearest,
+    parts_of,
+    reaching,
+    setting_of,
+    stepping,
+)
 from studies.trade.plan import MOST_EXPLICIT, TARGETS
 from studies.trade.second_road import Second
 
@@ -31,8 +40,8 @@ from studies.trade.second_road import Second
 TARGET = 1e-3
 #: What was found with a recommended setting.
 FOUND = (
-    "error", "robust_error", "reference_error", "mesh_error", "step_error", "error_from", "cpu_spread", "build_s",
-    "repeats",
+    "error", "robust_error", "reference_error", "mesh_error", "step_error", "step_reference_error", "error_from",
+    "cpu_spread", "build_s", "repeats",
 )  # fmt: skip
 #: Columns that identify a setting.
 SETTING = (
@@ -64,6 +73,7 @@ def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
         "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
         "mesh and step of the same element; reference_error: that reference's own uncertainty. Cable and shear "
         "element are two models: their distance stands in the table of references.",
+        BELOW,
         "step_error: against ANC–TMM with a step of "
         f"{' or '.join(f'{h:.3g}' for h in dict.fromkeys(fine_steps))} s on the same mesh, known to "
         "step_reference_error; "
@@ -127,8 +137,7 @@ def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
                 first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
                 about = {"scene": scene, "target_error": target, **dict(zip(KIND, kind, strict=True))}
                 if first.empty:
-                    smallest = own["robust_error"].min()
-                    reason = f"not reached: {smallest:.1e} at best" if smallest > 0 else "no run ended well"
+                    reason = _at_best(own)
                     rows.append(about | {"status": reason})
                     continue
                 line = first.iloc[0].to_dict()
@@ -155,6 +164,15 @@ def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
         "These do not depend on which errors the meshes and steps tried happen to have.",
     )
     return Table("by_rival", "The cheapest of each kind: why", frame.reset_index(drop=True), said)
+
+
+def _at_best(own: pd.DataFrame) -> str:
+    """Why a kind does not meet a target error."""
+    errors = own["robust_error"]
+    if not errors.min() > 0.0:
+        return "no run ended well"
+    best = records(own.sort_values("robust_error"))[0]
+    return f"not reached: {error_text(best, 'robust_error', '.1e')} at best"
 
 
 class Priced(NamedTuple):
@@ -260,9 +278,9 @@ def _answer(best: pd.DataFrame, rivals: pd.DataFrame) -> Answer:
     line = best[best["target_error"] == target].iloc[0].to_dict()
     question = f"{line['scene']}: what to take for an error of {target:g}?"
     if line["status"] != "ok":
-        return Answer(question, f"error {line['error']:.2g}", f"{line['status']}: {setting_of(line)}.")
+        return Answer(question, f"error {error_text(line)}", f"{line['status']}: {setting_of(line)}.")
     others = _against(rivals[rivals["scene"] == line["scene"]], target)
-    known = f"its error is {line['error']:.1g} ± {line['reference_error']:.1g}"
+    known = f"its error is {known_error(line)}"
     take = "; ".join(filter(None, (f"Take {setting_of(line)}: {known}", others)))
     return Answer(question, f"{milliseconds(line['cpu_s'])} of CPU time", f"{take}.")
 
@@ -363,9 +381,9 @@ def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> 
     """Sentences from the tables."""
     said = [
         f"{r['scene']}, error {r['target_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
-        f"{r['error']:.2g} ({parts_of(r)})."
+        f"{error_text(r)} ({parts_of(r)})."
         if r["status"] == "ok"
-        else f"{r['scene']}, error {r['target_error']:g}: {r['status']} ({r['error']:.2g})."
+        else f"{r['scene']}, error {r['target_error']:g}: {r['status']} ({error_text(r)})."
         for r in records(best.frame)
     ]
     said += filter(

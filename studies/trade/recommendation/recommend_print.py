@@ -6,8 +6,8 @@ from rich.syntax import Syntax
 from rich.table import Table
 
 from studies.engine.console import say, show_table
-from studies.engine.tables import milliseconds
-from studies.trade.choice import parts_of, setting_of
+from studies.engine.tables import error_text, milliseconds
+from studies.trade.choice import known_error, parts_of, setting_of
 from studies.trade.recommendation.recommend import Choice, Rerun
 
 
@@ -20,8 +20,8 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
     say(console, f"{head}: {setting_of(line)}", "bold")
     say(
         console,
-        f"expected {milliseconds(line['cpu_s'])} of CPU time; error {line['error']:.2g} ± "
-        f"{line['reference_error']:.1g} ({parts_of(line)}); from {origin}",
+        f"expected {milliseconds(line['cpu_s'])} of CPU time; error {known_error(line, '.2g')} "
+        f"({parts_of(line)}); from {origin}",
     )
     if warning:
         say(console, f"Note: {warning}.", "dim")
@@ -36,7 +36,7 @@ def show(choice: Choice, origin: str, warning: str, console: Console) -> None:
             shown.add_column(name, justify="right" if right else "left", header_style="dim")
         for other in choice.runners_up.to_dict("records"):
             cost = milliseconds(other["cpu_s"])
-            shown.add_row(escape(setting_of(other)), cost, f"{other['ratio']:.3g}", f"{other['error']:.2g}")
+            shown.add_row(escape(setting_of(other)), cost, f"{other['ratio']:.3g}", error_text(other))
         show_table(console, shown)
     console.print()
 
