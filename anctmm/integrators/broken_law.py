@@ -12,6 +12,8 @@ from anctmm.integrators.jumping_law import asked_of_law
 from anctmm.model.connectors import Connector, Spring, law_value, name_of
 from anctmm.results.status import Status
 
+#: What a status says before the error that a law raises.
+RAISES = ", where it raises "
 #: Part of the run after the time of the last state that there was, at which a law is asked, too.
 NEAR = 1e-6
 
@@ -47,5 +49,10 @@ def _raised(connector: Connector, elongation: float, rate: float, times: Iterabl
             law_value(name_of(connector), law, elongation, rate, t)
         except PropertyError as error:
             if error.__cause__ is not None:
-                return f", where it raises {reason(error.__cause__)}"
+                return f"{RAISES}{reason(error.__cause__)}"
     return ""
+
+
+def law_raised(status: Status) -> bool:
+    """Whether a run ended since a law raised an error: no other mesh and no other step helps."""
+    return status.code == "diverged" and RAISES in status.message

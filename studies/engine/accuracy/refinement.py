@@ -13,9 +13,11 @@ from anctmm.discretise.discretisation import INTEGRATORS
 from anctmm.discretise.methods import METHODS
 from anctmm.elements.kinds import KINDS, QUADRATURES
 from anctmm.errors import AnctmmError
+from anctmm.integrators.broken_law import law_raised
 from anctmm.model.case import Case
 from anctmm.results.metrics import compare, history_error, rounding_at, worst
 from anctmm.results.solution import Solution
+from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.validation import one_of
 from studies.engine.accuracy.dynamics import AS_GIVEN, with_stretch
@@ -238,7 +240,7 @@ class Refinement:
             found = self._at(i, j, target)
             if best is None or not best.solution.status.ok or found.error <= best.error:
                 best = found
-            if found.reached or found.solution.status.code in FINAL:
+            if found.reached or _is_final(found.solution.status):
                 break
             failed = failed if found.solution.status.ok else found
             finer = self._finer(found)
@@ -318,6 +320,11 @@ class Refinement:
             with suppress(AnctmmError):  # the solver itself says what it cannot do
                 limit = stable_step(case.scene, mesh, options)
         return longest_step(case, limit)
+
+
+def _is_final(status: Status) -> bool:
+    """Whether neither a finer mesh nor a shorter step changes how a run ends."""
+    return status.code in FINAL or law_raised(status)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The largest stable explicit step over the motion of a case, and how near to it a fixed step can go."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import ceil, inf, isfinite
 from typing import Any
@@ -117,12 +117,13 @@ def _learned(base: Base, limits: list[dict[str, Any]], margins: list[dict[str, A
         yield f"{name}, explicit steps: {limits[0]['status']}."
         return
     mesh = f" ({good[0]['elements']} cables)" if base.case.scene.beams else ""
-    least, most = (f(row["stable_dt"] for row in good) for f in (min, max))
-    limit = f"{name}: the largest stable explicit step is {good[0]['stable_dt']:.3g} s"
+    # in ms, as the answer above the sentence
+    first, least, most = (1e3 * dt for dt in (good[0]["stable_dt"], *_ends(row["stable_dt"] for row in good)))
+    limit = f"{name}: the largest stable explicit step is {first:.3g} ms"
     over = (
         "over all of the motion"
         if most < 1.01 * least
-        else f"at the start, {least:.3g} to {most:.3g} s over the motion"
+        else f"at the start, {least:.3g} to {most:.3g} ms over the motion"
     )
     text = f"{limit} {over}{mesh}"
     tried = [row for row in margins if not row["status"].startswith("not run")]
@@ -133,6 +134,12 @@ def _learned(base: Base, limits: list[dict[str, Any]], margins: list[dict[str, A
     if failed:
         text += f", one of {min(failed):.2f} does not"
     yield f"{text}."
+
+
+def _ends(values: Iterable[float]) -> tuple[float, float]:
+    """The least and the largest."""
+    found = sorted(values)
+    return found[0], found[-1]
 
 
 def _holds(row: dict[str, Any]) -> bool:

@@ -138,7 +138,7 @@ def test_fidelity_judges_every_beam(session):
 
 def test_extremes_tell_the_stable_step_and_how_a_disturbance_grows(session):
     said = session.words["extremes"]
-    assert re.search(r"the largest stable explicit step is \S+ s over all of the motion", said)
+    assert re.search(r"the largest stable explicit step is \S+ ms over all of the motion", said)
     assert re.search(r"a disturbance of 1e-10 grows \S+ times", said)
     assert "in units that are powers of two not one bit differs" in said
 

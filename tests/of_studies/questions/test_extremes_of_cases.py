@@ -233,7 +233,7 @@ def test_each_case_has_answers_of_its_own():
     ])  # fmt: skip
     learned = (
         f"{moving.name}: a disturbance of 1e-10 grows 3 times.",
-        f"{moving.name}: the largest stable explicit step is 0.0001 s over all of the motion.",
+        f"{moving.name}: the largest stable explicit step is 0.1 ms over all of the motion.",
         f"{resting.name}, units and place: results differ by 7e-09 at most.",
     )
     tables = [Table("stable_step", "Steps", limits)]
