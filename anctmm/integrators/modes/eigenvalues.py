@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.chain import Chain
 from anctmm.errors import DiscretisationError, SolverError
+from anctmm.integrators.modes.repeated import Operator, deflated, missing, uncertain, with_copies
 from anctmm.integrators.modes.shapes import GROWING
 from anctmm.integrators.modes.shifted_stiffness import ShiftedStiffness
 from anctmm.integrators.modes.small_motions import SmallMotions
@@ -153,21 +154,41 @@ def _dense_symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Comple
 
 
 def _symmetric(problem: SmallMotions, count: int) -> tuple[Complex, Complex]:
-    """iω and vectors of the lowest frequencies."""
-    n = problem.size
+    """iω and vectors of the lowest frequencies, with all copies of repeated ones."""
     shift = problem.definite()
+    squares, vectors = _softest(problem, count, shift, np.zeros((problem.size, 0)))
+    while True:
+        left, at = missing(problem, squares)
+        if left <= 0:
+            break
+        problem.factorize(shift)
+        more, shapes = _softest(problem, min(left, problem.size - count - 1), shift, vectors)
+        if not (more < at).any():
+            if uncertain(problem, squares):
+                break
+            raise _lost(problem, count, int(np.count_nonzero(squares < at)))
+        squares, vectors = np.concatenate([squares, more]), np.hstack([vectors, shapes])
+        order = np.argsort(squares)[:count]
+        squares, vectors = squares[order], vectors[:, order]
+    return _rates(squares, problem.rounding), vectors.astype(complex)
+
+
+def _softest(problem: SmallMotions, count: int, shift: float, known: Array) -> tuple[Array, Array]:
+    """ω², ascending, and vectors that are orthogonal by the mass to those known; K + shift · M is factored last."""
+    n = problem.size
+    heavy = np.stack([problem.mass(x) for x in known.T], axis=1) if known.size else known
+    solve = deflated(problem.solve, known, heavy)
+    start = solve(problem.mass(np.random.default_rng(known.shape[1]).standard_normal(n)))
     # the matrix itself is not asked for in this mode of ARPACK
     A = scipy.sparse.linalg.LinearOperator((n, n), matvec=lambda x: x, dtype=float)
     M = scipy.sparse.linalg.LinearOperator((n, n), matvec=problem.mass, dtype=float)
-    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=problem.solve, dtype=float)
+    inverse = scipy.sparse.linalg.LinearOperator((n, n), matvec=solve, dtype=float)
     try:
-        squares, vectors = scipy.sparse.linalg.eigsh(
-            A, count, M, sigma=-shift, OPinv=inverse, v0=_start(problem)
-        )
+        squares, vectors = scipy.sparse.linalg.eigsh(A, count, M, sigma=-shift, OPinv=inverse, v0=start)
     except scipy.sparse.linalg.ArpackNoConvergence as error:
         raise _lost(problem, count, len(error.eigenvalues)) from error
     order = np.argsort(squares)
-    return _rates(squares[order], problem.rounding), vectors[:, order].astype(complex)
+    return squares[order], vectors[:, order]
 
 
 def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Complex]:
@@ -190,6 +211,10 @@ def _undamped(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Co
             )
         except scipy.sparse.linalg.ArpackNoConvergence as error:
             raise _lost(problem, count, len(error.eigenvalues)) from error
+        least = np.sort(np.abs(values))[::-1][:count][-1] * (1.0 + SAME)
+        values, vectors = with_copies(
+            Operator(soften, problem.mass), values, vectors, lambda found: np.abs(found) > least
+        )
         followed = problem.followed()
         if followed:
             values, vectors = _joined((values, vectors), soft_motions.softest(soften, problem.mass, followed))
@@ -281,10 +306,43 @@ def _slowest(
         values, vectors = error.eigenvalues.astype(complex), error.eigenvectors.astype(complex)
         if not len(values):
             raise _lost(problem, asked, 0) from error
-    u = problem.units()[:, None] * vectors[:n]
+    fits = _fits(problem, inverse, values, vectors)
+    values, vectors = with_copies(
+        Operator(product, lambda z: z),
+        values[fits],
+        vectors[:, fits],
+        _wanted(problem, inverse.s, values[fits], asked),
+    )
+    fits = _fits(problem, inverse, values, vectors)
+    return values[fits], problem.units()[:, None] * vectors[:n, fits]
+
+
+def _fits(
+    problem: SmallMotions, inverse: ShiftedStiffness, values: Complex, vectors: Complex
+) -> NDArray[np.bool_]:
+    """Whether motions, (u, λu/ω) in their units, fulfil their equation."""
+    u = problem.units()[:, None] * vectors[: problem.size]
     missed = _sizes(problem, _left(problem, inverse, 1.0 / values, u)) / np.maximum(_sizes(problem, u), TINY)
-    fits = missed <= MISSED
-    return values[fits], u[:, fits]
+    return np.asarray(missed <= MISSED)
+
+
+def _wanted(
+    problem: SmallMotions, s: float, values: Complex, asked: int
+) -> Callable[[Complex], NDArray[np.bool_]]:
+    """Which of some eigenvalues 1/ν belong to the modes asked for, as far as those found tell.
+
+    Rates of motions that decay without oscillation count only without damping of materials: that makes hundreds of
+    them near −1/τ.
+    """
+
+    def counts(found: Complex) -> NDArray[np.bool_]:
+        rates = 1.0 / found + s
+        return np.asarray((problem.damping.material is None) | ~_real(rates) | (rates.real > 0.0))
+
+    one = counts(values) & (values.imag >= 0.0)
+    sizes = np.sort(np.abs(values[one]))[::-1][:asked]
+    least = sizes.min(initial=np.inf) * (1.0 + SAME)
+    return lambda found: counts(found) & (np.abs(found) > least)
 
 
 def _left(problem: SmallMotions, inverse: ShiftedStiffness, rates: Complex, vectors: Complex) -> Complex:
