@@ -49,6 +49,9 @@ REAL, SPARE = 1e-9, 2
 FINE, COARSE, PART, MOVING = 400, 4, 0.1, 1e4
 #: Square of the lowest frequency, in parts of that of the coarse mesh, above which rounding has spoilt it.
 SPOILT = 4.0 / PART
+#: Part of the rounding of squares above which the stiffness of slow motions is no rounding: that of free beams of up
+#: to 128 cables is at most 3e-5 of it.
+ACTING = 1e-3
 #: Default number of modes.
 USUAL = 10
 #: Difference of two rates, relative, of one motion found twice; what a motion may miss of its equation, relative; how
@@ -261,7 +264,8 @@ def _general(problem: SmallMotions, count: int, few: bool) -> tuple[Complex, Com
     least = max(np.sqrt(problem.rounding), STILL * largest)
     still = np.abs(values) < least
     kept = _swinging(values, ~still)
-    found = _joined(_still(problem, vectors[:, still]), (values[kept], vectors[:, kept]))
+    slow = _slow(problem, inverse, values[still], vectors[:, still], least)
+    found = _joined(slow, (values[kept], vectors[:, kept]))
     if not few:
         found = _joined(found, _projected(problem, inverse, least))
     return _first(problem, *found, count, few)
@@ -273,6 +277,59 @@ def _frequency_scale(problem: SmallMotions) -> float:
     both = np.stack([x, problem.solve(problem.mass(x))], axis=1)
     before, after = _sizes(problem, both.astype(complex))
     return float((max(before, TINY) / max(after, TINY)) ** 0.5)
+
+
+def _slow(
+    problem: SmallMotions, inverse: ShiftedStiffness, rates: Complex, vectors: Complex, least: float
+) -> tuple[Complex, Complex]:
+    """Rates and vectors of motions whose eigenvalues are below `least`: 0 of those whose stiffness is rounding.
+
+    A square ω² of the size of its rounding has no digits; a rate −k/c of a motion that is damped much may be far
+    smaller than the root of that, and has some. So the problem is solved again in the space of these motions.
+    """
+    nothing = _still(problem, vectors)
+    if problem.spin or not vectors.size:
+        return nothing
+    basis, stiffness, loss = _of_slow(problem, inverse, rates, vectors)
+    squares, turn = np.linalg.eigh(0.5 * (stiffness + stiffness.T))
+    apart = problem.system.loads.border is not None  # of a low-rank matrix digits are lost
+    rounding = problem.rounding * (1.0 if apart else ACTING)
+    held = np.abs(squares) > rounding
+    if not held.any():
+        return nothing
+    part = turn[:, held] @ turn[:, held].T
+    stiffness = part @ stiffness @ part
+    n = len(squares)
+    values, shapes = np.linalg.eig(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -loss]]))
+    values, shapes = values.astype(complex), shapes[:n].astype(complex)
+    acting = np.abs((shapes.conj() * (stiffness @ shapes)).sum(axis=0))
+    kept = (np.abs(values) < least) & (acting > rounding * (np.abs(shapes) ** 2).sum(axis=0))
+    kept = _swinging(values, kept)
+    free = basis @ turn[:, ~held].astype(complex)
+    return _joined((np.zeros(free.shape[1], complex), free), (values[kept], basis @ shapes[:, kept]))
+
+
+def _of_slow(
+    problem: SmallMotions, inverse: ShiftedStiffness, rates: Complex, vectors: Complex
+) -> tuple[Array, Array, Array]:
+    """A basis of slow motions, orthonormal by the mass, and their stiffness and damping.
+
+    A step of inverse iteration gives the basis, so that its stiffness follows from forces without the stiffness matrix.
+    """
+    s = inverse.s
+    heavy, lost = (
+        soft_motions.of_complex(product, vectors) for product in (problem.mass, problem.damping_forces)
+    )
+    size = np.maximum(soft_motions.sizes(vectors, heavy), TINY)
+    forces = ((s - rates) * lost + (s * s - rates * rates) * heavy) / size
+    real = np.hstack([forces.real, forces.imag])
+    x = np.stack([inverse.solve(f) for f in real.T], axis=1)
+    weights, damped = (_columns(product, x.T) for product in (problem.mass, problem.damping_forces))
+    squares, turn = np.linalg.eigh(x.T @ weights)
+    kept = squares > REPEATED * squares.max()
+    turn = turn[:, kept] / np.sqrt(squares[kept])
+    basis, held = x @ turn, (real - s * damped - s * s * weights) @ turn
+    return basis, basis.T @ held, basis.T @ (damped @ turn)
 
 
 def _still(problem: SmallMotions, vectors: Complex) -> tuple[Complex, Complex]:
@@ -307,13 +364,13 @@ def _slowest(
         if not len(values):
             raise _lost(problem, asked, 0) from error
     fits = _fits(problem, inverse, values, vectors)
-    values, vectors = with_copies(
-        Operator(product, lambda z: z),
-        values[fits],
-        vectors[:, fits],
-        _wanted(problem, inverse.s, values[fits], asked),
-    )
-    fits = _fits(problem, inverse, values, vectors)
+    if (
+        problem.damping.material is None
+    ):  # which makes hundreds of rates near −1/τ, beside which no search ends
+        values, vectors = with_copies(
+            Operator(product, lambda z: z), values[fits], vectors[:, fits], _wanted(values[fits], asked)
+        )
+        fits = _fits(problem, inverse, values, vectors)
     return values[fits], problem.units()[:, None] * vectors[:n, fits]
 
 
@@ -326,23 +383,11 @@ def _fits(
     return np.asarray(missed <= MISSED)
 
 
-def _wanted(
-    problem: SmallMotions, s: float, values: Complex, asked: int
-) -> Callable[[Complex], NDArray[np.bool_]]:
-    """Which of some eigenvalues 1/ν belong to the modes asked for, as far as those found tell.
-
-    Rates of motions that decay without oscillation count only without damping of materials: that makes hundreds of
-    them near −1/τ.
-    """
-
-    def counts(found: Complex) -> NDArray[np.bool_]:
-        rates = 1.0 / found + s
-        return np.asarray((problem.damping.material is None) | ~_real(rates) | (rates.real > 0.0))
-
-    one = counts(values) & (values.imag >= 0.0)
-    sizes = np.sort(np.abs(values[one]))[::-1][:asked]
+def _wanted(values: Complex, asked: int) -> Callable[[Complex], NDArray[np.bool_]]:
+    """Which of some eigenvalues 1/ν belong to the modes asked for, as far as those found tell."""
+    sizes = np.sort(np.abs(values[values.imag >= 0.0]))[::-1][:asked]
     least = sizes.min(initial=np.inf) * (1.0 + SAME)
-    return lambda found: counts(found) & (np.abs(found) > least)
+    return lambda found: np.abs(found) > least
 
 
 def _left(problem: SmallMotions, inverse: ShiftedStiffness, rates: Complex, vectors: Complex) -> Complex:

@@ -24,7 +24,7 @@ BELOW = 1e-6
 #: Eigenvalues of a search that follows the first one.
 MORE = 4
 #: Part of a vector, of its size, that lies outside a space it repeats; searches at most; restarts of each.
-INSIDE, SEARCHES, RESTARTS = 1e-6, 200, 300
+INSIDE, SEARCHES, RESTARTS = 1e-6, 200, 30
 #: What an eigenvector may miss of its equation, relative.
 MISSED = 1e-7
 
@@ -106,8 +106,10 @@ def with_copies(
         if not len(new):
             break
         found += len(new)
-        parts = shapes[:, new]
-        basis, heavy = _orthonormal(operator, np.hstack([basis, parts.real, parts.imag]), basis.shape[1])
+        parts, size = shapes[:, new], basis.shape[1]
+        basis, heavy = _orthonormal(operator, np.hstack([basis, parts.real, parts.imag]), size)
+        if basis.shape[1] == size:  # the second vector of a free motion, which is none of its own
+            break
     return _of_space(operator, basis, heavy) if found else (values, vectors)
 
 
