@@ -23,11 +23,11 @@ estimate of the error. Counted like that, and no coarser than COARSE, it takes 0
 
 What it costs, in Newton corrections and factorizations, each for as many corrections as it takes of time (4.4, with
 shear elements 6.6), over the best fixed step of the same error, the best of 12 steps and 6 bounds of Newton's
-iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half, each the
-mean of three tolerances, or of three bounds, close to each other: on seventeen moving scenes with 1e-2 … 1e-5 0.86 in
-the mean, and at most 1.23 of the 68. The best of so many single runs has some chance in it: that of a gantry crane,
-whose error hardly falls with the step, differed by a tenth with the way in which Newton's iteration begins in the first
-step alone; beside the cheapest one ever seen it would be 1.35 at 1e-2 and 1.58 at 1e-4.
+iteration, no error counted as smaller than with the tightest bound or with a step shorter by up to a half, in the mean
+of three tolerances close to each: on seventeen moving scenes with 1e-2 … 1e-5 0.86 in the mean, and at most 1.21 of
+the 68. What the best of so many runs costs has some chance in it: that of a gantry crane, whose error hardly falls with
+the step, differed by a tenth with the way in which Newton's iteration begins in the first step alone; beside the
+cheaper of the two it would be 1.35 at 1e-2 and 1.58 at 1e-4.
 
 The rms error was 0.001 to 2.6 of the tolerance on these, and on chains of two and three steel beams drawn at random up
 to 5.1 in 8 of 552 runs. Nearly all of the latter amplify errors: with Newton's iteration as tight as rounding lets it

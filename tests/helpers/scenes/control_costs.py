@@ -7,9 +7,7 @@ error that cancel at one step are no choice either, and who takes a step checks 
 rules of the studies, `studies.engine.accuracy.robust`. The promise is asked of the error as it is.
 
 The cost of one run says little: where something vibrates steps have two stable lengths, and the same tolerance, a fifth
-larger, may cost 0.7 or 1.4 times as much. So costs and errors are geometric means of three tolerances close to
-another, and those of fixed steps of three bounds of Newton's iteration: the best of a hundred single runs is one that
-has chanced to be cheap.
+larger, may cost 0.7 or 1.4 times as much. So costs and errors are geometric means of three tolerances close to another.
 """
 
 from dataclasses import dataclass
@@ -128,35 +126,28 @@ def costs(name, integrator, parts, bounds, reference_by):
         return at.compare(run, reference, case.probes).error if run.status.ok else float("nan")
 
     settings = list(product(bounds, parts))
-    steps = [_fixed(case, dt / part, bound, error, integrator, options) for bound, part in settings]
+    # with loose bounds of Newton's iteration some runs make energy
+    steps = [
+        at.solve(case.scene, dt=dt / part, newton_tolerance=bound, integrator=integrator, **options)
+        for bound, part in settings
+    ]
     tightest = [bound == min(bounds) for bound, _ in settings]
-    own = pd.Series([e for e, _ in steps])
+    own = pd.Series([error(step) for step in steps])
     robust = robust_errors(own, [part for _, part in settings], tightest)
     robust = halved_errors(robust, [bound for bound, _ in settings], [dt / part for _, part in settings])
     runs = [_runs(case, e, error, integrator, min(bounds), options) for e in TOLERANCES]
     sure = halved_errors(pd.Series([run[2] for run in runs]), [name] * len(runs), TOLERANCES, NEXT)
     runs = [(asked, promised, e, cost) for (asked, promised, _, cost), e in zip(runs, sure, strict=True)]
-    priced = [
-        SimpleNamespace(error=e, cpu_s=cost) for e, (_, cost) in zip(robust, steps, strict=True) if cost > 0.0
+    return Costs(name, runs, _priced(robust, steps))
+
+
+def _priced(errors, steps):
+    """Errors and costs of whole runs."""
+    return [
+        SimpleNamespace(error=e, cpu_s=float(work(s)))
+        for e, s in zip(errors, steps, strict=True)
+        if s.status.ok
     ]
-    return Costs(name, runs, priced)
-
-
-def _fixed(case, step, bound, error, integrator, options):
-    """Error and work of fixed steps, the mean of bounds of Newton's iteration close to one; nan where a run fails.
-
-    As with tolerances: the work of a single run differs by a tenth from one bound to the next, and the best of so many
-    would be one that has chanced to be cheap. With loose bounds some runs make energy.
-    """
-    runs = [
-        at.solve(
-            case.scene, dt=step, newton_tolerance=near * bound / max(NEAR), integrator=integrator, **options
-        )
-        for near in NEAR
-    ]
-    if not all(run.status.ok for run in runs):
-        return float("nan"), float("nan")
-    return float(gmean([error(run) for run in runs])), float(gmean([work(run) for run in runs]))
 
 
 def _runs(case, tolerance, error, integrator, tightest, options):

@@ -11,7 +11,7 @@ import anctmm as at
 
 #: Fixed steps tried, as parts of the interval of output, and bounds of Newton's iteration.
 PARTS, BOUNDS = (1, 2, 3, 4, 5, 6, 8, 11, 16, 23, 32, 45), (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8)
-#: Cost allowed over that of the best fixed step of the same error, the best of 72 settings.
+#: Cost allowed over that of the best fixed step of the same error, the best of 72.
 DEARER = 1.3
 
 
