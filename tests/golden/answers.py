@@ -18,8 +18,9 @@ TABLE = Path(__file__).parent / "table.json"
 SAFETY = 30.0
 #: The least that it may differ by, over its scale: rounding of other, equally good, sums.
 FLOOR = 1e-11
-#: What an answer that depends on the reading of accelerations may differ by, over its change with half the step.
-COARSE = 2.0
+#: What an answer that is read of implicit steps in several ways may differ by, over its change with half the step, and
+#: at least, over its scale.
+COARSE, COARSE_FLOOR = 4.0, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +32,11 @@ class Answer:
     value : array or str
         Numbers of one quantity; or a text, which must be equal.
     scale : float, optional
-        What its rounding is relative to. Default: the largest of the numbers.
+        What its rounding is relative to. Default: the largest of the numbers, or 1 if all are 0.
     allowed : float, optional
         What it may differ by, where that follows from a tolerance of the run and not from its sensitivity.
     coarse : bool
-        Whether it depends on how an implicit method reads accelerations or sums works, which differs by a part of the
+        Whether it depends on how a method reads accelerations or sums works: equally good ways differ by a part of the
         error of the step.
     """
 
@@ -126,10 +127,10 @@ def measured(name: str) -> dict[str, Any]:
                 )
             stored[key] = {"value": answer.value, "allowed": 0.0, "because": "equal"}
             continue
-        scale = answer.scale or float(np.nanmax(np.abs(answer.array), initial=0.0))
+        scale = answer.scale or float(np.nanmax(np.abs(answer.array), initial=0.0)) or 1.0
         limits = {cause: SAFETY * change for cause, change in changes.items()} | {"floor": FLOOR * scale}
         if answer.coarse:
-            limits["half step"] = COARSE * answer.difference(halved[key])
+            limits["half step"] = max(COARSE * answer.difference(halved[key]), COARSE_FLOOR * scale)
         if answer.allowed is not None:
             limits = {"tolerance": answer.allowed}
         because = max(limits, key=lambda cause: limits[cause])

@@ -80,7 +80,7 @@ for method in ("esdirk", "generalized-alpha"):
         group(within, name=f"tolerance {tolerance:g}, {method}", tolerance=tolerance, integrator=method)
 
 
-def fall(**options: Any) -> at.Scene:
+def fall() -> at.Scene:
     """A cantilever that falls."""
     return scene("fall", [beam("one", A, B)], [at.Clamp("one.start")], gravity=(0.0, -9.81))
 

@@ -5,22 +5,8 @@ from typing import Any
 import numpy as np
 
 import anctmm as at
-from tests.golden.answers import Answer, Answers, group
-from tests.golden.scenes import (
-    BLOCK,
-    FIRM,
-    PLAIN,
-    ROD,
-    A,
-    B,
-    C,
-    D,
-    beam,
-    reaction_of,
-    scene,
-    section_of,
-    under,
-)
+from tests.golden.answers import Answers, group
+from tests.golden.scenes import BLOCK, FIRM, PLAIN, ROD, A, B, C, D, beam, reaction_of, scene, section_of
 from tests.golden.vary import Variation
 
 START = at.Clamp("one.start")
@@ -193,49 +179,3 @@ def lee(v: Variation) -> Answers:
     s = v.static(made, mesh={"post": 5, "near": 1, "far": 4}, path="arclength")
     limits = _limits(s)
     return {"limit load factors": limits, "status": s.status.code, "end": s.displacement("near.end")[-1]}
-
-
-@group(name="hanging cable")
-def catenary(v: Variation) -> Answers:
-    """A slack rope from two straight halves, whose bending is next to nothing."""
-    rope, section = at.Material(E=5e8, density=1100.0), at.Circle(0.02)
-    bodies = [
-        at.Beam("left", (0, 0), (40, -30), section, rope),
-        at.Beam("right", (40, -30), (80, 0), section, rope),
-    ]
-    joints = [at.Pin("left.start"), at.Pin("left.end", "right.start"), at.Pin("right.end")]
-    made = at.Scene("rope", bodies, joints, gravity=(0.0, -9.81))
-    s = v.static(made, mesh=8)
-    last = {
-        "displacement": s.displacement(("left", 0.5))[-1],
-        "tension": s.section_force("left", 0.5)[-1, :1],
-    }
-    return last | {"status": s.status.code} | {"reaction": s.reaction(joints[0])[-1, :2]}
-
-
-@group(name="bridge of bars")
-def bridge(v: Variation) -> Answers:
-    """A bridge of pinned steel bars with a slider: axial forces and reactions."""
-    below = [(2.0 * k, 0.0) for k in range(4)]
-    above = [(2.0 * k + 1.0, 3.0**0.5) for k in range(3)]
-    bars = {f"bottom{k}": (below[k], below[k + 1]) for k in range(3)}
-    bars |= {f"top{k}": (above[k], above[k + 1]) for k in range(2)}
-    bars |= {f"up{k}": (below[k], above[k]) for k in range(3)}
-    bars |= {f"down{k}": (above[k], below[k + 1]) for k in range(3)}
-    steel, tube = at.Material(E=2.1e11, density=7850.0), at.Rectangle(0.04, 0.04)
-    ends = {
-        f"{n}.{end}": p for n, pair in bars.items() for end, p in zip(("start", "end"), pair, strict=True)
-    }
-    pins = [at.Pin(*(e for e in ends if ends[e] == corner)) for corner in (*below[1:], *above)]
-    joints = [*pins, at.Pin("bottom0.start", "up0.start", grounded=True), at.Slider("bottom2.end", (1, 0))]
-    loads = [at.Force("bottom0.end", (0, -2e4)), at.Force("bottom1.end", (0, -2e4))]
-    s = v.static(
-        at.Scene("bridge", [at.Beam(n, *pair, tube, steel) for n, pair in bars.items()], joints, loads),
-        mesh=1,
-    )
-    normal = np.array([s.section_force(n, 0.5)[-1, 0] for n in bars])
-    deflection = np.array([s.displacement(f"{n}.end")[-1] for n in bars])
-    support = s.reaction(joints[-1])[-1, :2]
-    return under(
-        "bridge", {"normal forces": normal, "deflection": deflection, "support": Answer(support, 1e4)}
-    )

@@ -1,14 +1,12 @@
 """Mechanisms: rigid bodies with offset centres, loops, branches, and the paper's four-bar."""
 
-from cmath import exp
-from math import cos, pi, sin, sqrt
+from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 
 import anctmm as at
 from tests.golden.answers import Answer, Answers, group
-from tests.golden.published import andrews
 from tests.golden.scenes import (
     ALPHA,
     BLOCK,
@@ -20,7 +18,6 @@ from tests.golden.scenes import (
     A,
     B,
     C,
-    E,
     Parabola,
     Ramp,
     beam,
@@ -146,30 +143,6 @@ def rigid_bars(v: Variation) -> Answers:
 
 
 @group
-def squeezer(v: Variation) -> Answers:
-    """Andrews' squeezer by small fixed steps; its end values are in `published`."""
-    s = v.solve(andrews(), dt=5e-5, t_end=5e-3, output_dt=1e-3, spectral_radius=0.8)
-    return motion_of(s, "K1.p", "K3.d", "K6.h", angles=["K1"])
-
-
-@group
-def parallelogram(v: Variation) -> Answers:
-    """Two parallel cranks under a coupler, away from their dead centres; all turn at the start."""
-    feet, (x, y), rate = (0.0, 0.8), (0.3 * cos(0.7), 0.3 * sin(0.7)), 4.0
-    cranks = [
-        at.RigidBody(f"crank{k}", 0.02 + 0.004 * k, 2e-4, (foot + 0.5 * x, 0.5 * y),
-                     {"foot": (foot, 0.0), "top": (foot + x, y)}, (-0.5 * rate * y, 0.5 * rate * x), rate)
-        for k, foot in enumerate(feet)
-    ]  # fmt: skip
-    tops = {f"p{k}": (foot + x, y) for k, foot in enumerate(feet)}
-    coupler = at.RigidBody("coupler", 0.06, 3e-4, (0.4 + x, 0.05 + y), tops, (-rate * y, rate * x))
-    joints = [at.Pin(f"crank{k}.foot") for k in range(2)]
-    joints += [at.Pin(f"crank{k}.top", f"coupler.p{k}") for k in range(2)]
-    made = scene("parallelogram", [*cranks, coupler], joints, [at.Force("coupler.p1", (0.3, -0.2))])
-    return in_all(v, made, ["coupler.center"], ["crank0"], mesh=None)
-
-
-@group
 def tree(v: Variation) -> Answers:
     """Three beams in one hinge, one of them driven at its other end, one with a beam welded at an angle."""
     bodies = [beam("trunk", A, B), beam("left", C, B, FIRM, ROD), beam("right", B, (0.6, -0.3), PLAIN),
@@ -192,19 +165,6 @@ def loop(v: Variation) -> Answers:
         at.Weld("two.start", "three.start"),
     ]
     return in_all(v, scene("loop", bodies, joints), ["one.end", "two.start"], ["three.start"])
-
-
-@group
-def thrown_triangle(v: Variation) -> Answers:
-    """Three bars welded at their corners, thrown with a spin."""
-    corners, names = (A, (0.3, 0.0), (0.15, 0.26)), ("bottom", "right", "left")
-    bars = [
-        turning(beam(n, corners[k], corners[(k + 1) % 3], FIRM), (0.15, 0.09), 9.0, (2.0, 4.0))
-        for k, n in enumerate(names)
-    ]
-    joints = [at.Weld(f"{names[k - 1]}.end", f"{names[k]}.start") for k in range(3)]
-    s = v.solve(scene("thrown", bars, joints), mesh=2, **ALPHA)
-    return motion_of(s, "bottom.start", ("right", 0.5), angles=["left.start"])
 
 
 @group
@@ -306,45 +266,3 @@ def n_four_bar(v: Variation) -> Answers:
         balance = Answer(s.energy.balance, 100.0)
         found |= under(kind, motion_of(s, "p0.b", "g3.center", angles=["p4"]) | {"balance": balance})
     return found
-
-
-@group
-def peaucellier(v: Variation) -> Answers:
-    """A crank and six elastic bars move a point on a straight line."""
-    start = 0.35 * (1 + exp(-1.22j))
-    end = 0.75 / start.conjugate()
-    half = 1j * (end - start) / abs(end - start) * (0.25 - abs(end - start) ** 2 / 4) ** 0.5
-    P, O, up, down = 0j, 0.35 + 0j, (start + end) / 2 + half, (start + end) / 2 - half
-    bars = {"PB": (P, up), "PD": (P, down), "EB": (start, up), "ED": (start, down), "CB": (end, up),
-            "CD": (end, down), "AE": (O, start)}  # fmt: skip
-    bodies = [
-        beam(n, (p.real, p.imag), (q.real, q.imag), at.Material(E=1e8, density=1000.0))
-        for n, (p, q) in bars.items()
-    ]
-    joints = [
-        at.Clamp("AE.start", angle=at.Quintic(2.44, 1.0)),
-        at.Pin("PB.start", "PD.start", grounded=True),
-        at.Pin("EB.end", "PB.end", "CB.end"),
-        at.Pin("ED.end", "PD.end", "CD.end"),
-        at.Pin("AE.end", "EB.start", "ED.start"),
-        at.Pin("CB.start", "CD.start"),
-    ]
-    s = v.solve(at.Scene("peaucellier", bodies, joints), mesh=1, dt=1e-2, t_end=0.6, output_dt=0.2)
-    return motion_of(s, "CB.start", "EB.end", angles=["PB.start"])
-
-
-@group
-def held_chain(v: Variation) -> Answers:
-    """A chain held at both ends, with a line load, in explicit and implicit steps."""
-    bodies = [
-        beam("one", A, B),
-        beam("two", C, B, FIRM, ROD),
-        beam("three", C, (1.1, 0.3), PLAIN),
-        beam("four", E, (1.1, 0.3)),
-    ]
-    joints = [
-        at.Pin("one.start"), at.Pin("one.end", "two.end"), at.Weld("two.start", "three.start"),
-        at.Pin("three.end", "four.end"), at.Clamp("four.start"),
-    ]  # fmt: skip
-    made = scene("held", bodies, joints, [at.LineLoad("three", (0.5, -2.0))])
-    return in_all(v, made, ["one.end", "two.start", "three.end"], ["three.end"])

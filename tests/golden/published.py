@@ -10,7 +10,7 @@ from tests.golden.answers import Answer, Answers, group
 from tests.golden.scenes import A
 from tests.golden.vary import Variation
 
-#: Angles of Andrews' squeezer at t = 0 and 0.03 s, rad (IVP test set, tolerance 1e-14); body, and that it is counted from.
+#: Angles of Andrews' squeezer at t = 0 and 0.03 s, rad (IVP test set, tolerance 1e-14), and what they are counted of.
 START = {
     "beta": -0.0617138900142764496358948458001, "theta": 0.0, "gamma": 0.455279819163070380255912382449,
     "phi": 0.222668390165885884674473185609, "delta": 0.487364979543842550225598953530,

@@ -41,7 +41,8 @@ def chain(v: Variation, **options: Any) -> Answers:
     """A clamp, a pin and a weld."""
     bodies = [ONE, TWO, beam("on", C, (1.1, 0.3), PLAIN)]
     joints = [START, at.Pin("one.end", "two.end"), at.Weld("two.start", "on.start")]
-    m = v.modes(scene("chain", bodies, joints), mesh=2, count=5, **options)
+    hold = [at.RotationalSpring("two.start", stiffness=0.05)]
+    m = v.modes(scene("chain", bodies, joints, connectors=hold), mesh=2, count=5, **options)
     return modes_of(m, ["one.end", ("two", 0.3), "on.end"])
 
 
