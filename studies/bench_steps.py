@@ -13,7 +13,7 @@ from dataclasses import replace
 from functools import partial
 from math import cos, pi, radians, sin, sqrt
 from pathlib import Path
-from statistics import quantiles
+from statistics import median, quantiles
 from subprocess import PIPE, Popen
 from typing import Any
 
@@ -168,7 +168,7 @@ def work(checkout: str) -> None:
 
 
 def main() -> None:
-    """Print a table: median time of a step here and there with half the interquartile range, and their ratio."""
+    """Print a table: medians with half of their interquartile range, and the median ratio of two times in turn."""
     parser = argparse.ArgumentParser(prog="python -m studies.bench_steps", description=__doc__)
     parser.add_argument("other", help="directory of the other checkout")
     parser.add_argument("--only", default="", help="items whose name contains this text")
@@ -188,13 +188,12 @@ def main() -> None:
     for name in names:
         first = [run(name) for run in workers]  # compiles and warms up
         turns = [[run(name)["us"] for run in workers] for _ in range(given.repeats)]
-        shown, medians = "", []
+        shown = ""
         for times in zip(*turns, strict=True):
-            low, median, high = quantiles(times, n=4)
-            medians.append(median)
-            shown += f"{f'{median:.4g} ± {(high - low) / 2:.2g}':>20s}"
-        bad = sorted({answer["status"] for answer in first} - {"ok"})
-        print(f"{name:42s}{shown}{medians[0] / medians[1]:8.2f}", *bad, flush=True)
+            low, middle, high = quantiles(times, n=4)
+            shown += f"{f'{middle:.4g} ± {(high - low) / 2:.2g}':>20s}"
+        ratio = median(here / other for here, other in turns)
+        print(f"{name:42s}{shown}{ratio:8.2f}", *{a["status"] for a in first} - {"ok"}, flush=True)
 
 
 if __name__ == "__main__":
