@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from tests.golden.vary import HALF_STEP, PLAIN, SMALL, Variation
 
@@ -62,7 +62,8 @@ class Answer:
         return float(np.abs(self.array - other.array)[~nan].max(initial=0.0))
 
 
-Answers = dict[str, "Answer | str | ArrayLike"]
+#: Answers by name; what is no `Answer` becomes the value of one.
+Answers = dict[str, Any]
 GROUPS: dict[str, Callable[[Variation], Answers]] = {}
 
 

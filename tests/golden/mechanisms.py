@@ -36,14 +36,13 @@ METHODS = {"zhai": ZHAI, "generalized-alpha": ALPHA, "esdirk": ESDIRK}
 
 def four_bar() -> at.Scene:
     """The paper's four-bar (Rong 2014, Table 1), whose crank turns once in 2 s."""
-    ends = ((0.0, 0.0), (0.2, 0.0)), ((0.2, 0.0), (0.2 + 0.45 * sqrt(3.0), 0.45))
-    ends = (*ends, (ends[1][1], (0.2 + 0.3 * sqrt(3.0), 0.0)))
+    places = (0.0, 0.0), (0.2, 0.0), (0.2 + 0.45 * sqrt(3.0), 0.45), (0.2 + 0.3 * sqrt(3.0), 0.0)
     data = ("crank", 0.04, 0.6811, 1e9), ("coupler", 0.05, 2.474, 5e6), ("follower", 0.03, 1.470, 5e8)
     bodies = []
-    for (name, diameter, mass, E_), (start, end) in zip(data, ends, strict=True):
+    for (name, diameter, mass, E), start, end in zip(data, places, places[1:], strict=False):
         section = at.Circle(diameter)
         density = mass / (section.area * at.distance(start, end))
-        bodies.append(at.Beam(name, start, end, section, at.Material(E=E_, density=density)))
+        bodies.append(at.Beam(name, start, end, section, at.Material(E=E, density=density)))
     joints = (
         at.Clamp("crank.start", angle=at.Quintic(2.0 * pi, 2.0)),
         at.Pin("crank.end", "coupler.start"),
@@ -236,7 +235,7 @@ def consistent_start(v: Variation) -> Answers:
     ]
     parts: dict[str, Any] = {"name": "driven", "bodies": bodies, "joints": joints, "gravity": (0.0, -9.81)}
     made = at.consistent_velocities(**parts)
-    first = [made.body(b.name) for b in bodies]
+    first: list[Any] = [made.body(b.name) for b in bodies]
     s = v.solve(made, **ALPHA)
     velocity = np.array([(*b.velocity, b.spin) for b in first])
     return {"velocity at the start": velocity} | motion_of(

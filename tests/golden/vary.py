@@ -63,19 +63,22 @@ class Variation:
         """The scene, stretched and shifted."""
         if not self.stretch and self.shift == (0.0, 0.0):
             return scene
-        connectors = [
-            replace(c, second=self._moved(c.second)) if _is_ground(getattr(c, "second", None)) else c
-            for c in scene.connectors
-        ]
-        return replace(scene, bodies=tuple(map(self._body, scene.bodies)), connectors=tuple(connectors))
+        connectors = tuple(map(self._connector, scene.connectors))
+        return replace(scene, bodies=tuple(map(self._body, scene.bodies)), connectors=connectors)
+
+    def _connector(self, connector: Any) -> Any:
+        second = connector.second
+        if isinstance(second, tuple) and not isinstance(second[0], str):  # a point of the ground
+            return replace(connector, second=self._moved(second))
+        return connector
 
     def _body(self, body: Any) -> Any:
         match body:
             case at.Beam():
                 material = replace(body.material, E=body.material.E * (1.0 + 3.0 * self.stretch))
-                velocity = body.velocity and Scaled(body.velocity, 1.0 + self.stretch)
+                faster = body.velocity and Scaled(body.velocity, 1.0 + self.stretch)
                 start, end = self._moved(body.start), self._moved(body.end)
-                return replace(body, start=start, end=end, material=material, velocity=velocity)
+                return replace(body, start=start, end=end, material=material, velocity=faster)
             case at.RigidBody():
                 points = {name: self._moved(p) for name, p in body.points.items()}
                 velocity = self._scaled(body.velocity)
@@ -92,11 +95,6 @@ class Variation:
     def _moved(self, point: Any) -> Point:
         x, y = self._scaled(point)
         return x + self.shift[0], y + self.shift[1]
-
-
-def _is_ground(place: object) -> bool:
-    """Whether the second place of a connector is a point of the ground."""
-    return isinstance(place, tuple) and not isinstance(place[0], str)
 
 
 #: As it is, and the variations that measure the sensitivity of every answer.
