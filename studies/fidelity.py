@@ -33,8 +33,8 @@ SMALLEST = {False: 1e-3, True: 1e-2}
 SHARE = 0.3
 #: Elements times steps of an explicit run at most, by whether the run is quick.
 MOST_WORK = {False: 4e6, True: 3e5}
-#: Choices that are all tried, at most; beams, or groups of equal beams, that are chosen one by one, at most.
-MOST_CHOICES, MOST_UNITS = 27, 8
+#: Beams, or groups of equal beams, that are chosen one by one, at most.
+MOST_UNITS = 8
 EXPLICIT, IMPLICIT = "zhai", "generalized-alpha"
 PHYSICS = (
     "Each kind of element is on a mesh, and moves by an implicit step, that were refined until their part of the error "
@@ -121,12 +121,6 @@ class Choices:
         return cls(tuple(beam.name for beam in beams), tuple(units), tuple(kinds), _welded(scene))
 
     @property
-    def all_tried(self) -> bool:
-        """Whether there are so few that every one is tried."""
-        single = sum(map(len, self.units)) == len(self.names)
-        return single and len(self.kinds) ** len(self.units) <= MOST_CHOICES
-
-    @property
     def detailed(self) -> Kinds:
         """The most detailed kind for all."""
         return self.uniform(self.kinds[0])
@@ -137,9 +131,6 @@ class Choices:
 
     def first(self) -> list[Kinds]:
         """Choices to try before anything is known, the detailed one first."""
-        if self.all_tried:
-            every = (self._spread(chosen) for chosen in product(self.kinds, repeat=len(self.units)))
-            return [kinds for kinds in every if self._can_be(kinds)]
         found = [self.uniform(kind) for kind in self.kinds]
         found += [self.alone(u, kind, base) for base, kind in self._pairs() for u in range(len(self.units))]
         return list(dict.fromkeys(found))
@@ -197,13 +188,6 @@ class Choices:
         for k, base in enumerate(self.kinds):
             yield from ((base, kind) for kind in self.kinds[k + 1 :])
 
-    def _spread(self, chosen: Sequence[str]) -> Kinds:
-        kinds = list(self.detailed)
-        for unit, kind in zip(self.units, chosen, strict=True):
-            for k in unit:
-                kinds[k] = kind
-        return tuple(kinds)
-
 
 class _Study:
     """Runs of one case."""
@@ -229,10 +213,9 @@ class _Study:
     def run(self) -> tuple[pd.DataFrame, pd.DataFrame]:
         """A row for each choice and integrator; and one for each beam simplified alone."""
         rows = self._rows(self.choices.first())
-        if not self.choices.all_tried:
-            tried = {row["element"] for row in rows}
-            best = self.choices.best(self._alone(rows), self.targets)
-            rows += self._rows([kinds for kinds in best if "/".join(kinds) not in tried])
+        tried = {row["element"] for row in rows}
+        best = self.choices.best(self._alone(rows), self.targets)
+        rows += self._rows([kinds for kinds in best if "/".join(kinds) not in tried])
         frame = pd.DataFrame(rows).drop(columns="kinds")
         detailed = frame[frame["model"] == self.choices.words(self.choices.detailed)]["cpu_s"].min()
         frame["gain"] = detailed / frame["cpu_s"]
@@ -250,11 +233,10 @@ class _Study:
                 f"{self.case.name}: with Poisson's ratio {nu:g} shear elements bend too stiffly by {factor:.3g} on any "
                 f"mesh (thickness locking), so that cables are the detailed model here."
             )
-        if not self.choices.all_tried:
-            yield (
-                f"{self.case.name}: {len(self.choices.units)} beams or groups of equal beams were simplified one at a "
-                f"time, then together where their errors sum up to less than a target error."
-            )
+        yield (
+            f"{self.case.name}: {len(self.choices.units)} beams or groups of equal beams were simplified one at a "
+            f"time, then together where their errors sum up to less than a target error."
+        )
 
     def _rows(self, every: Sequence[Kinds]) -> list[dict[str, Any]]:
         """Rows of choices: of implicit and of explicit steps; of equilibria one."""

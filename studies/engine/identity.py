@@ -7,7 +7,7 @@ globals that they name. Modules of users count with their files. Files that a fu
 import hashlib
 import sys
 import sysconfig
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
@@ -89,8 +89,8 @@ def _of_class(kind: type) -> Iterator[Any]:
     for base in kind.__mro__:
         if not _is_known(base):
             yield from (
-                (name, f) for name, f in sorted(vars(base).items()) if isinstance(f, Callable | property)
-            )  # type: ignore[arg-type]
+                (name, f) for name, f in sorted(vars(base).items()) if callable(f) or isinstance(f, property)
+            )
 
 
 def _is_known(thing: Any) -> bool:

@@ -39,24 +39,10 @@ TAKEN = {
     "extremes": ("cases",),
     "published": (),
 }
-#: Why a study has no use for some options, and the command to use instead.
-REASONS = {
-    "fidelity": "it compares kinds of elements, each on the mesh and by the step that its error needs; `anctmm study "
-    "trade` takes solvers, elements, meshes and steps",
-    "extremes": "it goes to the limits of a refined run; `anctmm study convergence` and `anctmm run` take solvers, "
-    "elements, meshes and steps",
-    "published": "each of its problems has the mesh, step and elements of its source; `anctmm run` and `anctmm study "
-    "convergence` take a scene, and these options",
-    "agreement": "it compares all solvers on the built-in scenes; `anctmm run my.py --solvers a,b` does on yours",
-}
 
 
 class StudyError(AnctmmError, ValueError):
     """A study or one of its options is unknown."""
-
-
-class NothingError(StudyError):
-    """All runs of a study are refused or fail."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +142,7 @@ def check_taken(options: Options, study: str) -> None:
     Raises
     ------
     StudyError
-        Naming the option, the reason, and a command with that option.
+        Naming the option, and the studies with that option.
     OutputError
         If files of two cases would have one name.
     """
@@ -165,8 +151,9 @@ def check_taken(options: Options, study: str) -> None:
     for name, typed in TYPED.items():
         if name not in taken and getattr(options, name) is not None:
             takers = [other for other, names in TAKEN.items() if name in names]
-            why = f": {REASONS[study]}" if study in REASONS else f"; studies with it: {', '.join(takers)}"
-            raise StudyError(f"study {study!r} takes no {typed}{why}")
+            raise StudyError(
+                f"study {study!r} takes no {typed}; studies with it: {', '.join(takers)}, and `run`"
+            )
 
 
 def check_mesh(scene: Scene, mesh: "Mesh") -> None:

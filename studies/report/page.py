@@ -24,6 +24,11 @@ LABELS = {
 }  # fmt: skip
 #: Columns that the page leaves out: they are in the files.
 HIDDEN = {"case", "asked", "own", "kind", "repeats", "cpu_spread", "in_turn", "excess"}
+#: Columns of settings that a sentence holds, which stands beside them in the same table.
+IN_SETTING = {
+    "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "build_s", "steps",
+    "newton_iterations", "error_from",
+}  # fmt: skip
 #: Characters of a cell beyond which it may be broken into lines; rows of a table that is open.
 LONG, SHORT = 36, 14
 
@@ -60,9 +65,10 @@ def page(
 
 def html(table: Table) -> Markup:
     """A table for the page, by pandas' Styler: numbers on the right, statuses that are not ok marked."""
-    shown = for_people(table.frame).drop(columns=list(HIDDEN & set(table.frame.columns)))
+    hidden = HIDDEN | (IN_SETTING if "setting" in table.frame else set())
+    shown = for_people(table.frame).drop(columns=list(hidden & set(table.frame.columns)))
     shown = shown.dropna(axis="columns", how="all").reset_index(drop=True)
-    cells = shown.map(text)
+    cells = shown.map(_cell)
     classes = pd.DataFrame("", index=cells.index, columns=cells.columns)
     for name in cells.columns:
         numeric = is_numeric_dtype(table.frame[name])
@@ -94,6 +100,13 @@ def inline(shown: Picture, study: str) -> Markup:
 def prose(words: str) -> Markup:
     """A text with what stands between backquotes as code."""
     return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(words))))
+
+
+def _cell(value: object) -> str:
+    """Three digits of a number; a whole one with all of them."""
+    if isinstance(value, float):
+        return f"{value:.3g}" if value == value and abs(value) < 1e6 else text(value)
+    return text(value)
 
 
 def _beside(name: str) -> str:

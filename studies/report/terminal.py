@@ -8,10 +8,8 @@ from rich.table import Table as RichTable
 from studies.engine.console import say, show_table
 from studies.engine.study import Result
 from studies.engine.tables import Table, failed, for_people
-from studies.report.page import HIDDEN, LABELS
+from studies.report.page import HIDDEN, IN_SETTING, LABELS
 
-#: Columns of settings that a sentence holds, which stand beside it in the same table.
-IN_SETTING = {"element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance"}
 #: Columns that stand in the title where they are the same in all rows.
 ABOUT = ("scene", "solver", "element", "integrator")
 #: Numbers that the column `digits` shows as one text.

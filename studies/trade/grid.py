@@ -150,9 +150,7 @@ def _choices(plain: Family, quick: bool) -> Iterator[Family]:
     if plain.integrator == EXPLICIT:
         yield plain
         return
-    choices = list(choices_of(plain.solver))
-    for k, (shared, own) in enumerate(choices):
-        if not quick or k in (0, len(choices) - 1):
-            yield Family(*about, shared, own, k == 0)
+    for k, (shared, own) in enumerate(choices_of(plain.solver)):
+        yield Family(*about, shared, own, k == 0)
     for tolerance in TOLERANCES[quick]:
         yield Family(*about, (("tolerance", tolerance), ("newton_tolerance", NEWTON_TOLERANCES[-1])))
