@@ -3,7 +3,7 @@
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -23,37 +23,55 @@ app = typer.Typer(
     cls=Commands, epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
 
-Elements = Annotated[
-    str | None,
-    typer.Option(help="Meshes: elements of each body, or of all: 2/8/2,4/16/4 or 8,16.", metavar="LIST"),
-]
-Steps = Annotated[str | None, typer.Option("--dt", help="Time steps, s: 1e-5,5e-6.", metavar="LIST")]
-Solvers = Annotated[
-    str | None, typer.Option(help="Solvers by name (see `anctmm list`): a,b.", metavar="LIST")
-]
+
+def _text(help: str, metavar: str, *names: str) -> Any:
+    """An option that is read as text and checked by the command."""
+    return typer.Option(*names, help=help, metavar=metavar)
+
+
+def _path(help: str) -> Any:
+    """An option that is a path."""
+    return typer.Option(help=help, parser=path, metavar="PATH")
+
+
+Text = str | None
+Elements = Annotated[Text, _text("Meshes: elements of each body, or of all: 2/8/2,4/16/4 or 8,16.", "LIST")]
+Mesh = Annotated[Text, _text("Elements of each beam, or of all: 2/8/2 or 8.", "MESH", "--elements")]
+Steps = Annotated[Text, _text("Time steps, s: 1e-5,5e-6.", "LIST", "--dt")]
+Step = Annotated[Text, _text("Time step, s: 1e-3.", "NUMBER", "--dt")]
+Solvers = Annotated[Text, _text("Solvers by name (see `anctmm list`): a,b.", "LIST")]
 Given = Annotated[
-    str, typer.Argument(help="A built-in scene (see `anctmm list`), or a Python file that defines CASES.")
+    str, typer.Argument(help="A built-in scene (see `anctmm list`), or a file that defines CASES.")
 ]
-Chosen = Annotated[str | None, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
-Target = Annotated[
-    str | None, typer.Option("--error", help="Target error, relative: 1e-3.", metavar="NUMBER")
-]
-Element = Annotated[str | None, typer.Option(help="Element: cable, quintic, shear, rigid.")]
-Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
+Some = Annotated[Text, typer.Argument(help="A built-in scene, or a file that defines CASES.")]
+Chosen = Annotated[Text, _text("Scene of the file, by name.", "NAME", "--case")]
+Target = Annotated[Text, _text("Target error, relative: 1e-3.", "NUMBER", "--error")]
+Budget = Annotated[Text, _text("CPU time that may be spent: 0.5s, 20ms.", "TIME")]
+Element = Annotated[Text, typer.Option(help="Element: cable, quintic, shear, rigid.")]
+Integrator = Annotated[Text, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
-    str | None,
-    typer.Option(
-        help="Processes that compute errors side by side; times are measured in turn.", metavar="NUMBER"
-    ),
+    Text, _text("Processes that compute errors side by side; times are measured in turn.", "NUMBER")
 ]
 Cluster = Annotated[
-    str | None,
-    typer.Option(
-        help="Scheduler of a dask.distributed cluster that computes errors: tcp://host:8786.",
-        metavar="ADDRESS",
-    ),
+    Text, _text("Scheduler of a dask cluster that computes errors: tcp://host:8786.", "ADDRESS")
 ]
+RunOut = Annotated[Path | None, _path("Where files are written; default: results/CASE.")]
+StudyOut = Annotated[Path, _path("Where tables and pictures are written, in CASE/STUDY.")]
+PageOut = Annotated[
+    Path | None, _path("Where page and tables are written; default: reports, or results/NAME for a file.")
+]
+Trade = Annotated[
+    Path | None, _path("Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.")
+]
+Rerun = Annotated[bool, typer.Option(help="Run the recommendation and check its error.")]
+Only = Annotated[Text, _text("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST")]
+Update = Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")]
+Scenes = Annotated[Path | None, _path("Your Python file that defines WATCHED.")]
+Baselines = Annotated[
+    Path | None, _path("Stored histories: those of anctmm, or baselines/ beside your scenes.")
+]
+RESULTS = Path("results")
 
 
 def main() -> None:
@@ -101,17 +119,12 @@ def run(
     scene: Given,
     case: Chosen = None,
     error: Target = None,
-    elements: Annotated[
-        str | None, typer.Option(help="Elements of each beam, or of all: 2/8/2 or 8.", metavar="MESH")
-    ] = None,
-    dt: Annotated[str | None, typer.Option("--dt", help="Time step, s: 1e-3.", metavar="NUMBER")] = None,
+    elements: Mesh = None,
+    dt: Step = None,
     element: Element = None,
     integrator: Integrator = None,
     solvers: Solvers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Where files are written; default: results/CASE.", parser=path, metavar="PATH"),
-    ] = None,
+    out: RunOut = None,
 ) -> None:
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
     from studies.cases import find_case
@@ -150,9 +163,7 @@ def run(
 @app.command(cls=Command)
 def study(
     name: Annotated[str, typer.Argument(help="trade, convergence, … (see `anctmm list`)")],
-    scene: Annotated[
-        str | None, typer.Argument(help="A built-in scene, or a file that defines CASES.")
-    ] = None,
+    scene: Some = None,
     case: Chosen = None,
     elements: Elements = None,
     dt: Steps = None,
@@ -163,12 +174,7 @@ def study(
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    out: Annotated[
-        Path,
-        typer.Option(
-            help="Where tables and pictures are written, in CASE/STUDY.", parser=path, metavar="PATH"
-        ),
-    ] = Path("results"),
+    out: StudyOut = RESULTS,
 ) -> None:
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
@@ -205,22 +211,12 @@ def study(
 
 @app.command(cls=Command)
 def report(
-    file: Annotated[
-        str | None,
-        typer.Argument(help="A file that defines CASES, or a built-in scene: report on these only."),
-    ] = None,
+    file: Some = None,
     case: Chosen = None,
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Where page, tables and pictures are written; default: reports, or results/NAME for a file.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
+    out: PageOut = None,
 ) -> None:
     """Run every study and write one page; of a file those that take its cases."""
     from studies.cases import chosen
@@ -246,29 +242,17 @@ def recommend(
     scene: Given,
     case: Chosen = None,
     error: Target = None,
-    budget: Annotated[
-        str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
-    ] = None,
+    budget: Budget = None,
     elements: Elements = None,
     dt: Steps = None,
     solvers: Solvers = None,
-    element: Annotated[
-        str | None, typer.Option(help="Only this kind: cable, quintic, shear, reissner.")
-    ] = None,
+    element: Element = None,
     integrator: Integrator = None,
-    table: Annotated[
-        Path | None,
-        typer.Option(
-            help="Directory of a measured trade; default: results/CASE/trade, reports/trade or the one that ships "
-            "with anctmm.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
+    table: Trade = None,
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
+    rerun: Rerun = True,
 ) -> None:
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
     from rich.console import Console
@@ -309,9 +293,7 @@ def recommend(
 @app.command(cls=Command)
 def bench(
     quick: Quick = False,
-    out: Annotated[
-        Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
-    ] = Path("results"),
+    out: StudyOut = RESULTS,
 ) -> None:
     """Measure kernels, peers, length, trees, memory, first results: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
@@ -330,37 +312,16 @@ def bench(
 
 @app.command(cls=Command)
 def check(
-    file: Annotated[str | None, typer.Argument(help="Your Python file that defines CASES.")] = None,
+    file: Some = None,
     case: Chosen = None,
-    elements: Annotated[
-        str | None,
-        typer.Option(help="Of the file's cases: elements of each beam, or of all.", metavar="MESH"),
-    ] = None,
-    dt: Annotated[
-        str | None, typer.Option("--dt", help="Of the file's cases: time step, s.", metavar="NUMBER")
-    ] = None,
-    only: Annotated[
-        str | None,
-        typer.Option(help="Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", metavar="LIST"),
-    ] = None,
-    solver: Annotated[str | None, typer.Option(help="Solvers by name: a,b.", metavar="LIST")] = None,
-    update: Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")] = False,
-    scenes: Annotated[
-        Path | None,
-        typer.Option(help="Your Python file that defines WATCHED.", parser=path, metavar="PATH"),
-    ] = None,
-    baselines: Annotated[
-        Path | None,
-        typer.Option(
-            help="Stored histories: those of anctmm, or baselines/ beside your scenes.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
-    out: Annotated[
-        Path,
-        typer.Option(help="Where table, JUnit XML and pictures are written.", parser=path, metavar="PATH"),
-    ] = Path("results"),
+    elements: Mesh = None,
+    dt: Step = None,
+    only: Only = None,
+    solver: Annotated[Text, _text("Solvers by name: a,b.", "LIST")] = None,
+    update: Update = False,
+    scenes: Scenes = None,
+    baselines: Baselines = None,
+    out: StudyOut = RESULTS,
 ) -> None:
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console

@@ -8,7 +8,10 @@ from scipy.integrate import solve_ivp
 import anctmm as at
 from anctmm.solvers.capabilities import Offer
 
-OFFER = Offer(lacks={"zhai", "statics", "stability", "energy", "springs", "laws", "sliders", "point-masses"})
+OFFER = Offer(
+    lacks={"zhai", "statics", "stability", "energy", "springs", "laws", "sliders", "point-masses"},
+    choices=({"newton_tolerance": 1e-10},),  # Radau has bounds of its own
+)
 
 
 def turned(angle, vector):
@@ -48,7 +51,7 @@ def solve(scene, run):
         return [*rate, *np.linalg.solve(null.T @ mass @ null, null.T @ (force - mass @ curved))]
 
     t, began = run.times(run.output_steps), process_time()
-    found = solve_ivp(rates, (0.0, run.t_end), np.zeros(4), "Radau", t, rtol=1e-7, atol=1e-9)
+    found = solve_ivp(rates, (0.0, run.t_end), np.zeros(4), "Radau", t, rtol=1e-6, atol=1e-8)
     a, b = found.y[:2]
     place = np.array(ground) + turned(a, d1).T
     fields = {

@@ -27,7 +27,7 @@ def pendulum():
     scene = at.Scene(
         "pendulum", [upper, lower], [at.Pin("upper.o"), at.Pin("upper.p", "lower.p")], gravity=(0, -9.81)
     )
-    return at.Case(scene, ["lower.q"], t_end=0.5, output_dt=0.01)
+    return at.Case(scene, ["lower.q"], t_end=0.2, output_dt=0.01)
 
 
 def test_a_solver_of_one_module_is_in_the_trade_and_in_the_convergence_study(installed):
