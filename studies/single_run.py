@@ -241,8 +241,8 @@ def write_run(run: SingleRun, folder: Path) -> list[Path]:
         (folder / name).unlink(missing_ok=True)
     written = [folder / "values.csv"]
     written += [folder / name for name in OF_SOLUTION]
-    kept, table, plot, animation = written[1:]
-    solution.save(kept)
+    saved, table, plot, animation = written[1:]
+    solution.save(saved)
     atomic_write(table, solution.to_frame(run.case.probes).to_csv())
     picture = BytesIO()
     solution.plot().savefig(picture, format="png", dpi=150)

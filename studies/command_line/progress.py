@@ -50,23 +50,23 @@ def sweeping(quick: bool, workers: int | None = None, cluster: str | None = None
     with bar(console) as progress:
         task = progress.add_task("starting", total=None)
 
-        def tell(label: str, done: int, total: int) -> None:
+        def show(label: str, done: int, total: int) -> None:
             nonlocal said
             progress.update(task, description=label, completed=done, total=total)
             if not console.is_terminal and monotonic() - said >= SILENT:
                 said = monotonic()
                 say(console, f"anctmm: {label}: {done} of {total}")
 
-        runner = Runner(store, quick, workers or 1, cluster or "", tell=tell)
+        runner = Runner(store, quick, workers or 1, cluster or "", show=show)
         try:
             yield runner
         except KeyboardInterrupt:
             progress.stop()
             again = shlex.join(["anctmm", *sys.argv[1:]])
-            kept = f"Finished runs ({runner.computed} of this session) are stored in {store}; continue with: {again}"
+            stored = f"Finished runs ({runner.computed} of this session) are stored in {store}; continue with: {again}"
             say(
                 console,
-                f"Interrupted. {kept if store else 'Nothing is stored: no directory can be written.'}",
+                f"Interrupted. {stored if store else 'Nothing is stored: no directory can be written.'}",
             )
             raise typer.Exit(Code.INTERRUPTED) from None
 

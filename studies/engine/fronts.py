@@ -43,7 +43,7 @@ def reaching(rows: pd.DataFrame, target: float) -> pd.DataFrame:
     return met.sort_values("cpu_s", kind="stable")
 
 
-def robust(errors: pd.Series, alike: Sequence[Hashable], tightest: Sequence[bool]) -> pd.Series:
+def robust(errors: pd.Series, group: Sequence[Hashable], tightest: Sequence[bool]) -> pd.Series:
     """Each error, or that of the run with the tightest bound of the iteration where that is larger.
 
     The error of a loose Newton tolerance may cancel a part of the step's error; that is chance, which rounding changes.
@@ -52,12 +52,12 @@ def robust(errors: pd.Series, alike: Sequence[Hashable], tightest: Sequence[bool
     ----------
     errors : Series
         Of runs; NaN of one that failed.
-    alike : sequence of hashable
+    group : sequence of hashable
         Settings that a run shares with those that differ from it in the bounds of the iteration alone.
     tightest : sequence of bool
         Whether it has the tightest bounds of its solver.
     """
-    rows = pd.DataFrame({"error": errors.to_numpy(float), "alike": list(alike)})
-    tight = rows[np.asarray(tightest, dtype=bool)].groupby("alike")["error"].max()
-    least = rows["alike"].map(tight)
+    rows = pd.DataFrame({"error": errors.to_numpy(float), "group": list(group)})
+    tight = rows[np.asarray(tightest, dtype=bool)].groupby("group")["error"].max()
+    least = rows["group"].map(tight)
     return pd.Series(rows["error"].where(~(least > rows["error"]), least).to_numpy(float), index=errors.index)

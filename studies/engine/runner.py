@@ -29,7 +29,7 @@ class SweepError(AnctmmError, ValueError):
     """Workers or a cluster cannot be used."""
 
 
-class Tells(Protocol):
+class Shows(Protocol):
     """Shows progress: what is done, how much of it, of how much."""
 
     def __call__(self, label: str, done: int, total: int) -> None: ...
@@ -64,7 +64,7 @@ class Runner:
         Address of a dask scheduler that does, "tcp://host:8786".
     resolve : callable
         Name → solver.
-    tell : callable
+    show : callable
         Shows progress: (label, number done, number of all).
     heading : str
         Purpose of the runs: stands before their labels.
@@ -77,7 +77,7 @@ class Runner:
     workers: int = 1
     cluster: str = ""
     resolve: Callable[[str], Solver] = registry.solver
-    tell: Tells = lambda label, done, total: None
+    show: Shows = lambda label, done, total: None
     heading: str = ""
     computed: int = 0
     _scenes: dict[int, tuple[Scene, str]] = field(default_factory=dict)
@@ -181,7 +181,7 @@ class Runner:
             def sample() -> Cost:
                 nonlocal done
                 done += 1
-                self.tell(f"{self.heading}times in turn: {trial.label}", done, total)
+                self.show(f"{self.heading}times in turn: {trial.label}", done, total)
                 return settled(lambda: guarded(trial.solver, trial.scene, lambda: trial.solve(solver)).cost)
 
             return sample
@@ -226,7 +226,7 @@ class Runner:
             jobs = (joblib.delayed(self._one)(trial, k, total) for k, trial in enumerate(trials))
             for k, solution in enumerate(joblib.Parallel(n_jobs=self._jobs, return_as="generator")(jobs), 1):
                 self.computed += 1
-                self.tell(f"{self.heading}{trials[k - 1].label}", k, total)
+                self.show(f"{self.heading}{trials[k - 1].label}", k, total)
                 yield solution
 
     @property
@@ -236,7 +236,7 @@ class Runner:
             return lambda trial, k, total: solved(trial, resolve)
 
         def here(trial: Trial, k: int, total: int) -> Solution:
-            self.tell(f"{self.heading}{trial.label}", k, total)
+            self.show(f"{self.heading}{trial.label}", k, total)
             return solved(trial, self.resolve)
 
         return here

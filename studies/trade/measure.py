@@ -21,7 +21,7 @@ from studies.trade.grid import EXPLICIT, Family, Grid
 
 #: s of CPU time that a whole call of a sweep may take at most, by whether it is quick.
 MOST_S = {False: 2.0, True: 1.0}
-#: Steps of a first look that tells how long a run will take, at least; part of the run.
+#: Steps of a first look before a run, at least; part of the run.
 LOOK, LOOK_PART = 20, 0.05
 #: Steps of one setting over the shortest step of the sweep, of the runs that separate the errors of step and mesh.
 FINER = 4
