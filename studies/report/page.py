@@ -30,7 +30,7 @@ IN_SETTING = {
     "newton_iterations", "error_from",
 }  # fmt: skip
 #: Characters of a cell beyond which it may be broken into lines; rows of a table that is open.
-LONG, SHORT = 36, 14
+LONG, SHORT = 36, 24
 
 
 def page(
