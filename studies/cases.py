@@ -7,16 +7,16 @@ from pathlib import Path
 from anctmm.errors import CaseError, listed
 from anctmm.model.case import Case
 from anctmm.solvers.foreign_code import told
-from studies.scenes import BASE_SCENES, BaseScene
+from studies import scenes
 from studies.user_files import defined_in
 
 #: What a user's file must define.
 DECLARED = "CASES"
 
 
-def built_in() -> list[BaseScene]:
+def built_in() -> list[Case]:
     """Cases that are built in."""
-    return [build() for build in BASE_SCENES]
+    return list(scenes.CASES)
 
 
 def cases_in(path: str | os.PathLike[str]) -> tuple[Case, ...]:
@@ -86,9 +86,8 @@ def is_file(given: str) -> bool:
 
 
 def assumptions_of(case: Case) -> tuple[str, ...]:
-    """What stands beside a case's results."""
-    stated = case.assumptions if isinstance(case, BaseScene) else ()
-    return tuple(filter(None, (*stated, case.note)))
+    """The note of a case, shown beside its results."""
+    return (f"{case.name}: {case.note}",) if case.note else ()
 
 
 def _named(cases: Sequence[Case], name: str, what: str, others: str = "") -> Case:

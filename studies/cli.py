@@ -1,29 +1,21 @@
 """The command line. Modules that are slow to import are imported by the command that needs them."""
 
 import sys
-from collections.abc import Callable, Iterable
-from contextlib import AbstractContextManager
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from studies.command_line.ending import CODES, BadOption, Code, Command, Commands
 from studies.command_line.options import duration, path, positive, read_options, texts, whole
-from studies.command_line.progress import Log, bar, shortened, sweeping
+from studies.command_line.progress import bar, sweeping
 
 if TYPE_CHECKING:
-    from anctmm.model.case import Case
-    from studies.engine.runner import Runner
-    from studies.engine.study import Options
+    from collections.abc import Iterable
+
     from studies.regression.check import Finding
     from studies.regression.scenes import Watch
-    from studies.trade.recommendation.recommend import Measured
-
-    #: From whether it is quick to a runner.
-    Sweeping = Callable[[bool], AbstractContextManager[Runner]]
 
 __all__ = ["app", "main", "read_options", "sweeping"]
 
@@ -31,37 +23,55 @@ app = typer.Typer(
     cls=Commands, epilog=CODES, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False,
 )  # fmt: skip
 
-Elements = Annotated[
-    str | None,
-    typer.Option(help="Meshes: elements of each body, or of all: 2/8/2,4/16/4 or 8,16.", metavar="LIST"),
-]
-Steps = Annotated[str | None, typer.Option("--dt", help="Time steps, s: 1e-5,5e-6.", metavar="LIST")]
-Solvers = Annotated[
-    str | None, typer.Option(help="Solvers by name (see `anctmm list`): a,b.", metavar="LIST")
-]
+
+def _text(help: str, metavar: str, *names: str) -> Any:
+    """An option that is read as text and checked by the command."""
+    return typer.Option(*names, help=help, metavar=metavar)
+
+
+def _path(help: str) -> Any:
+    """An option that is a path."""
+    return typer.Option(help=help, parser=path, metavar="PATH")
+
+
+Text = str | None
+Elements = Annotated[Text, _text("Meshes: elements of each body, or of all: 2/8/2,4/16/4 or 8,16.", "LIST")]
+Mesh = Annotated[Text, _text("Elements of each beam, or of all: 2/8/2 or 8.", "MESH", "--elements")]
+Steps = Annotated[Text, _text("Time steps, s: 1e-5,5e-6.", "LIST", "--dt")]
+Step = Annotated[Text, _text("Time step, s: 1e-3.", "NUMBER", "--dt")]
+Solvers = Annotated[Text, _text("Solvers by name (see `anctmm list`): a,b.", "LIST")]
 Given = Annotated[
-    str, typer.Argument(help="A built-in scene (see `anctmm list`), or a Python file that defines CASES.")
+    str, typer.Argument(help="A built-in scene (see `anctmm list`), or a file that defines CASES.")
 ]
-Chosen = Annotated[str | None, typer.Option("--case", help="Scene of the file, by name.", metavar="NAME")]
-Target = Annotated[
-    str | None, typer.Option("--error", help="Target error, relative: 1e-3.", metavar="NUMBER")
-]
-Element = Annotated[str | None, typer.Option(help="Element: cable, quintic, shear, rigid.")]
-Integrator = Annotated[str | None, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
+Some = Annotated[Text, typer.Argument(help="A built-in scene, or a file that defines CASES.")]
+Chosen = Annotated[Text, _text("Scene of the file, by name.", "NAME", "--case")]
+Target = Annotated[Text, _text("Target error, relative: 1e-3.", "NUMBER", "--error")]
+Budget = Annotated[Text, _text("CPU time that may be spent: 0.5s, 20ms.", "TIME")]
+Element = Annotated[Text, typer.Option(help="Element: cable, quintic, shear, rigid.")]
+Integrator = Annotated[Text, typer.Option(help="Integrator: generalized-alpha, zhai, esdirk.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The smallest sweep that shows the point.")]
 Workers = Annotated[
-    str | None,
-    typer.Option(
-        help="Processes that compute errors side by side; times are measured in turn.", metavar="NUMBER"
-    ),
+    Text, _text("Processes that compute errors side by side; times are measured in turn.", "NUMBER")
 ]
 Cluster = Annotated[
-    str | None,
-    typer.Option(
-        help="Scheduler of a dask.distributed cluster that computes errors: tcp://host:8786.",
-        metavar="ADDRESS",
-    ),
+    Text, _text("Scheduler of a dask cluster that computes errors: tcp://host:8786.", "ADDRESS")
 ]
+RunOut = Annotated[Path | None, _path("Where files are written; default: results/CASE.")]
+StudyOut = Annotated[Path, _path("Where tables and pictures are written, in CASE/STUDY.")]
+PageOut = Annotated[
+    Path | None, _path("Where page and tables are written; default: reports, or results/NAME for a file.")
+]
+Trade = Annotated[
+    Path | None, _path("Directory of a measured trade; default: results/CASE/trade, reports/trade, ours.")
+]
+Rerun = Annotated[bool, typer.Option(help="Run the recommendation and check its error.")]
+Only = Annotated[Text, _text("Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", "LIST")]
+Update = Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")]
+Scenes = Annotated[Path | None, _path("Your Python file that defines WATCHED.")]
+Baselines = Annotated[
+    Path | None, _path("Stored histories: those of anctmm, or baselines/ beside your scenes.")
+]
+RESULTS = Path("results")
 
 
 def main() -> None:
@@ -109,30 +119,24 @@ def run(
     scene: Given,
     case: Chosen = None,
     error: Target = None,
-    elements: Annotated[
-        str | None, typer.Option(help="Elements of each beam, or of all: 2/8/2 or 8.", metavar="MESH")
-    ] = None,
-    dt: Annotated[str | None, typer.Option("--dt", help="Time step, s: 1e-3.", metavar="NUMBER")] = None,
+    elements: Mesh = None,
+    dt: Step = None,
     element: Element = None,
     integrator: Integrator = None,
     solvers: Solvers = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(help="Where files are written; default: results/NAME.", parser=path, metavar="PATH"),
-    ] = None,
+    out: RunOut = None,
 ) -> None:
     """Run one case: values with their uncertainty, and its solution, histories, plot and animation as files."""
     from studies.cases import find_case
 
-    wanted = find_case(scene, case)  # before what runs it is loaded
+    wanted = find_case(scene, case)  # before the slower imports
 
     from rich.console import Console
 
     from studies.command_line.options import one, read_options, setup_of
-    from studies.engine.storage.files import check_writable, file_name
+    from studies.engine.files import check_writable, file_name
     from studies.engine.study import without_beams, without_motion
-    from studies.single_run.printed import show
-    from studies.single_run.study import run_case, write_run
+    from studies.single_run import run_case, show, write_run
 
     target, options = positive("--error", error), read_options(elements, dt, solvers, quick=True)
     names = options.solvers or ("anctmm",)
@@ -148,8 +152,8 @@ def run(
             setup=setup, others=names[1:],
         )  # fmt: skip
     show(done, Console())
-    write_run(done, folder)
-    print(f"\nWritten to {folder}/")
+    written = write_run(done, folder)
+    print(f"\nWritten to {folder}/" if written else "\nNothing was written: the run has no output.")
     if done.missed:
         raise typer.Exit(Code.DIFFERS)
     if done.absent:
@@ -158,11 +162,8 @@ def run(
 
 @app.command(cls=Command)
 def study(
-    name: Annotated[str, typer.Argument(help="four-bar, convergence, … (see `anctmm list`)")],
-    scene: Annotated[
-        str | None,
-        typer.Argument(help="A built-in scene, or a file that defines CASES."),
-    ] = None,
+    name: Annotated[str, typer.Argument(help="trade, convergence, … (see `anctmm list`)")],
+    scene: Some = None,
     case: Chosen = None,
     elements: Elements = None,
     dt: Steps = None,
@@ -173,22 +174,20 @@ def study(
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    out: Annotated[
-        Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
-    ] = Path("results"),
+    out: StudyOut = RESULTS,
 ) -> None:
     """Run one study: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
     from studies.cases import chosen
     from studies.command_line.options import setup_of
-    from studies.engine.storage.files import check_writable
-    from studies.engine.study import check_taken, find
+    from studies.engine.files import check_writable
+    from studies.engine.study import check_taken, known
 
-    run = find(name)  # before what writes its result is loaded
+    known(name)  # before the slower imports
 
-    from studies.report.folder import write
     from studies.report.terminal import glance
+    from studies.report.whole import run_study, write_study
 
     setup_of("anctmm", element, integrator)  # refuses what is not known
     options = replace(
@@ -197,90 +196,63 @@ def study(
     )  # fmt: skip
     check_taken(options, name)
     check_writable(out)
+    console = Console()
+    good = False
     with sweeping(quick, whole("--workers", workers), cluster) as runner:
-        result = run(options, runner)
-    folder = write(result, out)
-    glance(result, Console())
-    print(f"\nWritten to {folder}/")
+        for done in run_study(name, options, runner):
+            folder = write_study(done, out)
+            glance(done.result, console)
+            console.print(f"\nWritten to {folder}/", highlight=False, soft_wrap=True)
+            good = good or done.result.good
+    if not good:
+        print("anctmm: all runs are refused or fail, as said above", file=sys.stderr)
+        raise typer.Exit(Code.DIFFERS)
 
 
 @app.command(cls=Command)
 def report(
-    file: Annotated[
-        str | None,
-        typer.Argument(help="A file that defines CASES, or a built-in scene: report on these only."),
-    ] = None,
+    file: Some = None,
     case: Chosen = None,
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            help="Where page, tables and pictures are written; default: reports, or reports/NAME for a file.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
+    out: PageOut = None,
 ) -> None:
     """Run every study and write one page; of a file those that take its cases."""
     from studies.cases import chosen
-    from studies.engine.storage.files import check_writable, file_name
-    from studies.engine.study import asked, find, trials
-    from studies.report.folder import write
-    from studies.report.page import BUILT_IN, Subject, write_page
+    from studies.engine.files import check_writable, file_name
+    from studies.report.whole import run_all, write_report
 
     cases = chosen(file, case)
-    every = asked(cases, quick)
-    words = (str(file), *(["--case", case] if case else []))
-    subject = BUILT_IN if cases is None else Subject([c.name for c in cases], words)
-    folder = out or Path("reports") / (file_name(Path(file).stem) if file else "")
+    folder = out or (Path("results") / file_name(Path(file).stem) if file else Path("reports"))
     check_writable(folder)
-    results = []
     with sweeping(quick, whole("--workers", workers), cluster) as runner:
-        runner.prepare(trials(every))
-        for done, (name, options) in enumerate(every, 1):
-            runner.heading = f"{name} ({done} of {len(every)}), "
-            results.append(replace(find(name)(options, runner), name=name))
-            write(results[-1], folder)  # an hour later something may fail; this is whole
-            print(
-                f"anctmm: {name} is done, {len(every) - done} of {len(every)} studies left", file=sys.stderr
-            )
-    print(f"Written to {write_page(results, folder, quick, subject)}")
+        done = []
+        for one in run_all(cases, quick, runner):
+            done.append(one)
+            write_report(done, folder, quick, (file, case))  # an hour later something may fail; this is whole
+            print(f"anctmm: {one.result.name} {one.case} is done", file=sys.stderr)
+    print(f"Written to {folder}/index.html")
+    if not any(one.result.good for one in done):
+        raise typer.Exit(Code.DIFFERS)
 
 
 @app.command(cls=Command)
 def recommend(
-    scene: Annotated[
-        str,
-        typer.Argument(
-            help="four-bar or cantilever-fall, or the beginning of it, or a file that defines CASES."
-        ),
-    ],
+    scene: Given,
     case: Chosen = None,
     error: Target = None,
-    budget: Annotated[
-        str | None, typer.Option(help="CPU time that may be spent: 0.5s, 20ms.", metavar="TIME")
-    ] = None,
+    budget: Budget = None,
     elements: Elements = None,
     dt: Steps = None,
     solvers: Solvers = None,
-    element: Annotated[
-        str | None, typer.Option(help="Only this kind: cable, quintic, shear, reissner.")
-    ] = None,
+    element: Element = None,
     integrator: Integrator = None,
-    table: Annotated[
-        Path | None,
-        typer.Option(
-            help="Directory of a measured trade; default: results/, reports/ or the one that ships with anctmm.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
+    table: Trade = None,
     quick: Quick = False,
     workers: Workers = None,
     cluster: Cluster = None,
-    rerun: Annotated[bool, typer.Option(help="Run the recommendation and check its error.")] = True,
+    rerun: Rerun = True,
 ) -> None:
     """Print the cheapest measured setting for an error, or the best within a budget, and the script that runs it."""
     from rich.console import Console
@@ -288,36 +260,29 @@ def recommend(
     from studies.cases import find_case, is_file
     from studies.command_line.options import setup_of
     from studies.engine.study import without_beams
-    from studies.trade.recommendation import recommend as advice
-    from studies.trade.recommendation.recommend_print import show, show_rerun, show_script
+    from studies.trade import recommend as advice
+    from studies.trade.printed import show, show_rerun, show_script
 
     target, limit = positive("--error", error), duration("--budget", budget)
     if target is None and limit is None:
         raise BadOption("--error and --budget are both missing; at least one of them is needed")
-    narrow = read_options(elements, dt, solvers, quick)
+    narrow = replace(read_options(elements, dt, solvers, quick), element=element, integrator=integrator)
     setup_of("anctmm", None, integrator)  # refuses what is not known
-    own = find_case(scene, case) if is_file(scene) or case is not None else None
-    without_beams([own] if own else [], replace(narrow, element=element))  # refuses what has no effect
-    try:
-        name = advice.scene_name(scene) if own is None else own.name
-    except advice.RecommendError:  # none that moves
-        own = find_case(scene)
-        name = own.name
-    measured = advice.read(table) if table is not None else advice.kept() if own is None else None
-    if measured is None or (table is None and name not in set(measured.points["scene"])):
-        own = own or find_case(name)
-        options = replace(narrow, cases=(own,), element=element, integrator=integrator, error=target)
-        helped = partial(sweeping, workers=whole("--workers", workers), cluster=cluster)
-        measured = _measured_case(own, options, helped)
-    advice.check_case(measured, own or find_case(name))
-    origin = None if own is None else advice.Origin(own, str(Path(scene).resolve()) if is_file(scene) else "")
-    measured = replace(measured, points=advice.narrowed(measured.points, name, narrow, integrator))
-    choice = advice.choose(measured.points, name, target, limit, element)
+    own = find_case(scene, case)
+    without_beams([own], narrow)
+    given = str(Path(scene).resolve()) if is_file(scene) else own.name
+    measured = advice.read(table) if table is not None else advice.find(own)
+    if measured is None:
+        options = replace(narrow, cases=(own,), error=target)
+        with sweeping(quick, whole("--workers", workers), cluster) as runner:
+            measured = advice.measured_now(own, options, runner)
+    advice.check_case(measured, own)
+    choice = advice.choose(advice.narrowed(measured.points, own.name, narrow), target, limit)
     console = Console()
-    show(choice, measured.origin, advice.models_apart(measured, name, target), console)
-    show_script(advice.script(choice.line, origin), console)
+    show(choice, measured.origin, advice.models_apart(measured, own.name, target), console)
+    show_script(advice.script(choice.line, own, given), console)
     if rerun:
-        again = advice.rerun(choice.line, measured.histories, target, choice.reached, origin)
+        again = advice.rerun(choice.line, own, given, measured, target, choice.reached)
         show_rerun(again, choice, target, console)
         if not again.met:
             raise typer.Exit(Code.DIFFERS)
@@ -325,91 +290,44 @@ def recommend(
         raise typer.Exit(Code.DIFFERS)
 
 
-def _measured_case(case: "Case", options: "Options", helped: "Sweeping") -> "Measured":
-    """The trade of one case, measured now; runs that were done before are kept."""
-    from studies.engine.study import find
-    from studies.trade.own_ladder import check_asked
-    from studies.trade.recommendation import recommend as advice
-
-    check_asked(case, options)  # before anything is announced
-    takes = "some 20 s to 2 min" if options.quick else "some 5 to 20 min (with --quick 20 s to 2 min)"
-    first = "and 1 to 4 min more for compiling where no scene of its kind has run before"
-    print(
-        f"anctmm: no trade of {case.name} is stored; measuring it first takes {takes}, {first} …",
-        file=sys.stderr,
-    )
-    with helped(options.quick) as runner:
-        return advice.of_result(find("trade")(options, runner))
-
-
 @app.command(cls=Command)
 def bench(
     quick: Quick = False,
-    out: Annotated[
-        Path, typer.Option(help="Where tables and pictures are written.", parser=path, metavar="PATH")
-    ] = Path("results"),
+    out: StudyOut = RESULTS,
 ) -> None:
     """Measure kernels, peers, length, trees, memory, first results: tables as CSV and Markdown, pictures as SVG."""
     from rich.console import Console
 
     from studies.benchmark import study as benchmark
-    from studies.engine.storage.files import check_writable
-    from studies.report.folder import write
+    from studies.engine.files import check_writable
+    from studies.report.whole import Done, write_study
 
     check_writable(out)
-    console = Console(stderr=True)
-    log = Log.on(console)
-    with console.status("starting") as shown:
-
-        def tell(text: str) -> None:
-            shown.update(f"measuring: {text}")
-            log.now(f"measuring: {text}")
-
-        result = benchmark.bench(quick, tell)
-    folder = write(result, out)
+    with Console(stderr=True).status("starting") as shown:
+        result = benchmark.bench(quick, lambda text: shown.update(f"measuring: {text}"))
+    folder = write_study(Done("", result), out)
     benchmark.glance(result, Console())
     print(f"\nWritten to {folder}/")
 
 
 @app.command(cls=Command)
 def check(
-    file: Annotated[str | None, typer.Argument(help="Your Python file that defines CASES.")] = None,
+    file: Some = None,
     case: Chosen = None,
-    elements: Annotated[
-        str | None,
-        typer.Option(help="Of the file's cases: elements of each beam, or of all.", metavar="MESH"),
-    ] = None,
-    dt: Annotated[
-        str | None, typer.Option("--dt", help="Of the file's cases: time step, s.", metavar="NUMBER")
-    ] = None,
-    only: Annotated[
-        str | None,
-        typer.Option(help="Parts or patterns of scene/run/solver: four-bar/,*-zhai/*.", metavar="LIST"),
-    ] = None,
-    solver: Annotated[str | None, typer.Option(help="Solvers by name: a,b.", metavar="LIST")] = None,
-    update: Annotated[bool, typer.Option("--update", help="Store histories that are new or differ.")] = False,
-    scenes: Annotated[
-        Path | None,
-        typer.Option(help="Your Python file that defines WATCHED.", parser=path, metavar="PATH"),
-    ] = None,
-    baselines: Annotated[
-        Path | None,
-        typer.Option(
-            help="Stored histories: those of anctmm, or baselines/ beside your scenes.",
-            parser=path,
-            metavar="PATH",
-        ),
-    ] = None,
-    out: Annotated[
-        Path,
-        typer.Option(help="Where table, JUnit XML and pictures are written.", parser=path, metavar="PATH"),
-    ] = Path("results"),
+    elements: Mesh = None,
+    dt: Step = None,
+    only: Only = None,
+    solver: Annotated[Text, _text("Solvers by name: a,b.", "LIST")] = None,
+    update: Update = False,
+    scenes: Scenes = None,
+    baselines: Baselines = None,
+    out: StudyOut = RESULTS,
 ) -> None:
     """Displacement histories against the stored ones; exit 1 and a table where they differ."""
     from rich.console import Console
 
-    from studies.engine.running.processes import processors
-    from studies.engine.storage.files import check_writable
+    from studies.engine.files import check_writable
+    from studies.engine.runner import processors
     from studies.regression import check as checking
     from studies.regression.report import show, write_check
     from studies.regression.scenes import tasks_of
@@ -444,21 +362,18 @@ def _shown_in_turn(work: "Iterable[tuple[Finding, ...]]", total: int) -> "list[F
     from rich.console import Console
 
     findings: list[Finding] = []
-    console = Console(stderr=True)
-    log = Log.on(console)
-    with bar(console) as progress:
+    with bar(Console(stderr=True)) as progress:
         task = progress.add_task("running", total=total)
-        for done, found in enumerate(work, 1):
+        for found in work:
             findings += found
-            progress.update(task, description=shortened(found[-1].name, console.width), advance=1)
-            log.done(found[-1].name, done, total)
+            progress.update(task, description=found[-1].name, advance=1)
     return findings
 
 
 def _watches(
     file: str | None, case: str | None, elements: str | None, dt: str | None, scenes: Path | None
 ) -> "tuple[Watch, ...]":
-    """What is watched: cases of a file, what another declares, or all that is built in."""
+    """Watched scenes: cases of a file, those that another declares, or the built-in ones."""
     from studies.cases import cases_in, find_cases
     from studies.command_line.options import one
     from studies.engine.study import without_beams
@@ -475,14 +390,14 @@ def _watches(
         raise BadOption(f"--scenes is {str(scenes)!r} beside file {file!r}; one of them is allowed")
     options = read_options(elements, dt, None, quick=True)
     cases = cases_in(file) if case is None else find_cases(file, case)
-    for told in without_beams(cases, options):
-        print(f"anctmm: {told}", file=sys.stderr)
+    for remark in without_beams(cases, options):
+        print(f"anctmm: {remark}", file=sys.stderr)
     return watches_of(cases, one("--elements", options.meshes), one("--dt", options.steps))
 
 
 @app.command(cls=Command)
 def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> None:
-    """Test a solver against the rules every solver keeps: exit 1 where it breaks one, 4 where it is not installed."""
+    """Test a solver against the rules of all solvers: exit 1 where it breaks one, 4 where it is not installed."""
     from rich.console import Console
 
     from studies.conformance import check as conforming

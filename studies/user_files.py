@@ -14,17 +14,17 @@ from anctmm.solvers.foreign_code import contained
 
 
 def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> Any:
-    """What a user's Python file gives a name to; the file may import its neighbours.
+    """Value of a name that a user's Python file defines; the file may import its neighbours.
 
     Parameters
     ----------
     path : Path
     name : str
-        Of what the file must define.
+        Of the value.
     error : type of AnctmmError
         Raised where the file cannot be used.
     said : str
-        What the file was given as, for messages: "--scenes".
+        Name of the file in messages: "--scenes".
 
     Returns
     -------
@@ -34,7 +34,7 @@ def defined_in(path: Path, name: str, error: type[AnctmmError], said: str) -> An
     Raises
     ------
     AnctmmError
-        `error`, naming the file, if it is not there or does not run; then also the line, and what it raised.
+        `error`, naming the file, if it is not there or does not run; then also the line and the exception.
     """
     if not path.is_file():
         what = "no file" if path.exists() else "no such file"

@@ -23,20 +23,14 @@ Checking.on = True
 #: run studies or commands, or hundreds of random scenes.
 EXHAUSTIVE = {
     "checks": ["bench", "check", "check_of_cases", "conform", "energy_check", "small_scenes"],
-    "commands": ["command_lines", "interruption", "plugins", "progress", "recommend_anywhere",
-                 "single_run", "width"],
     "discretise": ["interior_joints"],
-    "engine": ["cluster", "refinement", "sweeps"],
     "integrators": ["connected", "damping", "divergence", "graph_histories", "graph_motion", "graph_properties",
                     "interrupted", "memory", "motion", "properties", "rates"],
     "model": ["typing"],
     "modes": ["modes", "modes_of_mechanisms"],
     "of_reference": ["global_dae", "junctions", "motor_law", "slider_crank"],
     "peers": ["exudyn", "exudyn_mechanisms", "peer_opensees", "peer_pyelastica"],
-    "questions": ["convergence", "every_study", "extremes", "extremes_of_cases", "fidelity", "fidelity_of_cases",
-                  "high_order", "studies", "trade", "trade_of_cases"],
     "recursion": ["free_stretch", "graphs", "lines", "random_graphs", "rigid"],
-    "report": ["page", "report_of_cases"],
     "statics": ["arc_length", "equilibrium_stability", "nonconservative_statics", "stabilised_statics"],
     "adaptive": ["alpha_cost", "damped_tolerance", "events", "promise", "stage_cost"],
 }  # fmt: skip
@@ -47,7 +41,8 @@ SLOW = {
     "compiler": ["kernel_files", "second_process", "separate"],
     "discretise": ["kept_chains", "structure"],
     "elements": ["kinds", "quintic", "vector_instructions"],
-    "engine": ["processes"],
+    "commands": ["commands", "plugins"],
+    "engine": ["processes", "refinement"],
     "files": ["one_compiler"],
     "forces": ["acting", "histories", "laws"],
     "golden": ["golden"],
@@ -56,9 +51,8 @@ SLOW = {
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
                      "random_scenes"],
-    "questions": ["gallery"],
+    "questions": ["gallery", "questions", "trade"],
     "recursion": ["driven_hinges", "kept_motions", "work_of_drives"],
-    "report": ["texts_of_pictures"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
     "statics": ["static_start", "statics"],
     "adaptive": ["adaptive", "driven_mechanisms", "first_step", "free_turns", "held_structures", "impacts",
@@ -88,7 +82,7 @@ LONGEST = (
     "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
     "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "free_turns",
     "kept_motions", "explicit", "laws", "inputs", "pictures", "histories", "gallery", "whole_turns", "balanced",
-    "exact", "contracts", "failures", "ahead",
+    "exact", "contracts",
 )  # fmt: skip
 
 

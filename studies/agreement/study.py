@@ -15,6 +15,7 @@ from anctmm.elements.kinds import flexible
 from anctmm.errors import AnctmmError
 from anctmm.results.metrics import compare
 from anctmm.solvers import registry
+from studies.cases import assumptions_of
 from studies.engine.accuracy.dynamics import check_mesh
 from studies.engine.measuring.clock import records
 from studies.engine.runner import Runner
@@ -96,7 +97,7 @@ def run(options: Options, runner: Runner) -> Result:
         title="Do the solvers agree?",
         question="The same scene, element, mesh and step by every solver: do they compute the same motion?",
         findings=said,
-        assumptions=tuple(dict.fromkeys(a for b in moving_scenes() for a in b.assumptions)),
+        assumptions=tuple(dict.fromkeys(a for b in moving_scenes() for a in assumptions_of(b))),
         tables=(
             Table("matrix", "Agreement of the solvers", square.reset_index(), notes),
             Table("pairs", "Agreement by scene and element", pairs, notes),

@@ -1,9 +1,7 @@
 """End of a command: each kind has one exit code, and none is an uncaught exception."""
 
 import os
-import shutil
 import sys
-import textwrap
 import traceback
 from contextlib import suppress
 from enum import IntEnum
@@ -11,8 +9,6 @@ from typing import Any, NoReturn
 
 import typer
 from typer.core import TyperCommand, TyperGroup
-
-from studies.command_line.streams import NARROWEST, discard, prepare
 
 #: Set, and a fault of the program is shown with the place where it happened.
 TRACEBACK = "ANCTMM_TRACEBACK"
@@ -32,11 +28,10 @@ class Code(IntEnum):
 
 #: For the end of `anctmm --help`.
 CODES = (
-    "Exit codes: 0 success; 1 a history differs, a rule is violated, a target error is not reached, or a single "
-    "run fails; 2 an option, a file or a directory cannot be used; 3 an internal error of anctmm "
-    "(ANCTMM_TRACEBACK=1 shows where); "
-    "4 nothing was compared, or not with each solver of `run`, because a solver is not installed; 130 interrupted; "
-    "141 the output was closed early."
+    "Exit codes: 0 success; 1 a history differs, a rule is violated, a target error is not reached, a single run "
+    "fails, or all runs of a study are refused or fail; 2 an option, a file or a directory cannot be used; 3 an "
+    "internal error of anctmm (ANCTMM_TRACEBACK=1 shows where); 4 nothing was compared, or not with each solver of "
+    "`run`, because a solver is not installed; 130 interrupted; 141 the output was closed early."
 )
 
 
@@ -45,7 +40,7 @@ class BadOption(Exception):
 
 
 class Command(TyperCommand):
-    """A command whatever of which fails is one line, and an exit code; each option is given once."""
+    """A command whose failures are one line and an exit code; each option is given once."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the arguments; of an option that is given twice, the first value would be lost in silence."""
@@ -58,7 +53,9 @@ class Command(TyperCommand):
     def invoke(self, ctx: Any) -> Any:
         """Run it."""
         try:
-            return super().invoke(ctx)
+            found = super().invoke(ctx)
+            sys.stdout.flush()
+            return found
         except typer.Exit:
             raise
         except (KeyboardInterrupt, SystemExit, Exception) as error:
@@ -66,94 +63,49 @@ class Command(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """All commands. What is printed before one begins, such as its help, may fail as well."""
+    """All commands; characters that an encoding lacks are question marks, and pictures are files."""
 
     def main(self, *args: Any, **options: Any) -> Any:
         """Run a command; ends with an exit code."""
-        prepare()
-        try:
-            super().main(*args, **options)
-        except SystemExit as end:
-            if closed(end):
-                _end(Code.CLOSED)
-            _flush(end.code)
-            raise
-        except Exception as error:
-            end_with(error, done=True)
+        for stream in (sys.stdout, sys.stderr):
+            with suppress(AttributeError, ValueError):
+                stream.reconfigure(errors="replace")  # type: ignore[union-attr]
+        os.environ["MPLBACKEND"] = "agg"
+        return super().main(*args, **options)
 
 
-def end_with(error: BaseException, done: bool = False) -> NoReturn:
-    """Say on standard error in one line what ended a command, and end it with its code.
-
-    Parameters
-    ----------
-    error : exception
-    done : bool
-        Whether the command itself is over: then this ends the program.
-    """
+def end_with(error: BaseException) -> NoReturn:
+    """Print on standard error in one line why a command ends, and end it with its code."""
     code = code_of(error)
     if code is Code.CLOSED:
-        _end(code)
-    told = " ".join(str(error).split())
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # else Python fails once more when it flushes
+        raise typer.Exit(code)
+    text = " ".join(str(error).split())
     match code:
         case Code.FAULT:
             traceback.print_exception(error) if os.environ.get(TRACEBACK) else None
-            hint = f"{TRACEBACK}=1 shows where; please report it"
-            told = f"internal error of anctmm: {type(error).__name__}: {told} ({hint})"
+            text = f"internal error of anctmm: {type(error).__name__}: {text} ({TRACEBACK}=1 shows where)"
         case Code.INTERRUPTED:
-            told = "interrupted"
+            text = "interrupted"
         case _ if isinstance(error, SystemExit):
-            told = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
+            text = f"code of a plug-in or of a scene called sys.exit({error.code!r}): nothing was done"
         case _:
             pass
-    with suppress(OSError):
-        typer.echo(on_terminal(f"anctmm: {told}"), err=True)
-    if done:
-        _end(code)
+    typer.echo(f"anctmm: {text}", err=True)
     raise typer.Exit(code)
 
 
-def on_terminal(text: str) -> str:
-    """A line as a terminal shows it: broken between words; elsewhere as it is, for programs that read it."""
-    if sys.stderr is None or sys.stderr.closed or not sys.stderr.isatty():
-        return text
-    width = shutil.get_terminal_size().columns
-    return textwrap.fill(text, max(width, NARROWEST), break_long_words=False, break_on_hyphens=False)
-
-
 def code_of(error: BaseException) -> Code:
-    """The exit code of what ended a command."""
+    """The exit code of an exception that ends a command."""
     from anctmm.errors import AnctmmError
 
-    if closed(error):
+    context: BaseException | None = error
+    while isinstance(context, SystemExit):  # rich ends the program where its output is closed
+        context = context.__context__
+    if isinstance(context, BrokenPipeError):
         return Code.CLOSED
     if isinstance(error, KeyboardInterrupt):
         return Code.INTERRUPTED
     if isinstance(error, AnctmmError | BadOption | OSError | SystemExit):
         return Code.BAD_INPUT
     return Code.FAULT
-
-
-def closed(error: BaseException | None) -> bool:
-    """Whether whoever read the output closed it; libraries end the program for that, with codes of their own."""
-    while isinstance(error, SystemExit | typer.Exit):
-        error = error.__context__
-    return isinstance(error, BrokenPipeError)
-
-
-def _end(code: Code) -> NoReturn:
-    """End the program; what is still held back goes nowhere."""
-    discard()
-    sys.exit(code)
-
-
-def _flush(code: Any) -> None:
-    """Write what is still held back: what fails now would fail unseen, and with a code of its own, when Python ends."""
-    try:
-        for stream in (sys.stdout, sys.stderr):
-            if stream is not None and not stream.closed:
-                stream.flush()
-    except OSError as error:
-        if code and not closed(error):  # it was reported already
-            _end(code)
-        end_with(error, done=True)

@@ -8,24 +8,23 @@ from rich.table import Table
 from anctmm.errors import PluginError
 from anctmm.model.case import Case
 from anctmm.solvers import registry
-from studies.engine.place_texts import place_texts
+from studies.engine.places import place_texts
 from studies.engine.study import STUDIES
-from studies.scenes import BaseScene
 
 
 def scenes(cases: Iterable[Case]) -> Table:
     """A row a case."""
-    shown = _table("Scenes", "name", "bodies", "probes", "run", "source")
+    shown = _table("Scenes", "name", "bodies", "probes", "run", "note")
     for case in cases:
         bodies = ", ".join(b.name for b in case.scene.bodies)
-        told = case.source if isinstance(case, BaseScene) else case.note
-        cells = (case.name, bodies, ", ".join(place_texts(case.probes).values()), _run(case), told)
+        note = case.note if len(case.note) <= 60 else f"{case.note[:59]}…"
+        cells = (case.name, bodies, ", ".join(place_texts(case.probes).values()), _run(case), note)
         shown.add_row(*map(escape, cells))
     return shown
 
 
 def solvers() -> Table:
-    """A row a solver, with what it lacks."""
+    """A row a solver, with the features that it lacks."""
     shown = _table("Solvers", "name", "from", "lacks")
     for name, origin in registry.origins():
         shown.add_row(escape(name), escape(origin), escape(_lacks(name)))
@@ -52,7 +51,7 @@ def _table(title: str, *columns: str) -> Table:
 
 
 def _lacks(solver: str) -> str:
-    """What a solver says it lacks, or why it cannot be loaded."""
+    """Features that a solver lacks, or why it cannot be loaded."""
     try:
         return ", ".join(sorted(registry.offer_of(registry.load(solver)).lacks))
     except PluginError as error:

@@ -10,13 +10,13 @@ import typer
 from studies.command_line.ending import BadOption
 
 if TYPE_CHECKING:
-    from studies.engine.accuracy.refinement import Setup
-    from studies.engine.running.trial import Mesh
+    from studies.engine.refinement import Setup
     from studies.engine.study import Options
+    from studies.engine.trials import Mesh
 
 
 def read_options(elements: str | None, dt: str | None, solvers: str | None, quick: bool) -> "Options":
-    """Options as typed to options as meant.
+    """Options from their texts.
 
     Raises
     ------
@@ -63,14 +63,14 @@ def one(option: str, values: "tuple[Any, ...] | None") -> Any:
 
 
 def setup_of(solver: str, element: str | None, integrator: str | None) -> "Setup":
-    """Solver, element and integrator; what is not given as ANC-TMM has it.
+    """Solver, element and integrator; defaults of ANC–TMM where one is not given.
 
     Raises
     ------
     UnknownOptionError
-        Naming what is not known.
+        Naming the option that is not known.
     """
-    from studies.engine.accuracy.refinement import Setup
+    from studies.engine.refinement import Setup
 
     ours = Setup(solver)
     return replace(

@@ -7,48 +7,25 @@ from typing import TYPE_CHECKING
 
 from anctmm.errors import AnctmmError
 from anctmm.model.case import Case
-from studies.engine.answers import Answer
-from studies.engine.pictures import Film, Picture
-from studies.engine.storage.files import file_names
-from studies.engine.tables import Table
+from anctmm.model.scene import Scene
+from studies.engine.files import file_names
+from studies.engine.pictures import Picture
 
 if TYPE_CHECKING:
     from studies.engine.runner import Runner
-    from studies.engine.running.trial import Mesh, Trial
+    from studies.engine.tables import Table
+    from studies.engine.trials import Mesh
 
 #: A new study is one module with a function `run(options, runner) -> Result`, and its line here.
 STUDIES = {
-    "four-bar": (
-        "studies.four_bar.study",
-        "the paper's crank mechanism: accuracy and cost over meshes and steps",
-    ),
-    "cantilever": (
-        "studies.cantilever.study",
-        "large deflections against exact solutions; a fall under gravity",
-    ),
-    "agreement": (
-        "studies.agreement.study",
-        "every pair of solvers on both scenes: do they compute the same motion",
-    ),
-    "trade": ("studies.trade.study", "which solver, element, mesh and step an error costs least with"),
-    "extremes": (
-        "studies.extremes.study",
-        "what holds at the extremes of length, step, parameters, time and deformation",
-    ),
-    "convergence": (
-        "studies.convergence.study",
-        "observed orders in mesh and step, and the uncertainty of every value",
-    ),
-    "fidelity": ("studies.fidelity.study", "which body may be a cable or rigid, and what that saves"),
-    "published": (
-        "studies.published.study",
-        "numbers that others have published: confirmed, contradicted or why not",
-    ),
-}
-
-#: Studies of the report on the built-in scenes; that of convergence is in two of them already.
-REPORTED = tuple(name for name in STUDIES if name != "convergence")
-#: Options as they are typed; and what studies take of them.
+    "trade": ("studies.trade.study", "which solver, element, mesh and step costs least for an error"),
+    "convergence": ("studies.convergence", "observed orders in mesh and step, and the uncertainty of every value"),
+    "fidelity": ("studies.fidelity", "which body may be a cable or rigid, and what that saves"),
+    "extremes": ("studies.extremes.study", "limits of step, size, place, stiffness, load and time"),
+    "agreement": ("studies.agreement.study", "every pair of solvers on both moving scenes: the same motion or not"),
+    "published": ("studies.published.study", "numbers that others have published: confirmed, contradicted or why not"),
+}  # fmt: skip
+#: Options as they are typed; and those that studies take.
 TYPED = {
     "meshes": "--elements", "steps": "--dt", "solvers": "--solvers", "cases": "scene", "element": "--element",
     "integrator": "--integrator", "error": "--error",
@@ -57,24 +34,10 @@ RANGES = ("meshes", "steps", "solvers")
 TAKEN = {
     "convergence": ("cases", "element", "integrator", "error", *RANGES),
     "trade": ("cases", "error", "element", "integrator", *RANGES),
-    "four-bar": ("element", "integrator", *RANGES),
-    "cantilever": ("element", "integrator", *RANGES),
     "agreement": ("element", "integrator", *RANGES),
     "fidelity": ("cases", "error"),
     "extremes": ("cases",),
     "published": (),
-}
-#: Why a study has no use for some options, and the command to use instead.
-REASONS = {
-    "fidelity": "it compares kinds of elements, each on the mesh and by the step that its error needs; `anctmm study "
-    "trade` takes solvers, elements, meshes and steps",
-    "extremes": "it goes to the limits of a refined run, of cables and by both integrators; `anctmm study convergence` "
-    "and `anctmm run` take solvers, elements, meshes and steps",
-    "published": "each of its problems has the mesh, step and elements of its source; `anctmm run` and `anctmm study "
-    "convergence` take a scene, and these options",
-    "four-bar": "its scene is the paper's, with a reference of its own; `anctmm study convergence` takes both",
-    "cantilever": "its scenes have exact solutions and references of their own; `anctmm study convergence` takes both",
-    "agreement": "it compares all solvers on the built-in scenes; `anctmm run my.py --solvers a,b` does on yours",
 }
 
 
@@ -84,7 +47,7 @@ class StudyError(AnctmmError, ValueError):
 
 @dataclass(frozen=True)
 class Options:
-    """What the user may narrow; None means the study's own choice.
+    """Choices of the user; None means the study's own.
 
     Parameters
     ----------
@@ -96,7 +59,6 @@ class Options:
     solvers : tuple of str, optional
         Registered names.
     cases : tuple of Case, optional
-        What is studied.
     element, integrator : str, optional
     error : float, optional
         Target, relative.
@@ -111,6 +73,24 @@ class Options:
     integrator: str | None = None
     error: float | None = None
 
+    @property
+    def case(self) -> Case:
+        """The one case of a study that takes cases: commands run such a study once for each."""
+        assert self.cases is not None
+        return self.cases[0]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A card of the page: a question, the number that answers it, and a conclusion in a sentence."""
+
+    question: str
+    figure: str
+    take: str
+
+    def __str__(self) -> str:
+        return " ".join(filter(None, (self.question, f"{self.figure}:" if self.figure else "", self.take)))
+
 
 @dataclass(frozen=True)
 class Result:
@@ -124,14 +104,14 @@ class Result:
     assumptions : tuple of str
     tables : tuple of Table
     pictures : tuple of Picture
-    films : tuple of Film
-        Motions to be played on the page.
     answers : tuple of Answer or str
-        What the page begins with: one line an answer; a sentence alone answers the study's question.
+        Cards of the page; a sentence alone answers the study's question.
     shown : tuple of str
         Names of the tables that a terminal shows.
     left_out : str
-        What a quick run leaves out of the study, as the end of a sentence; empty where nothing is.
+        Parts of the study that a quick run leaves out, as the end of a sentence; empty where there are none.
+    good : bool
+        Whether at least one run answered.
     """
 
     name: str
@@ -139,25 +119,30 @@ class Result:
     question: str
     findings: tuple[str, ...]
     assumptions: tuple[str, ...]
-    tables: tuple[Table, ...]
+    tables: "tuple[Table, ...]"
     pictures: tuple[Picture, ...] = ()
-    films: tuple[Film, ...] = ()
     answers: tuple[Answer | str, ...] = ()
     shown: tuple[str, ...] = ()
     left_out: str = ""
+    good: bool = True
 
-    def table(self, name: str) -> Table:
+    def table(self, name: str) -> "Table":
         """The table of a name."""
         return next(t for t in self.tables if t.name == name)
 
 
+def answers_of(result: Result) -> list[Answer]:
+    """Cards of a result."""
+    return [a if isinstance(a, Answer) else Answer(result.question, "", a) for a in result.answers]
+
+
 def check_taken(options: Options, study: str) -> None:
-    """Refuse what a study does not take: what it does not use must not seem to be used.
+    """Refuse options that a study does not use.
 
     Raises
     ------
     StudyError
-        Naming the option, the reason, and what takes it.
+        Naming the option, and the studies with that option.
     OutputError
         If files of two cases would have one name.
     """
@@ -165,8 +150,21 @@ def check_taken(options: Options, study: str) -> None:
     taken = TAKEN.get(study, RANGES)
     for name, typed in TYPED.items():
         if name not in taken and getattr(options, name) is not None:
-            why = f": {REASONS[study]}" if study in REASONS else f"; {_takers(name)}"
-            raise StudyError(f"study {study!r} takes no {typed}{why}")
+            takers = [other for other, names in TAKEN.items() if name in names]
+            raise StudyError(
+                f"study {study!r} takes no {typed}; studies with it: {', '.join(takers)}, and `run`"
+            )
+
+
+def check_mesh(scene: Scene, mesh: "Mesh") -> None:
+    """Refuse a mesh that fits neither all beams nor each."""
+    names = [body.name for body in scene.beams]
+    if len(mesh) not in (1, len(names)):
+        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
+        given = "/".join(map(str, mesh))
+        raise StudyError(
+            f"--elements has {given!r}; scene {scene.name!r} needs {allowed} numbers, for {'/'.join(names)}"
+        )
 
 
 def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
@@ -178,10 +176,9 @@ def without_beams(cases: Iterable[Case], options: Options) -> list[str]:
         If no case has beams: then they do nothing at all.
     """
     given = [TYPED[name] for name in ("meshes", "element") if getattr(options, name) is not None]
-    what = f"{' and '.join(given)} {'choose' if len(given) > 1 else 'chooses'} the elements of beams"
-    cases, them = tuple(cases) if given else (), "them" if len(given) > 1 else "it"
+    cases = tuple(cases) if given else ()
     none = [case.name for case in cases if not case.scene.beams]
-    return _in_vain(what, cases, none, ("has none", "have none"), them)
+    return _in_vain(f"{' and '.join(given)}: for elements of beams", cases, none, "has no beams")
 
 
 def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
@@ -193,48 +190,24 @@ def without_motion(cases: Iterable[Case], options: Options) -> list[str]:
         If no case moves: then it does nothing at all.
     """
     cases = tuple(cases) if options.integrator is not None else ()
-    what = f"{TYPED['integrator']} chooses the steps of motions"
     resting = [case.name for case in cases if case.static]
-    return _in_vain(what, cases, resting, ("is a static equilibrium", "are static equilibria"), "it")
+    return _in_vain(f"{TYPED['integrator']}: for steps of motions", cases, resting, "is a static equilibrium")
 
 
-def _in_vain(
-    what: str, cases: Sequence[Case], names: list[str], why: tuple[str, str], them: str
-) -> list[str]:
-    """Sentences on the cases for which options do nothing, refused if these are all; why: of one, of several."""
+def _in_vain(what: str, cases: Sequence[Case], names: list[str], why: str) -> list[str]:
+    """Sentences on the cases for which options do nothing, refused if these are all."""
     if names and len(names) == len(cases):
-        raise StudyError(f"{what}; {', '.join(names)} {why[len(names) > 1]}: leave {them} out")
-    return [f"{name}: {what}, and it {why[0]}." for name in names]
+        raise StudyError(f"{what}; scene {', '.join(names)} {why}: leave it out")
+    return [f"{name}: {what}, and it {why}." for name in names]
 
 
 def of_case(options: Options, case: Case) -> Options:
-    """The options as one of several cases takes them: without beams there are no elements to choose."""
+    """The options for one of several cases: without beams there are no elements to choose."""
     return options if case.scene.beams else replace(options, meshes=None, element=None)
 
 
-def asked(cases: tuple[Case, ...] | None, quick: bool) -> list[tuple[str, Options]]:
-    """Studies of a report with their options: all, or those that take cases; each takes the cases that it can."""
-    if cases is None:
-        return [(name, Options(quick=quick)) for name in REPORTED]
-    moving = tuple(case for case in cases if not case.static)
-    bending = tuple(case for case in cases if case.scene.beams)
-    found = [("convergence", cases), ("trade", moving), ("fidelity", bending), ("extremes", cases)]
-    return [(name, Options(quick=quick, cases=those)) for name, those in found if those]
-
-
-def _takers(name: str) -> str:
-    takers = [study for study, taken in TAKEN.items() if name in taken]
-    return f"{', '.join(takers)} {'do' if len(takers) > 1 else 'does'}" if takers else "others do"
-
-
-def trials(every: Iterable[tuple[str, Options]]) -> list["Trial"]:
-    """Runs of all kinds that studies need, of those that know them in advance."""
-    tell = [(getattr(import_module(STUDIES[name][0]), "trials", None), options) for name, options in every]
-    return [trial for one, options in tell if one is not None for trial in one(options)]
-
-
-def find(name: str) -> "Callable[[Options, Runner], Result]":
-    """The `run` of a study.
+def known(name: str) -> str:
+    """The module of a study.
 
     Raises
     ------
@@ -243,4 +216,9 @@ def find(name: str) -> "Callable[[Options, Runner], Result]":
     """
     if name not in STUDIES:
         raise StudyError(f"study {name!r} is unknown; allowed are {', '.join(STUDIES)}")
-    return import_module(STUDIES[name][0]).run  # type: ignore[no-any-return]
+    return STUDIES[name][0]
+
+
+def find(name: str) -> "Callable[[Options, Runner], Result]":
+    """The `run` of a study; errors as of `known`."""
+    return import_module(known(name)).run  # type: ignore[no-any-return]

@@ -1,1 +1,1 @@
-"""What holds at the extremes of length, step, parameters, time and deformation?"""
+"""What holds at the extremes of a case?"""

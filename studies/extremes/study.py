@@ -1,49 +1,61 @@
-"""What holds at the extremes: of length, step, parameters, time and deformation, each beside its theory."""
+"""Limits of a case: explicit steps, disturbances, many elements, other units and places, stiffness, loads, time."""
 
-from collections.abc import Callable
+from collections.abc import Iterator
 
+import pandas as pd
+
+from studies.cases import assumptions_of
 from studies.engine.runner import Runner
-from studies.engine.study import Options, Result, check_taken
-from studies.extremes.damping import damping
-from studies.extremes.deformation import deformation
-from studies.extremes.length import length
-from studies.extremes.of_cases import study as of_cases
-from studies.extremes.parameters import parameters
-from studies.extremes.parts import Part
-from studies.extremes.places import places
-from studies.extremes.plane import plane
-from studies.extremes.step import step
-from studies.extremes.time import time
-
-#: Each answers (quick, runner) with its tables, pictures and sentences.
-PARTS: tuple[Callable[[bool, Runner], Part], ...] = (
-    length,
-    step,
-    plane,
-    damping,
-    parameters,
-    places,
-    time,
-    deformation,
-)
-LEFT_OUT = "most rows of each table: of each extreme it takes few values, and short motions."
+from studies.engine.study import Answer, Options, Result, check_taken
+from studies.engine.tables import Table
+from studies.extremes import parts
+from studies.extremes.base import Base, Part
+from studies.extremes.growth import growth
 
 
 def run(options: Options, runner: Runner) -> Result:
-    """Run the study, of cases or else of its own scenes; meshes, steps and solvers are its own."""
+    """Run the study of a case; of an extreme that does not apply a row says why."""
     check_taken(options, "extremes")
-    if options.cases is not None:
-        return of_cases.run(options, runner)
-    parts = [part(options.quick, runner) for part in PARTS]
-    learned = tuple(sentence for part in parts for sentence in part.learned)
+    case = options.case
+    base = Base.of(case, runner, options.quick)
+    found = list(_parts(base))
     return Result(
-        name="extremes",
-        title="Extremes",
-        question="How long, stiff, slender, small, far away, bent and lasting may a scene be before digits are lost?",
-        findings=learned,
-        assumptions=(),
-        tables=tuple(table for part in parts for table in part.tables),
-        pictures=tuple(shown for part in parts for shown in part.pictures),
-        answers=learned[:1],
-        left_out=LEFT_OUT if options.quick else "",
-    )
+        name="extremes", title="Limits",
+        question="How long may a step be, how does a disturbance grow, and what do many elements, other units, far "
+        "places, stiff beams, large loads and long times do to the answer?",
+        findings=tuple(part.finding for part in found), assumptions=assumptions_of(case),
+        tables=tuple(part.table for part in found), pictures=tuple(p for part in found for p in part.pictures),
+        answers=tuple(_answers(case.name, found)), shown=tuple(part.table.name for part in found),
+        good=base.found.solution.status.ok,
+    )  # fmt: skip
+
+
+def _parts(base: Base) -> Iterator[Part]:
+    status = base.found.solution.status
+    if not status.ok:
+        row = pd.DataFrame([base.row("refined run", status=str(status))])
+        yield Part(Table("refined", "The refined run", row), f"{base.case.name}: no refined run: {status}.")
+        return
+    larger = 1.0
+    if not base.case.static:
+        part, larger = growth(base)
+        yield part
+        yield parts.steps(base)
+        yield parts.time(base)
+    yield parts.places(base, larger)
+    yield parts.elements(base)
+    yield parts.stiffness(base)
+    if base.case.scene.loads or any(base.case.scene.gravity):
+        yield parts.loads(base)
+
+
+def _answers(name: str, found: list[Part]) -> Iterator[Answer]:
+    """Cards: the longest explicit step, the growth of a disturbance; at rest the units."""
+    asked = {
+        "stable_step": f"{name}: how long may an explicit step be?",
+        "growth": f"{name}: until when can runs be compared?",
+    }
+    cards = [(asked[p.table.name], p.finding) for p in found if p.table.name in asked]
+    for question, finding in cards or [(f"{name}: limits?", found[0].finding)]:
+        text = finding.partition(": ")[2] or finding
+        yield Answer(question, "", f"{text[:1].upper()}{text[1:]}")

@@ -1,105 +1,88 @@
-"""One self-contained page of all studies."""
+"""The page of a report: cards, then a section a study with pictures, tables and notes."""
 
 import re
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
+import pandas as pd
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
+from pandas.api.types import is_numeric_dtype
 
-from studies.engine.answers import answers_of
-from studies.engine.pictures import Film
-from studies.engine.storage import provenance
-from studies.engine.storage.files import atomic_write
-from studies.engine.study import Result
-from studies.engine.tables import MOST_ROWS
-from studies.report.plots import GRID, INK, PAPER, Picture
-from studies.report.table_view import by_subject, is_short, view
+from studies.engine import provenance
+from studies.engine.pictures import Picture
+from studies.engine.study import Result, answers_of
+from studies.engine.tables import MOST_ROWS, Table, for_people, text
+from studies.report.plots import GRID, INK, PAPER
 
-#: The first question of a reader comes first; the other studies follow in their order.
-FIRST = ("trade", "agreement")
-#: What `anctmm bench` may have left beside the page.
-BENCH = "bench/requirements.md"
-#: Colours of bodies in an animation.
-BODY_COLOURS = 7
+#: Names of columns that need a unit or a symbol.
+LABELS = {
+    "cpu_s": "CPU time of steps (s)", "whole_s": "whole call (s)", "build_s": "set-up (s)", "dofs": "coordinates",
+    "dt": "Δt (s)", "t": "t (s)", "t_end": "t end (s)", "stable_dt": "stable Δt (s)",
+    "us_per_element_step": "µs per element and step",
+}  # fmt: skip
+#: Columns that the page leaves out: they are in the files.
+HIDDEN = {"case", "asked", "own", "kind", "repeats", "cpu_spread", "in_turn", "excess"}
+#: Columns of settings that a sentence holds, which stands beside them in the same table.
+IN_SETTING = {
+    "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "build_s", "steps",
+    "newton_iterations", "error_from",
+}  # fmt: skip
+#: Characters of a cell beyond which it may be broken into lines; rows of a table that is open.
+LONG, SHORT = 36, 24
 
 
-@dataclass(frozen=True)
-class Subject:
-    """What a page is about: the built-in scenes, or cases of a user's.
+def page(
+    results: Sequence[Result], names: Sequence[str], quick: bool, words: tuple[str | None, str | None]
+) -> str:
+    """HTML with everything inside.
 
     Parameters
     ----------
+    results : sequence of Result
+        One a study.
     names : sequence of str
-        Of the cases; none for the built-in scenes.
-    words : sequence of str
-        What was typed to mean them: a file or a scene's name, and --case.
+        Of the cases.
+    quick : bool
+    words : (str or None, str or None)
+        A file and a case as they were typed; None for the built-in scenes.
     """
-
-    names: Sequence[str] = ()
-    words: Sequence[str] = ()
-
-    def command(self, study: str, quick: bool) -> str:
-        """The command that makes a study's tables."""
-        return shlex.join(["anctmm", "study", study, *self.words, *(["--quick"] if quick else [])])
-
-
-#: The scenes that are built in.
-BUILT_IN = Subject()
-
-
-def write_page(results: Sequence[Result], out: Path, quick: bool, subject: Subject = BUILT_IN) -> Path:
-    """`<out>/index.html` with everything inside: answers, scenes in motion, pictures, tables, how they were got."""
-    ordered = sorted(results, key=lambda r: FIRST.index(r.name) if r.name in FIRST else len(FIRST))
+    file, case = words
+    title = "Accuracy and cost of planar flexible multibody solvers" if file is None else ", ".join(names)
+    command = ["anctmm", "report", *([file] if file else []), *(["--case", case] if case else [])]
     environment = Environment(
         loader=PackageLoader("studies.report", "."), autoescape=True, undefined=StrictUndefined, trim_blocks=True,
         lstrip_blocks=True,
     )  # fmt: skip
-    environment.filters |= {
-        "inline": inline, "view": view, "prose": prose, "curves": curves, "by_subject": by_subject, "name": css_text,
-    }  # fmt: skip
-    environment.tests["short"] = is_short
-    page = environment.get_template("page.html.jinja").render(
-        results=ordered, answers=[a for r in ordered for a in answers_of(r.question, r.answers)],
-        advice=next((t for r in ordered for t in r.tables if t.name == "advice"), None),
-        films=[f for r in results for f in r.films],
-        machine=provenance.machine(), versions=provenance.versions(), quick=quick, most_rows=MOST_ROWS,
-        bench=(out / BENCH).is_file() and BENCH, subject=subject,
-        whole=shlex.join(["anctmm", "report", *subject.words, *(["--quick"] if quick else [])]),
+    environment.filters |= {"inline": inline, "html": html, "prose": prose}
+    return environment.get_template("page.html.jinja").render(
+        title=title, results=results, answers=[a for r in results for a in answers_of(r)], quick=quick, short=SHORT,
+        most_rows=MOST_ROWS, command=shlex.join([*command, *(["--quick"] if quick else [])]),
+        stamp=provenance.stamp(), css=Markup(_beside("page.css")),
     )  # fmt: skip
-    path = out / "index.html"
-    atomic_write(path, page)
-    return path
 
 
-@dataclass(frozen=True)
-class Curve:
-    """A shape of an animation: its number among all, its classes of CSS, and its name."""
-
-    number: int
-    classes: str
-    name: str
-
-
-def curves(film: Film) -> list[Curve]:
-    """Shapes of all layers of an animation; bodies of one layer alone have colours of their own."""
-    own = len(film.shapes) // len(film.labels)
-    found = []
-    for number, (kind, name) in enumerate(film.shapes):
-        behind = number >= own
-        colour = "behind" if behind else f"c{number % BODY_COLOURS}" if len(film.labels) == 1 and name else ""
-        found.append(Curve(number, " ".join(filter(None, ("body", kind, colour))), "" if behind else name))
-    return found
-
-
-def css_text(text: str) -> Markup:
-    """A text as a string of CSS, safe inside a style element."""
-    return Markup('"' + re.sub(r"[^\w .,()%/×-]", lambda m: f"\\{ord(m[0]):x} ", text) + '"')
+def html(table: Table) -> Markup:
+    """A table for the page, by pandas' Styler: numbers on the right, statuses that are not ok marked."""
+    hidden = HIDDEN | (IN_SETTING if "setting" in table.frame else set())
+    shown = for_people(table.frame).drop(columns=list(hidden & set(table.frame.columns)))
+    shown = shown.dropna(axis="columns", how="all").reset_index(drop=True)
+    cells = shown.map(_cell)
+    classes = pd.DataFrame("", index=cells.index, columns=cells.columns)
+    for name in cells.columns:
+        numeric = is_numeric_dtype(table.frame[name])
+        long = cells[name].str.len() > LONG
+        classes[name] = "number" if numeric else long.map({True: "long", False: ""})
+        if name == "status":
+            classes.loc[~cells[name].str.startswith("ok"), name] = "bad"
+    cells.columns = [LABELS.get(str(n), str(n).replace("_", " ")) for n in cells.columns]
+    classes.columns = cells.columns
+    style = cells.style.hide(axis="index").format(escape="html").set_td_classes(classes)
+    return Markup(style.to_html(cell_ids=False, table_uuid="t", sparse_columns=False))
 
 
-def inline(shown: Picture, study: str) -> str:
+def inline(shown: Picture, study: str) -> Markup:
     """The picture's SVG for the inside of a page: themed, with ids of its own and no fixed size."""
     own = f"{study}-{shown.name}"
     svg = shown.svg[shown.svg.index("<svg") :]
@@ -111,13 +94,20 @@ def inline(shown: Picture, study: str) -> str:
     svg = re.sub(r' (?:d|x|y)="[^"]*"', lambda m: re.sub(r"(\.\d\d)\d+", r"\1", m[0]), svg)
     for colour, variable in ((INK, "ink"), (GRID, "grid"), (PAPER, "paper")):
         svg = svg.replace(colour, f"var(--{variable})")
-    return svg.replace("<svg ", f'<svg role="img" aria-label="{_attribute(shown.caption)}" ', 1)
+    return Markup(svg.replace("<svg ", f'<svg role="img" aria-label="{escape(shown.caption)}" ', 1))
 
 
-def prose(text: str) -> Markup:
+def prose(words: str) -> Markup:
     """A text with what stands between backquotes as code."""
-    return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(text))))
+    return Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(words))))
 
 
-def _attribute(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;")
+def _cell(value: object) -> str:
+    """Three digits of a number; a whole one with all of them."""
+    if isinstance(value, float):
+        return f"{value:.3g}" if value == value and abs(value) < 1e6 else text(value)
+    return text(value)
+
+
+def _beside(name: str) -> str:
+    return (Path(__file__).parent / name).read_text(encoding="utf-8")

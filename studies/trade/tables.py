@@ -1,400 +1,280 @@
-"""Tables and sentences of the trade: what to take for a target error, and why."""
+"""Tables of a trade: recommended settings, solvers at equal error, like with like, references."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from math import isfinite, nan
-from typing import Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from math import nan
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.elements.kinds import KINDS
 from anctmm.model.case import Case
-from anctmm.model.needs import needs
-from anctmm.results.metrics import compare
-from anctmm.solvers.capabilities import NEWTON_TOLERANCES
-from studies.engine.accuracy.dynamics import REISSNER
-from studies.engine.accuracy.robust import NOTE as ROBUST
-from studies.engine.answers import Answer
-from studies.engine.measuring.clock import records
-from studies.engine.measuring.timing import SHORT
-from studies.engine.pareto_front import NEAR, cost_at
-from studies.engine.running.outcomes import Reference
-from studies.engine.running.trial import NO_BEAMS, mesh_label
-from studies.engine.tables import BELOW, BUILD, Table, error_text, failed, milliseconds, times
-from studies.trade import step_orders
-from studies.trade.case_digest import digest_of
-from studies.trade.choice import (
-    KIND,
-    STEPPING,
-    known_error,
-    nearest,
-    parts_of,
-    reaching,
-    setting_of,
-    stepping,
-)
-from studies.trade.plan import MOST_EXPLICIT, TARGETS
-from studies.trade.second_road import Second
+from anctmm.solvers import registry
+from studies.engine.choices import NONE
+from studies.engine.fronts import NEAR, cost_at, excess, reaching
+from studies.engine.identity import identity
+from studies.engine.refinement import Reference, difference, offer_of
+from studies.engine.runner import Runner
+from studies.engine.tables import BELOW, BUILD, Table, error_text, records
+from studies.engine.timing import SHORT
+from studies.engine.trials import NO_BEAMS, Trial, mesh_label
+from studies.trade.levels import Levels
 
-#: The target error that sentences speak of, or else the smallest.
-TARGET = 1e-3
-#: What was found with a recommended setting.
-FOUND = (
-    "error", "robust_error", "reference_error", "mesh_error", "step_error", "step_reference_error", "error_from",
-    "cpu_spread", "build_s", "repeats",
-)  # fmt: skip
-#: Columns that identify a setting.
+STEPPING = {"generalized-alpha": "implicit", "zhai": "explicit", "esdirk": "implicit, fourth order"}
+#: Columns that identify a setting, and what was found with it.
 SETTING = (
-    "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own",
-    "stretch",
+    "solver", "element", "quadrature", "integrator", "elements", "dt", "tolerance", "newton_tolerance", "own", "asked",
 )  # fmt: skip
+FOUND = (
+    "error", "mesh_error", "step_error", "reference_error", "error_bound", "error_from", "cpu_s", "whole_s",
+    "cpu_spread", "build_s", "repeats", "steps", "newton_iterations", "dofs",
+)  # fmt: skip
+BOUND = (
+    "error_bound: mesh_error + step_error + reference_error. A setting meets a target if this sum does, for every "
+    "solver: errors of mesh and step that cancel in part are chance, which another motion changes. mesh_error: of a "
+    "run by a fine step on the same mesh against the reference; step_error: against that run, and no smaller than by "
+    "the solver's tightest bound of Newton's iteration; reference_error: uncertainty of the reference. error: of the "
+    "run itself against the reference."
+)
+TIMES = (
+    f"cpu_s: of the steps; whole_s: of the whole call. Settings within {NEAR:g} times the front of their solver ran "
+    "again in turn on one core, and the least of these runs counts; of a run that takes less than "
+    f"{SHORT:g} s the second one in a row is timed. Of all others cpu_s is of one run."
+)
 
 
-@dataclass(frozen=True)
-class Traded:
-    """One scene's points: a row a setting, the references by element, and all raw times.
-
-    Of references also what second roads gave, and rows of the order of their steps; and sentences about solvers that
-    are not timed.
-    """
-
-    base: Case
-    frame: pd.DataFrame
-    references: Mapping[str, Reference]
-    samples: list[dict[str, Any]]
-    second: Mapping[str, Second] = field(default_factory=dict)
-    orders: Sequence[Mapping[str, Any]] = ()
-    said: Sequence[str] = ()
+def setting_of(line: Mapping[Any, Any]) -> str:
+    """A setting in words."""
+    rule = "" if line["quadrature"] in ("full", "-") else f" (quadrature {line['quadrature']})"
+    step = f"tolerance {line['tolerance']:g}" if line["tolerance"] > 0 else f"Δt = {1e3 * line['dt']:.3g} ms"
+    newton = f", Newton {line['newton_tolerance']:g}" if line["newton_tolerance"] > 0 else ""
+    own = "" if line["own"] == NONE else f", {line['own']}"
+    kind = STEPPING.get(line["integrator"], line["integrator"])
+    beams = "" if line["elements"] == NO_BEAMS else f", {line['elements']} {line['element']} elements{rule}"
+    return f"{line['solver']}, {kind}{beams}, {step}{newton}{own}"
 
 
-def notes(fine_steps: Sequence[float]) -> tuple[str, ...]:
-    """What a reader of the points must know, with the fine steps of the scenes, s."""
-    return (
-        "error: over the probes, the largest of RMS in time of |u − u_ref| / max in time of |u_ref|, against a fine "
-        "mesh and step of the same element; reference_error: that reference's own uncertainty. Cable and shear "
-        "element are two models: their distance stands in the table of references.",
-        BELOW,
-        "step_error: against ANC–TMM with a step of "
-        f"{' or '.join(f'{h:.3g}' for h in dict.fromkeys(fine_steps))} s on the same mesh, known to "
-        "step_reference_error; "
-        "mesh_error: of that run against the reference; error_from: the one more than twice the other. The two may "
-        "cancel in part; a loose Newton tolerance counts as the step's.",
-        "dt, or tolerance where the error drives the step. Explicit runs at 0.8 of the stability limit and at half of "
-        f"that, where elements × steps are at most {MOST_EXPLICIT:g}.",
-        "Every solver ran on the same meshes with the same steps and tried all that it says it can choose beside "
-        "them: newton_tolerance, the bound of the last correction "
-        f"({', '.join(f'{t:g}' for t in NEWTON_TOLERANCES)}); own, keyword arguments of its own (Exudyn: bounds of the "
-        "residual, relative and absolute in N, and when it takes a new tangent; its linear solver is the faster one of "
-        "that size).",
-        f"cpu_s: of the steps; settings within {NEAR:g} times their solver's front (in_turn) ran "
-        "again in turn, and the least of these runs counts; of a run that takes less than "
-        f"{SHORT:g} s the second one in a row is timed. excess: cost over that of the cheapest setting of no larger "
-        "robust_error: 1 on the front.",
-        ROBUST,
-        "opensees: frames of its own, on finer meshes and where they can do the scene: they know no whole turn of a "
-        "beam. They are measured against the cable's reference, of the same continuum.",
-        BUILD,
-        REISSNER,
-    )
+def stepping(rows: pd.DataFrame) -> pd.Series:
+    """Way to step of each row, in words."""
+    kind = rows["integrator"].replace(STEPPING)
+    return kind.mask(rows["tolerance"] > 0, kind + ", error-controlled")
 
 
-def recommended(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
-    """The cheapest measured setting for each scene and target error, or the nearest if none reaches it."""
-    rows = []
-    for scene, mine in points[points["error"] > 0].groupby("scene", sort=False):
-        for target in targets:
-            able = reaching(mine, target)
-            line = (able if len(able) else nearest(mine)).iloc[0].to_dict()
-            status = "ok" if len(able) else "not reached: no smaller error was measured"
-            about = {
-                "scene": scene,
-                "target_error": target,
-                "cpu_s": line["cpu_s"],
-                "setting": setting_of(line),
-            }
-            rows.append(
-                about | {k: line[k] for k in FOUND} | {"status": status} | {k: line[k] for k in SETTING}
-            )
-    said = (
-        "The cheapest measured setting whose robust_error and its reference's uncertainty together are below the "
-        "target. `anctmm recommend` prints the script that runs it.",
-    )
-    columns = ["scene", "target_error", "cpu_s", "setting", *FOUND, "status", *SETTING]
-    frame = pd.DataFrame(rows, columns=columns)  # also where no run has an error
-    return Table("recommended", "What to take for a target error", frame, said)
+def parts_text(line: Mapping[Any, Any]) -> str:
+    """Parts of an error in words."""
+    parts = [f"step {error_text(line, 'step_error', '.1g')}", f"reference {line['reference_error']:.1g}"]
+    return " + ".join(parts if line["elements"] == NO_BEAMS else [f"mesh {line['mesh_error']:.1g}", *parts])
 
 
-def by_rival(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> Table:
-    """The cheapest setting of each kind (solver, element, how it steps) for each scene and target error."""
-    points = points.assign(stepping=stepping(points))
-    rows = []
-    for scene, mine in points.groupby("scene", sort=False):
-        for target in targets:
-            able = reaching(mine, target)
-            at_error = {kind: cost_at(_priced(own), target) for kind, own in mine.groupby(KIND, sort=False)}
-            least = min(filter(isfinite, at_error.values()), default=nan)
-            for kind, own in mine.groupby(KIND, sort=False):
-                first = able.merge(pd.DataFrame([dict(zip(KIND, kind, strict=True))]), on=KIND).head(1)
-                about = {"scene": scene, "target_error": target, **dict(zip(KIND, kind, strict=True))}
-                if first.empty:
-                    reason = _at_best(own)
-                    rows.append(about | {"status": reason})
-                    continue
-                line = first.iloc[0].to_dict()
-                rows.append(about | {
-                    "setting": setting_of(line), "error": line["error"], "robust_error": line["robust_error"],
-                    "reference_error": line["reference_error"],
-                    "cpu_s": line["cpu_s"], "build_s": line["build_s"],
-                    "ratio": line["cpu_s"] / able["cpu_s"].iloc[0], "cpu_s_at_error": at_error[kind],
-                    "ratio_at_error": at_error[kind] / least, "status": "ok",
-                })  # fmt: skip
+def recommended(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
+    """The cheapest measured setting for each target error, or the one with the smallest bound."""
+    timed = rows[rows["in_turn"] & (rows["error_bound"] > 0.0)]
+    lines = []
+    for target in targets if len(timed) else ():
+        able = reaching(timed, target)
+        line = (able if len(able) else timed.sort_values("error_bound")).iloc[0].to_dict()
+        status = "ok" if len(able) else "not reached: no smaller error bound was measured"
+        about = {"scene": line["scene"], "target": target, "setting": setting_of(line), "status": status}
+        lines.append(about | {k: line[k] for k in (*FOUND, *SETTING)})
+    columns = ["scene", "target", "setting", *FOUND, "status", *SETTING]
+    notes = (
+        "The cheapest measured setting whose error bound meets the target. `anctmm recommend` prints its script.",
+        BOUND, TIMES,
+    )  # fmt: skip
+    return Table("recommended", "Recommended settings", pd.DataFrame(lines, columns=columns), notes)
+
+
+def at_equal_error(rows: pd.DataFrame, targets: Sequence[float]) -> Table:
+    """The cheapest setting of each solver for each target error, and how its time compares with the cheapest of all."""
+    timed = rows[rows["in_turn"]]
+    lines = [line for target in targets for line in _at(timed, target, list(dict.fromkeys(rows["solver"])))]
     columns = [
-        "scene", "target_error", *KIND, "setting", "error", "robust_error", "reference_error", "cpu_s",
-        "build_s", "ratio", "cpu_s_at_error", "ratio_at_error", "status",
+        "scene", "target", "solver", "setting", "error_bound", "dofs", "cpu_s", "whole_s", "ratio", "ratio_whole",
+        "corrections_per_step", "ratio_per_correction", "ratio_at_error", "status",
     ]  # fmt: skip
-    frame = pd.DataFrame(rows).reindex(columns=columns)
-    frame["setting"] = frame["setting"].astype(object).fillna("-")
-    frame = frame.sort_values(
-        ["scene", "target_error", "ratio"], ascending=[False, False, True], kind="stable"
+    notes = (
+        "For each solver its cheapest setting that meets the target, by steps (cpu_s) and by the whole call (whole_s); "
+        "ratio, ratio_whole: over the cheapest of all solvers. ratio_at_error: of the steps at exactly the target, "
+        "interpolated on each solver's own front; it does not depend on the errors that the meshes and steps happen to "
+        "have.",
+        "corrections_per_step: Newton's; ratio_per_correction: of the CPU time of an element's correction: the rest "
+        "of the ratio is due to more steps, more corrections a step, or more elements. Solvers end their iteration by "
+        "criteria of their own (Exudyn ignores newton_tolerance), so that they do not take the same corrections.",
+    )  # fmt: skip
+    return Table("at_equal_error", "Solvers at equal error", pd.DataFrame(lines, columns=columns), notes)
+
+
+def _at(timed: pd.DataFrame, target: float, solvers: Sequence[str]) -> Iterator[dict[str, Any]]:
+    best = {s: reaching(timed[timed["solver"] == s], target).head(1) for s in solvers}
+    found = {s: records(rows)[0] for s, rows in best.items() if len(rows)}
+    exact = {s: cost_at(timed[timed["solver"] == s], target) for s in solvers}
+    if not found:
+        return
+    base = min(found.values(), key=lambda line: line["cpu_s"])
+    whole = min(line["whole_s"] for line in found.values())
+    for solver in sorted(solvers, key=lambda s: found[s]["cpu_s"] if s in found else np.inf):
+        about = {"scene": timed["scene"].iloc[0], "target": target, "solver": solver}
+        if solver not in found:
+            bounds = timed[timed["solver"] == solver]["error_bound"]
+            least = f"{bounds.min():.1e} at best" if bounds.notna().any() else "no run with an error"
+            yield about | {"setting": "-", "status": f"not reached: {least}"}
+            continue
+        line = found[solver]
+        yield about | {
+            **{k: line[k] for k in ("error_bound", "dofs", "cpu_s", "whole_s")}, "setting": setting_of(line),
+            "ratio": line["cpu_s"] / base["cpu_s"], "ratio_whole": line["whole_s"] / whole,
+            "corrections_per_step": _per_step(line), "ratio_per_correction": _correction(line) / _correction(base),
+            "ratio_at_error": exact[solver] / exact[base["solver"]], "status": "ok",
+        }  # fmt: skip
+
+
+def _per_step(line: Mapping[str, Any]) -> float:
+    return line["newton_iterations"] / line["steps"] if line["newton_iterations"] and line["steps"] else nan
+
+
+def _correction(line: Mapping[str, Any]) -> float:
+    """CPU time of a Newton correction and coordinate, s; NaN of explicit steps."""
+    return line["cpu_s"] / line["newton_iterations"] / line["dofs"] if line["newton_iterations"] else nan
+
+
+def same_setting(rows: pd.DataFrame, chosen: Sequence[int]) -> Table:
+    """Solvers at the same elements, mesh, step and integrator: ratios to the cheapest."""
+    same = ["scene", "element", "quadrature", "integrator", "elements", "dt"]
+    lines = rows.loc[
+        list(chosen), [*same, "solver", "dofs", "error", "steps", "newton_iterations", "cpu_s", "whole_s"]
+    ]
+    groups = lines.groupby(same, sort=False)
+    lines = lines.assign(
+        ratio=lines["cpu_s"] / groups["cpu_s"].transform("min"),
+        ratio_whole=lines["whole_s"] / groups["whole_s"].transform("min"),
+        corrections_per_step=lines["newton_iterations"]
+        / lines["steps"].where(lines["newton_iterations"] > 0),
     )
-    said = (
-        "ratio: cost of the setting over that of the cheapest setting of all kinds for that error.",
-        "cpu_s_at_error: cost of exactly that error, interpolated between the neighbours on the kind's own front in "
-        "logarithms of error and cost, as the benchmark's equal error is; ratio_at_error: over the cheapest kind's. "
-        "These do not depend on which errors the meshes and steps tried happen to have.",
+    each = lines["cpu_s"] / lines["newton_iterations"].where(lines["newton_iterations"] > 0)
+    least = lines.groupby(same, sort=False)["cpu_s"].transform("idxmin").map(each)
+    lines["ratio_per_correction"] = each / least
+    notes = (
+        "Each by the tightest bounds of its iteration. ratio: of the steps, over the cheapest at that setting; "
+        "ratio_whole: of whole calls; ratio_per_correction: of a Newton correction, which is the ratio without the "
+        "different numbers of corrections.",
     )
-    return Table("by_rival", "The cheapest of each kind: why", frame.reset_index(drop=True), said)
+    columns = [
+        *same, "solver", "dofs", "error", "cpu_s", "whole_s", "ratio", "ratio_whole", "corrections_per_step",
+        "ratio_per_correction",
+    ]  # fmt: skip
+    shown = lines.sort_values([*same, "ratio"], kind="stable")[columns].reset_index(drop=True)
+    return Table("same_setting", "Solvers at the same elements, mesh and step", shown, notes)
 
 
-def _at_best(own: pd.DataFrame) -> str:
-    """Why a kind does not meet a target error."""
-    errors = own["robust_error"]
-    if not errors.min() > 0.0:
-        return "no run ended well"
-    best = records(own.sort_values("robust_error"))[0]
-    return f"not reached: {error_text(best, 'robust_error', '.1e')} at best"
-
-
-class Priced(NamedTuple):
-    """An error and its cost, s."""
-
-    error: float
-    cpu_s: float
-
-
-def _priced(rows: pd.DataFrame) -> list[Priced]:
-    """Robust errors and times of the rows that have both."""
-    sound = rows[(rows["robust_error"] > 0.0) & (rows["cpu_s"] > 0.0)]
-    return [Priced(float(e), float(c)) for e, c in zip(sound["robust_error"], sound["cpu_s"], strict=True)]
-
-
-def on_front(points: pd.DataFrame) -> pd.DataFrame:
-    """Rows that no other of their scene beats in both error and cost."""
-    return points[points["excess"] == 1.0].sort_values(["scene", "cpu_s"]).drop(columns=["family", "excess"])
-
-
-def references(traded: Sequence[Traded]) -> Table:
-    """What errors are measured against, how well it is known, and how far the two models are apart."""
-    rows = []
-    for t in traded:
-        cable = t.references.get("cable")
-        for element, found in t.references.items():
-            both = cable is not None and cable.solution is not None and found.solution is not None
-            apart = compare(found.solution, cable.solution, t.base.probes).error if both else float("nan")  # type: ignore
-            second = t.second.get(element, Second())
-            rows.append({
-                "scene": t.base.scene.name, "element": element, **_found_with(found), "reference": found.name,
-                "uncertainty": found.uncertainty, "second_road": second.name, "apart": second.apart,
-                "from_cable": apart, "case": digest_of(t.base),
-                "status": "ok" if found.solution is not None else found.name,
-            })  # fmt: skip
-    said = (
-        "element: whose settings are measured against it, with others of the same continuum; with: the element that "
-        "it is found with, and whether clamps free the stretch there: below 1e-6 a stretch that is held rules the "
-        "error of any mesh.",
-        "uncertainty: differences to a coarser mesh and to a coarser step, added. second_road: another solver with "
-        "another method in time; apart: its difference to the reference, its own errors of mesh and step included. "
-        "from_cable: difference of the model to that of cables: no mesh of either removes it. case: digest of scene, "
-        "probes and times.",
+def front_table(rows: pd.DataFrame) -> Table:
+    """Settings on the front of their solver, element and way to step; excess is 1 on the front of all."""
+    timed = rows[rows["in_turn"] & (rows["error_bound"] > 0.0)]
+    kinds = [timed["solver"], timed["element"], stepping(timed)]
+    own = (
+        pd.concat([excess(mine) for _, mine in timed.groupby(kinds, sort=False)])
+        if len(timed)
+        else timed["excess"]
     )
-    return Table("references", "References and the distance of the models", pd.DataFrame(rows), said)
+    chosen = timed[own.reindex(timed.index) == 1.0].sort_values(["solver", "cpu_s"])
+    notes = (
+        "excess: cost over that of the cheapest setting of no larger error bound: 1 on the front of all.",
+        BOUND,
+        TIMES,
+    )
+    return Table("front", "Pareto fronts of all solvers", _public(chosen), notes, "files")
 
 
-def orders(traded: Sequence[Traded]) -> Table:
-    """At which order the steps of the references converge."""
-    frame = pd.DataFrame([row for t in traded for row in t.orders], columns=list(step_orders.COLUMNS))
-    return Table("reference_steps", "References: the order of their steps", frame, step_orders.NOTES)
+def points_table(rows: pd.DataFrame) -> Table:
+    """All settings."""
+    return Table("points", "All settings", _public(rows), (BOUND, TIMES, BELOW, BUILD), "study")
 
 
-def _found_with(reference: Reference) -> dict[str, Any]:
-    """How a reference was found: element, integrator, mesh and step; NaN and "-" where there is none."""
+def _public(rows: pd.DataFrame) -> pd.DataFrame:
+    return rows.drop(columns=["trial", "tightest", "kind"]).reset_index(drop=True)
+
+
+def references(levels: Levels, runner: Runner) -> Table:
+    """References of errors, their uncertainty, an independent check of each, and the difference of the models."""
+    cable = levels.references.get("cable")
+    lines = []
+    for element, found in levels.references.items():
+        checker, apart = _checked(levels.case, element, found, runner)
+        both = cable is not None and cable.solution is not None and found.solution is not None
+        lines.append({
+            "scene": levels.case.name, "element": element, **_setting(found), "uncertainty": found.uncertainty,
+            "check": checker, "check_difference": apart,
+            "from_cable": difference(found.solution, cable.solution, levels.case.probes) if both else nan,  # type: ignore
+            "case": identity(levels.case), "status": "ok" if found.solution is not None else found.name,
+        })  # fmt: skip
+    notes = (
+        "uncertainty: of mesh and step, by Richardson's extrapolation over levels that are halved. check: another "
+        "solver at the same mesh and step; where it shares the elements it checks elimination and time stepping, and a "
+        "solver with elements of its own checks the forces, too.",
+        "from_cable: difference of the model to that of cables, which no mesh removes. case: identity of scene, probes "
+        "and times.",
+    )
+    return Table("references", "References", pd.DataFrame(lines), notes)
+
+
+def _checked(case: Case, element: str, found: Reference, runner: Runner) -> tuple[str, float]:
+    """The first other solver with the same element that runs the reference's setting, and its difference."""
+    if found.solution is None or not isinstance(found.solution.run, Discretisation):
+        return "-", nan
+    run = found.solution.run
+    mesh = tuple(n for n, _ in run.of(case.scene).values()) or (1,)
+    runner.heading = f"{case.name}, check of the reference: "
+    for solver in registry.names():
+        offer = offer_of(solver)
+        if (
+            solver == found.solution.solver
+            or offer.element_of(element) != element
+            or offer.lacking({element})
+        ):
+            continue
+        trial = Trial(
+            case.scene,
+            solver,
+            mesh,
+            element,
+            run.quadrature,
+            run.integrator,
+            run.dt,
+            case.duration,
+            case.interval,
+        )
+        solution = runner.solve(trial)
+        if solution.status.ok:
+            return solver, found.error_of(solution)
+    return "-", nan
+
+
+def _setting(reference: Reference) -> dict[str, Any]:
+    """Integrator, mesh and step of a reference; NaN and "-" where there is none."""
     solution = reference.solution
     if solution is None or not isinstance(solution.run, Discretisation):
-        return {"with": "-", "integrator": "-", "elements": "-", "dt": nan}
-    meshes = solution.run.of(solution.scene).values()
-    free = any(feature == "free-stretch" for feature, _ in needs(solution.scene))
-    kinds = "/".join(dict.fromkeys(kind for _, kind in meshes)) or NO_BEAMS
+        return {"integrator": "-", "elements": "-", "dt": nan}
+    meshes = [n for n, _ in solution.run.of(solution.scene).values()]
     return {
-        "with": f"{kinds}, stretch free" if free else kinds,
-        "integrator": solution.run.integrator,
-        "elements": mesh_label(tuple(n for n, _ in meshes)) or NO_BEAMS,
-        "dt": solution.run.dt,
-    }
+        "integrator": solution.run.integrator, "elements": mesh_label(tuple(meshes)) or NO_BEAMS, "dt": solution.run.dt,
+    }  # fmt: skip
 
 
-def histories(traded: Sequence[Traded]) -> Table:
-    """Displacements of the probes in the references: what a rerun is compared with."""
+def histories(levels: Levels) -> Table:
+    """Displacements of the probes in the references: `anctmm recommend` compares its rerun with them."""
     parts = []
-    for t in traded:
-        for element, found in t.references.items():
-            if found.solution is None:
-                continue
-            for probe in t.base.probes:
-                body, fraction = t.base.scene.probe(probe)
-                u = found.solution.displacement(probe)
-                about = {
-                    "scene": t.base.scene.name,
-                    "element": element,
-                    "body": body,
-                    "fraction": fraction,
-                }
-                parts.append(pd.DataFrame({**about, "t": found.solution.t, "u_x": u[:, 0], "u_y": u[:, 1]}))
+    for element, found in levels.references.items():
+        for probe in levels.case.probes if found.solution is not None else ():
+            body, fraction = levels.case.scene.probe(probe)
+            u = found.solution.displacement(probe)  # type: ignore[union-attr]
+            about = {"scene": levels.case.name, "element": element, "body": body, "fraction": fraction}
+            parts.append(pd.DataFrame({**about, "t": found.solution.t, "u_x": u[:, 0], "u_y": u[:, 1]}))  # type: ignore
     frame = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-    said = ("Displacements of the probes, m, over time, s.",)
-    return Table("histories", "Histories of the references", frame, said)
+    notes = ("Displacements of the probes, m, over time, s.",)
+    return Table("histories", "Histories of the references", frame, notes, "files")
 
 
-# --- what was found ------------------------------------------------------------------------------------------
-
-
-def answers(best: pd.DataFrame, rivals: pd.DataFrame) -> list[Answer]:
-    """For each scene what to take, what it costs, and what the others cost."""
-    return [_answer(mine, rivals) for _, mine in best.groupby("scene", sort=False)]
-
-
-def _answer(best: pd.DataFrame, rivals: pd.DataFrame) -> Answer:
-    """Of one scene, for the target error that sentences speak of."""
-    target = headline(best)
-    line = best[best["target_error"] == target].iloc[0].to_dict()
-    question = f"{line['scene']}: what to take for an error of {target:g}?"
-    if line["status"] != "ok":
-        return Answer(question, f"error {error_text(line)}", f"{line['status']}: {setting_of(line)}.")
-    others = _against(rivals[rivals["scene"] == line["scene"]], target)
-    known = f"its error is {known_error(line)}"
-    take = "; ".join(filter(None, (f"Take {setting_of(line)}: {known}", others)))
-    return Answer(question, f"{milliseconds(line['cpu_s'])} of CPU time", f"{take}.")
-
-
-def headline(best: pd.DataFrame) -> float:
-    """The target error that sentences speak of."""
-    return TARGET if (best["target_error"] == TARGET).any() else float(best["target_error"].min())
-
-
-def _against(rivals: pd.DataFrame, target: float) -> str:
-    """How much more the other kinds cost, as a range over the scenes."""
-    # the cheapest itself, of ratio 1, is none of the others
-    others = (rivals["ratio"] > 1.0) & (rivals["ratio_at_error"] > 1.0)
-    sound = rivals[(rivals["target_error"] == target) & (rivals["status"] == "ok") & others]
-    own = sound["solver"] == "anctmm"
-    kinds = {
-        "explicit steps": own & (sound["stepping"] == "explicit") & (sound["element"] == "cable"),
-        "steps of fourth order": own & (sound["stepping"] == STEPPING["esdirk"]),
-        "error-controlled steps": own
-        & sound["stepping"].str.contains("controlled")
-        & (sound["element"] == "cable"),
-        "shear elements": own & (sound["stepping"] == "implicit") & (sound["element"] == "shear"),
-        "the sparse global solver": (sound["solver"] == "global-dae") & (sound["stepping"] == "implicit"),
-        "Exudyn": (sound["solver"] == "exudyn-cable") & (sound["stepping"] == "implicit"),
-    }
-    cheapest = {name: sound[mine].groupby("scene")["ratio_at_error"].min() for name, mine in kinds.items()}
-    parts = [f"{name} {_range(ratios)}" for name, ratios in cheapest.items() if len(ratios)]
-    return (
-        f"at exactly that error the cheapest of other kinds cost more: {', '.join(parts)} times"
-        if parts
-        else ""
-    )
-
-
-def where_high_order_pays(rivals: pd.DataFrame) -> list[str]:
-    """For each scene the target errors at which our steps of fourth order cost less than those of second order.
-
-    Each with the cheaper one of cubic and quintic cables.
-    """
-    said = []
-    names = STEPPING["generalized-alpha"], STEPPING["esdirk"]
-    cables = rivals["element"].isin(["cable", "quintic"])
-    ours = rivals[(rivals["solver"] == "anctmm") & cables & (rivals["status"] == "ok")]
-    for scene, mine in ours.groupby("scene", sort=False):
-        second, fourth = (
-            mine[mine["stepping"] == name].groupby("target_error")["cpu_s_at_error"].min() for name in names
-        )
-        if fourth.empty:
-            continue
-        ratios = {
-            float(t): float(second[t] / fourth[t])
-            for t in sorted(set(second.index) & set(fourth.index), reverse=True)
-        }
-        parts = ", ".join(f"{times(ratio)} at {target:g}" for target, ratio in ratios.items())
-        alone = sorted(set(fourth.index) - set(second.index), reverse=True)
-        met = f"; it alone meets {', '.join(f'{t:g}' for t in alone)}" if alone else ""
-        paying = [t for t in ratios if all(ratio > 1.0 for other, ratio in ratios.items() if other <= t)]
-        pays = (
-            f"pays from a target error of {max(paying):g} on"
-            if paying
-            else "does not pay at the target errors"
-        )
-        if parts or alone:
-            said.append(
-                f"{scene}: fourth order in time {pays if parts else 'has no rival'} (cost of second order over that of "
-                f"fourth, at equal error: {parts or '-'}{met})."
-            )
-    return said
-
-
-def _range(values: pd.Series) -> str:
-    low, high = times(values.min()), times(values.max())
-    return low if low == high else f"{low} to {high}"
-
-
-def _sources(points: pd.DataFrame) -> str:
-    shares = points[points["excess"] == 1.0]["error_from"].value_counts(normalize=True)
-    if shares.empty:
-        return ""
-    words = {"mesh": "the mesh", "step": "the step", "both": "both alike", "-": "an unknown part"}
-    parts = ", ".join(f"{words[str(k)]} for {100 * v:.0f} %" for k, v in shares.items())
-    return f"Of the settings on the front the error comes from {parts}."
-
-
-def _models(known: pd.DataFrame) -> str:
-    """How far apart the models of the two elements are."""
-    apart = known[(known["element"] == "shear") & (known["from_cable"] > 0)]
-    if apart.empty:
-        return ""
-    parts = ", ".join(f"{r['from_cable']:.2g} apart on the {r['scene']}" for r in records(apart))
-    return (
-        f"Cable and shear elements are two models, {parts}: the element is chosen for the model, and an error is that "
-        "of computing it."
-    )
-
-
-def findings(points: pd.DataFrame, best: Table, rivals: Table, known: Table) -> list[str]:
-    """Sentences from the tables."""
-    said = [
-        f"{r['scene']}, error {r['target_error']:g}: {setting_of(r)}: {milliseconds(r['cpu_s'])}, measured error "
-        f"{error_text(r)} ({parts_of(r)})."
-        if r["status"] == "ok"
-        else f"{r['scene']}, error {r['target_error']:g}: {r['status']} ({error_text(r)})."
-        for r in records(best.frame)
-    ]
-    said += filter(
-        None,
-        [
-            *map(str, answers(best.frame, rivals.frame)),
-            *where_high_order_pays(rivals.frame),
-            _models(known.frame),
-            _sources(points),
-        ],
-    )
-    if failures := len(failed(points)):
-        said.append(f"{failures} of {len(points)} runs did not end well; their rows say why.")
-    return said
+def family_of(element: str, known: Sequence[str]) -> str:
+    """The element, of those with references, that has the continuum of another one."""
+    alike = (e for e in known if e in KINDS and KINDS[e].continuum == KINDS[element].continuum)
+    return element if element in known else next(alike, element)

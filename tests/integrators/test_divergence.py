@@ -17,10 +17,7 @@ from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from reference import exudyn_cable, global_dae
 from reference.exudyn.run import _timed
-from studies.cantilever import pictures as cantilever_pictures
-from studies.report import mechanism_pictures
-from studies.report.plots import endings
-from studies.scenes import cantilever_fall, cantilever_tip_force, four_bar
+from studies.scenes import cantilever_fall, cantilever_tip_force
 
 RUBBER = Material(1e6, 1000.0)
 
@@ -337,30 +334,3 @@ def test_statics_of_the_global_system_say_so_too():
     assert rest.displacement("beam.end")[-1, 1] / 1e-6 != pytest.approx(-2.0 / 3.0, rel=0.1)
     assert rest.status == "imprecise"
     assert "no digits" in rest.status.message
-
-
-# --- pictures ----------------------------------------------------------------------------------------------
-
-
-def cut_after(solution, n):
-    """The first n outputs of a solution, as of a run that diverged then."""
-    fields = {k: replace(f, coordinates=f.coordinates[:n]) for k, f in solution.fields.items()}
-    energy = Energy(*(series[:n] for series in vars(solution.energy).values()))
-    status = Status("diverged", "for a test", time=float(solution.t[n]))
-    return replace(solution, t=solution.t[:n], fields=fields, energy=energy, status=status)
-
-
-def test_a_cut_history_is_drawn_as_cut():
-    """A cross at its end and words in the legend; whole ones have neither."""
-    whole = at.solve(four_bar().scene, mesh=1, dt=1e-2, t_end=2.4, output_dt=0.05)
-    pair = {"whole": whole, "cut": cut_after(whole, 20)}
-    assert endings(pair) == {"cut": "diverged at 1 s"}
-    for draw in (mechanism_pictures.joint, mechanism_pictures.deflection):
-        shown = draw({**pair, "reference": whole}).svg
-        assert "cut ✕ diverged at 1 s" in shown
-        assert "whole ✕" not in shown
-        assert "✕" not in draw({"whole": whole, "reference": whole}).svg
-    fall = at.solve(cantilever_fall().scene, mesh=4, dt=2e-3, output_dt=0.05)
-    shown = cantilever_pictures.tip_errors({"whole": fall, "cut": cut_after(fall, 8)}, fall).svg
-    assert "cut ✕ diverged at 0.4 s" in shown
-    assert "whole ✕" not in shown

@@ -26,7 +26,7 @@ from anctmm.results.solution import Energy
 from anctmm.solvers.capabilities import Offer
 from reference import exact, exudyn_cable, exudyn_reissner, global_dae, pyelastica
 from studies.engine.runner import Runner
-from studies.engine.running.trial import Trial
+from studies.engine.trials import Trial
 from studies.regression.check import Static, Watch
 
 # --- junk --------------------------------------------------------------------------------------------------
@@ -529,7 +529,7 @@ class Unhashable:
 def test_functions_without_a_hash_are_swept():
     made = scene(loads=[at.Force("a.end", Unhashable())])
     cases = [Trial(made, "global-dae", (1,), dt=5e-3, t_end=0.01, output_dt=5e-3) for _ in range(2)]
-    outcomes = Runner(None, repeats=2).sweep([*cases, cases[0]])
+    outcomes = Runner().sweep([*cases, cases[0]])
     assert [o.solution.status.code for o in outcomes] == ["ok", "ok"]
     found = exudyn_cable.solve(made, mesh=1, dt=5e-3, t_end=0.01)
     assert found.status.ok

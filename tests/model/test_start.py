@@ -15,12 +15,11 @@ import anctmm as at
 from anctmm.discretise.assembly import mass_product
 from anctmm.errors import JointGapError, PropertyError, StartWarning
 from anctmm.model.checks.start import drive_rate
-from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene, Weld
+from anctmm.model.scene import Beam, Clamp, Material, Pin, Weld
 from anctmm.model.topology import end_of
 from anctmm.model.velocities import RigidVelocity
 from reference import exudyn_cable, global_dae
 from studies.scenes import four_bar
-from studies.trade.recommendation.snippet import code
 
 #: Rate of the drives here, rad/s.
 RATE = 3.0
@@ -283,6 +282,4 @@ def test_a_rigid_velocity_is_a_value_with_a_text():
     assert one(0.5) == pytest.approx((0.5 - 2.0 * 2.0, 2.0 * 0.5))
     body = Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT, one)
     assert body.velocity_slope_at(0.3) == pytest.approx((-2.0 * 4.0, 2.0 * 3.0), rel=1e-9)
-    scene = Scene("s", [body])
-    assert eval(code(scene), {"at": at}) == scene
     assert drive_rate(Clamp("b.end", turning)) == RATE

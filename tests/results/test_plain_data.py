@@ -1,7 +1,6 @@
 """Kept results are data: what is written comes back the same, and reading runs no code."""
 
 import json
-import pickle
 from dataclasses import dataclass, fields
 from typing import NamedTuple
 
@@ -11,12 +10,11 @@ from hypothesis import given as such
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays, scalar_dtypes
-from samples import Trap, bar
+from samples import bar
 
 import anctmm as at
 from anctmm.discretise.discretisation import NOT_GIVEN
 from anctmm.results.export.plain_data import NotPlain, decode, encode
-from studies.engine.storage.store import MAGIC, Store
 
 
 class Pair(NamedTuple):
@@ -174,15 +172,3 @@ def test_a_field_without_a_default_is_missed():
     content = encode(Thing(1, np.zeros(2))).replace(b', \\"table\\"', b"")
     with pytest.raises(NotPlain):
         decode(content)
-
-
-def test_a_pickle_in_the_place_of_a_result_is_not_run(tmp_path):
-    import hashlib
-
-    store, key = Store(tmp_path, lambda text: None), "key"
-    data = pickle.dumps(Trap())
-    path = tmp_path / f"{hashlib.sha256(key.encode()).hexdigest()}.run"
-    path.write_bytes(MAGIC + hashlib.sha256(data).digest() + data)
-    assert store.remember(key, lambda: "computed") == "computed"
-    assert not Trap.sprung
-    assert store.remember(key, lambda: "again") == "computed"

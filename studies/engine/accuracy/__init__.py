@@ -1,1 +1,1 @@
-"""Accuracy of values: sweeps over meshes and steps, references, estimates by refinement, correct digits."""
+"""Old places of names, until the rooms that import them from here are rewritten."""

@@ -1,1 +1,1 @@
-"""Timing: solvers in alternating runs, on one thread, after a warm-up; and the settings of the benchmark."""
+"""Old places of names, until the rooms that import them from here are rewritten."""

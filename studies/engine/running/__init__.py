@@ -1,1 +1,1 @@
-"""Execution of runs: in this process, by worker processes, or on a cluster; times separately, by alternating runs."""
+"""Old places of names, until the rooms that import them from here are rewritten."""

@@ -1,1 +1,1 @@
-"""Finished work on disk, and the origin of numbers: files, store, sources, machine and versions."""
+"""Old places of names, until the rooms that import them from here are rewritten."""

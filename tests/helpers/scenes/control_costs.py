@@ -4,7 +4,7 @@ By robust errors none, of fixed steps or of steps with a tolerance, counts as sm
 Newton's iteration: what a loose bound leaves may cancel a part of the error, which nobody can choose beforehand. Nor
 does any count as smaller than that of a step shorter by up to a half, or of the next tolerance, a tenth: parts of an
 error that cancel at one step are no choice either, and who takes a step checks it by one half as long. These are the
-rules of the studies, `studies.engine.accuracy.robust`. The promise is asked of the error as it is.
+rules of the studies, `studies.engine.fronts`. The promise is asked of the error as it is.
 
 The cost of one run says little: where something vibrates steps have two stable lengths, and the same tolerance, a fifth
 larger, may cost 0.7 or 1.4 times as much. So costs and errors are geometric means of three tolerances close to another.
@@ -25,7 +25,7 @@ from user_cases import FOLDER
 import anctmm as at
 from reference.exact.andrews import andrews_squeezer
 from studies import gallery, scenes
-from studies.engine.accuracy.robust import halved_errors, robust_errors
+from studies.engine.fronts import robust as robust_errors
 from studies.engine.pareto_front import cost_at
 
 GALLERY = Path(gallery.__file__).parent / "scenes"
@@ -38,6 +38,44 @@ NEXT = 0.1
 #: Corrections of Newton's iteration that take as long as a factorization: 3.4 to 4.6 with cables, 5 to 8 with shear
 #: elements, fitted to the times of fixed steps of these scenes and of longer meshes.
 PRICES = {"cable": 4.4, "shear": 6.6}
+
+
+#: Part by which two steps may differ and be one.
+CLOSE = 1e-9
+
+
+def halved_errors(errors, alike, sizes, part=0.5):
+    """Each error, or the largest of the runs alike with steps from its own down to half of it where that is larger.
+
+    Whoever takes a step without a reference checks it by one of half its length. Errors of second order fall by four
+    then, and this leaves them as they are. One that grows was small because its parts, or what Newton's iteration left,
+    cancelled at that step: nobody can choose such a step beforehand.
+
+    Parameters
+    ----------
+    errors : Series
+        Of runs; NaN of one that failed.
+    alike : sequence of hashable
+        What a run shares with those that differ from it in the step alone.
+    sizes : sequence of float
+        Steps, s; or tolerances that steps follow.
+    part : float
+        Of a size, down to which others count.
+
+    Returns
+    -------
+    Series
+        NaN where `errors` has it.
+    """
+    rows = pd.DataFrame(
+        {"error": errors.to_numpy(float), "alike": list(alike), "size": np.asarray(sizes, dtype=float)}
+    )
+    found = rows["error"].copy()
+    for _, group in rows.groupby("alike"):
+        error, size = group["error"].to_numpy(), group["size"].to_numpy()
+        checked = (size <= size[:, None] * (1.0 + CLOSE)) & (size >= part * size[:, None] * (1.0 - CLOSE))
+        found[group.index] = np.nanmax(np.where(checked, error, -np.inf), axis=1, initial=-np.inf)
+    return pd.Series(found.where(rows["error"].notna()).to_numpy(float), index=errors.index)
 
 
 def written(name):

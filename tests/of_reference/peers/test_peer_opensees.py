@@ -13,7 +13,7 @@ from reference import opensees
 from reference.exact import solve_static
 from reference.opensees import process
 from studies.engine.runner import Runner
-from studies.engine.running.trial import Trial
+from studies.engine.trials import Trial
 from studies.scenes import (
     cantilever_end_moment,
     cantilever_fall,
@@ -270,7 +270,7 @@ def test_without_opensees_its_rows_say_so_and_the_rest_runs(monkeypatch):
 def two_rows():
     scene = at.Scene("s", [bar()], [at.Clamp("bar.start")], [at.Force("bar.end", (0.0, -1.0))])
     trials = [Trial(scene, name, (4,), integrator="static") for name in ("opensees", "anctmm")]
-    return [outcome.solution for outcome in Runner(None, repeats=1).sweep(trials)]
+    return [outcome.solution for outcome in Runner().sweep(trials)]
 
 
 # --- its process ---------------------------------------------------------------------------------------------

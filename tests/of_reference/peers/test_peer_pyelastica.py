@@ -11,7 +11,7 @@ from anctmm.errors import AnctmmError, DiscretisationError, StabilityError
 from reference import exudyn_reissner, pyelastica
 from reference.exact import solve_static
 from studies.engine.runner import Runner
-from studies.engine.running.trial import Trial
+from studies.engine.trials import Trial
 
 L, SECTION, MATERIAL = 2.0, at.Rectangle(0.01, 0.1), at.Material(E=1e7, density=1000.0)
 EA, GA = MATERIAL.E * SECTION.area, MATERIAL.lame[1] * SECTION.area
@@ -238,7 +238,7 @@ def test_without_pyelastica_its_rows_say_so_and_the_rest_runs(monkeypatch):
     monkeypatch.delitem(sys.modules, "reference.pyelastica.model", raising=False)
     static = {"mesh": (4,), "element": "shear", "integrator": "static"}
     cases = [Trial(cantilever((0.0, -1.0)), name, **static) for name in ("pyelastica", "anctmm")]
-    peer, ours = Runner(None, repeats=1).sweep(cases)
+    peer, ours = Runner().sweep(cases)
     assert str(peer.solution.status).startswith(
         "unsupported: PyElastica is not installed; pip install 'anctmm[peers]'"
     )

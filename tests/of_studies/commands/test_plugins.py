@@ -5,7 +5,6 @@ import re
 import subprocess
 import sys
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,15 +13,11 @@ import pytest
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import PluginError, UnknownSolverError
 from anctmm.solvers import registry
-from studies.cantilever.statics import StaticScheme, static_sweep
 from studies.cli import read_options
 from studies.conformance.check import BROKEN, conform
-from studies.engine import tables
-from studies.engine.accuracy.dynamics import Fine, Plan, Scheme, sweep
 from studies.engine.runner import Runner
-from studies.engine.running.trial import Trial
-from studies.engine.study import Options
-from studies.scenes import cantilever_fall, cantilever_tip_force
+from studies.engine.trials import Trial, product
+from studies.scenes import cantilever_fall
 
 README = (Path(__file__).parents[3] / "anctmm/solvers/README.md").read_text(encoding="utf-8")
 FALL = cantilever_fall()
@@ -152,38 +147,17 @@ def test_the_check_stores_and_compares_its_histories_and_names_the_broken_ones(b
     assert "with a NoneType; an anctmm.Solution is needed" in said
 
 
-def test_a_studys_table_has_its_rows_and_those_of_the_broken_ones(ballistic):
+def test_each_solver_has_a_row_and_the_broken_ones_their_reason(ballistic):
     broken(ballistic)
-    plan = Plan(
-        (Scheme("cable", "full", "generalized-alpha", ("anctmm",), ((4,),), lambda mesh: (1e-2,)),),
-        {"cable": Fine(("anctmm",), (8,), (4,), 5e-3, 1e-2, "generalized-alpha")},
-    )
-    short = replace(FALL, t_end=0.1, output_dt=0.01)
-    swept = sweep(
-        short, plan, Options(solvers=("anctmm", "ballistic", *BROKEN_PACKAGES)), Runner(None, repeats=1)
-    )
-    rows = tables.accuracy(swept.rows).frame.set_index("solver")
-    assert rows.loc[["anctmm", "ballistic"], "status"].tolist() == ["ok", "ok"]
-    assert 0.0 < rows.loc["anctmm", "error"] < 0.6 * rows.loc["ballistic", "error"]
-    assert rows.loc["ballistic", ["dofs", "steps"]].tolist() == [2, 10]
+    common = {"integrator": "generalized-alpha", "t_end": 0.1, "output_dt": 0.01}
+    explicit = Trial(FALL.scene, "ballistic", (4,), dt=1e-2, **common | {"integrator": "zhai"})
+    trials = [explicit, *product(FALL.scene, ["anctmm", *BROKEN_PACKAGES], [(4,)], [1e-2], **common)]
+    found = dict(zip([t.solver for t in trials], Runner().solve_many(trials), strict=True))
+    assert found["anctmm"].status.ok
+    assert found["ballistic"].status.ok
     for name, (_, _, reason) in BROKEN_PACKAGES.items():
-        assert reason in rows.loc[name, "status"]
-        assert f"'{name}'" in rows.loc[name, "status"]
-        assert np.isnan(rows.loc[name, "error"])
-
-
-def test_statics_leave_out_who_does_not_offer_them_and_name_who_is_broken(ballistic):
-    broken(ballistic, "raises", "nothing")
-    schemes = (
-        StaticScheme("cable", "full", ("anctmm",), ((4,),)),
-        StaticScheme("cable", "reduced", ("anctmm",), ((4,),)),
-    )
-    asked = Options(solvers=("anctmm", "ballistic", "raises", "nothing"))
-    frame = static_sweep([cantilever_tip_force(1.0)], schemes, asked, Runner(None, repeats=1)).frame
-    assert frame["solver"].tolist() == ["anctmm", "raises", "nothing", "anctmm"]
-    status = dict(zip(frame["solver"], frame["status"], strict=True))
-    assert "no licence" in status["raises"]
-    assert "solver 'nothing' has no solve_static beside it" in status["nothing"]
+        assert not found[name].status.ok
+        assert reason in str(found[name].status)
 
 
 @pytest.mark.parametrize("name", BROKEN_PACKAGES)
@@ -192,19 +166,6 @@ def test_a_broken_package_is_named_and_the_others_go_on(site, name):
     with pytest.raises(PluginError, match=re.escape(BROKEN_PACKAGES[name][2])):
         registry.solver(name)(FALL.scene, RUN)
     assert registry.solver("anctmm")(FALL.scene, RUN).status.ok
-
-
-def test_conformance_tells_what_the_template_does_not_do(ballistic):
-    found = {f.rule: f for f in conform("ballistic")}
-    assert {rule for rule, f in found.items() if f.verdict == BROKEN} == {
-        "units: Pa, kg",
-        "failure",
-        "limits",
-    }
-    assert (
-        "lacks 'damping' (Kelvin-Voigt damping of materials), but answers with status ok"
-        in found["limits"].measured
-    )
 
 
 def test_conform_exits_with_1_and_with_2_for_who_is_not_there(ballistic):
@@ -244,10 +205,10 @@ def test_an_offer_that_is_none_is_named(site):
         registry.solver("nobody")
 
 
-def test_an_answer_kept_in_a_cache_is_not_that_of_an_edited_plug_in(ballistic, tmp_path):
+def test_a_stored_answer_is_not_that_of_an_edited_plug_in(ballistic, tmp_path):
     case = Trial(FALL.scene, "ballistic", (4,), integrator="zhai", dt=1e-2, t_end=0.1, output_dt=0.01)
-    first = Runner(tmp_path / "runs", repeats=1)
-    key = first.key(case)
-    assert first.solve(case).solution.status.ok
+    key = Runner(tmp_path / "runs").key(case)
+    assert key
+    assert Runner(tmp_path / "runs").key(case) == key
     (ballistic / "ballistic.py").write_text((ballistic / "ballistic.py").read_text() + "\n# edited\n")
-    assert Runner(tmp_path / "runs", repeats=1).key(case) != key
+    assert Runner(tmp_path / "runs").key(case) != key

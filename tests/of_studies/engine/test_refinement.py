@@ -13,16 +13,16 @@ from anctmm.results.ended_early import nothing
 from anctmm.results.status import Status
 from anctmm.solution import LagrangeField
 from studies.cases import cases_in, find_case
-from studies.engine.accuracy.digits import Value, rounded, values_of
-from studies.engine.accuracy.refinement import Refinement, Setup, coarsest_mesh
-from studies.engine.measuring.setting import stable_step
+from studies.engine.meshes import coarsest_mesh, stable_step
+from studies.engine.refinement import Refinement, Setup
 from studies.engine.runner import Runner
+from studies.engine.values import Value, rounded, values_of
 
 CASES = [(file, case.name) for file in FILES for case in cases_in(file)]
 
 
 def levels(file, name=None, **options):
-    return Refinement(find_case(file, name), Setup(**options), Runner(None, repeats=1))
+    return Refinement(find_case(file, name), Setup(**options), Runner(None))
 
 
 @cache
@@ -91,10 +91,10 @@ def test_explicit_steps_that_are_chosen_are_stable(scene):
     """Springs, dampers and damping of materials shorten them, and are all there is where nothing bends."""
     place = "m.center" if scene.name == "mass" else "b.end"
     case = at.Case(scene, [place], t_end=2e-4, output_dt=1e-4)
-    found = Refinement(case, Setup(integrator="zhai"), Runner(None, repeats=1))
+    found = Refinement(case, Setup(integrator="zhai"), Runner(None))
     first = found.trial(0, 0)
     assert at.solve(first.scene, first.run()).status.ok
-    limit = stable_step(scene, first.by_body, {})
+    limit = stable_step(scene, first.by_body, 1.0)
     too_long = at.Discretisation(mesh=first.by_body, integrator="zhai", dt=1.3 * limit, t_end=1.3 * limit)
     with pytest.raises(StabilityError):
         at.solve(scene, too_long)
@@ -129,7 +129,7 @@ def test_orders_are_those_of_theory():
 
 
 def test_what_is_given_is_not_refined():
-    case, runner = find_case(DOUBLE_PENDULUM), Runner(None, repeats=1)
+    case, runner = find_case(DOUBLE_PENDULUM), Runner(None)
     found = Refinement(case, Setup(), runner, meshes=[(3,)]).refined(1e-2)
     assert found.trial.mesh == (3,)
     assert found.mesh.error == 0.0 < found.step.error <= 1e-2
@@ -143,7 +143,7 @@ def test_what_is_given_is_not_refined():
 
 def test_a_target_out_of_reach_is_told():
     case = find_case(THREE_SUPPORTS)
-    found = Refinement(case, Setup(), Runner(None, repeats=1), most_work=3e3).refined(1e-6)
+    found = Refinement(case, Setup(), Runner(None), most_work=3e3).refined(1e-6)
     assert not found.reached
     assert found.error > 1e-6
     assert "more than 3e+03 elements times steps" in found.reason
@@ -166,7 +166,7 @@ def test_where_longer_steps_fail_a_shorter_one_is_tried_on_the_same_mesh():
     """A finer mesh would need shorter steps again, and runs became too long before any error was known."""
     beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e9, density=1000.0))
     case = at.Case(at.Scene("s", [beam], gravity=(0.0, -1.0)), ["b.end"], t_end=1.0, output_dt=0.1)
-    runner = Runner(None, repeats=1, resolve=lambda name: fails_by_long_steps)
+    runner = Runner(None, resolve=lambda name: fails_by_long_steps)
     found = Refinement(case, Setup(), runner, most_work=2e4).refined(1e-3)
     assert found.reached, found.reason
     mesh, step = found.trial.mesh[0], found.trial.dt
@@ -183,7 +183,7 @@ def test_finer_meshes_that_end_early_are_told():
 
     beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e9, density=1000.0))
     case = at.Case(at.Scene("s", [beam], gravity=(0.0, -1.0)), ["b.end"], t_end=1.0, output_dt=0.1)
-    runner = Runner(None, repeats=1, resolve=lambda name: fails_on_finer_meshes)
+    runner = Runner(None, resolve=lambda name: fails_on_finer_meshes)
     found = Refinement(case, Setup(), runner, most_work=2e4).refined(1e-4)
     assert found.solution.status.ok
     assert "ends early (diverged: element 1 is turned inside out), and" in found.reason
@@ -202,7 +202,7 @@ def test_a_law_that_raises_an_error_ends_the_search():
     hinge = at.RotationalSpring("bar.o", law=law)
     scene = at.Scene("bar", [bar], [at.Pin("bar.o")], connectors=[hinge], gravity=(0.0, -9.81))
     case = at.Case(scene, ["bar.tip"], t_end=0.5, output_dt=0.05)
-    found = Refinement(case, Setup(), Runner(None, repeats=1)).refined(1e-3)
+    found = Refinement(case, Setup(), Runner(None)).refined(1e-3)
     assert not found.reached
     assert "ValueError: the law is at its end" in found.reason
     assert found.levels.runs == 1
@@ -303,7 +303,7 @@ def test_a_place_that_rests_by_symmetry_has_no_error_of_its_own():
     joints = [at.Clamp("l.start"), at.Weld("l.end", "r.start"), at.Clamp("r.end")]
     loads = [at.Force(("l", 0.5), (3.0, 7.0)), at.Force(("r", 0.5), (-3.0, -7.0))]
     case = at.Case(at.Scene("sym", halves, joints, loads=loads), ["l.end", ("l", 0.5)], t_end=None)
-    found = Refinement(case, Setup(), Runner(None, repeats=1)).refined(1e-2)
+    found = Refinement(case, Setup(), Runner(None)).refined(1e-2)
     assert found.reached, found.reason
     exact = at.solve_static(case.scene, mesh=128).displacement(("l", 0.5))[-1]
     assert found.solution.displacement(("l", 0.5))[-1] == pytest.approx(exact, rel=1e-2)
@@ -317,14 +317,12 @@ def test_rigid_bodies_and_point_masses_take_no_elements():
     joints = [at.Clamp("arm.start"), at.Pin("arm.end", "plate.a")]
     scene = at.Scene("arm and plate", [arm, plate], joints, gravity=(0.0, -9.81))
     case = at.Case(scene, ["arm.end", "plate.b"], t_end=0.1, output_dt=0.01)
-    found = Refinement(case, Setup(), Runner(None, repeats=1)).refined(1e-2)
+    found = Refinement(case, Setup(), Runner(None)).refined(1e-2)
     assert found.reached
     assert len(found.trial.mesh) == 1
     assert {value.probe for value in values_of(found)} == {"arm.end", "plate.b"}
     spring = at.Spring("bob.center", (0.0, 0.0), stiffness=50.0)
     bob = at.Scene("bob", [at.PointMass("bob", 1.0, (1.0, 0.0))], connectors=[spring], gravity=(0.0, -9.81))
-    found = Refinement(at.Case(bob, ["bob.center"], t_end=0.5), Setup(), Runner(None, repeats=1)).refined(
-        1e-3
-    )
+    found = Refinement(at.Case(bob, ["bob.center"], t_end=0.5), Setup(), Runner(None)).refined(1e-3)
     assert found.reached
     assert found.mesh.error == 0.0 < found.step.error

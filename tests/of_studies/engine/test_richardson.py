@@ -5,7 +5,7 @@ from math import isnan
 
 import pytest
 
-from studies.engine.accuracy.richardson import SAFETY, UNSURE, Spacing, left_in, part_of
+from studies.engine.richardson import SAFETY, UNSURE, Spacing, left_in, part_of
 
 SIZES = {
     "halved": (4.0, 2.0, 1.0),

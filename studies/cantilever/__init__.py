@@ -1,1 +1,0 @@
-"""Large deflections against exact solutions; a fall under gravity."""

@@ -1,1 +1,0 @@
-"""How does an error fall with mesh and step?"""

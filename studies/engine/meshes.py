@@ -1,0 +1,119 @@
+"""Automatic meshes and steps of a case: the coarsest ones that fit it, and the longest stable explicit step."""
+
+from fractions import Fraction
+from math import ceil, inf, lcm
+from typing import Any
+
+import anctmm as at
+from anctmm.elements.kinds import KINDS
+from anctmm.errors import AnctmmError, StepError
+from anctmm.model.case import Case
+from anctmm.model.scene import Beam, Scene
+from studies.engine.trials import Mesh
+
+#: Elements of the longest beam on the coarsest mesh: of fourth order, and of others.
+COARSEST, COARSEST_OF_LOW_ORDER = 2, 4
+#: Parts of a beam at most that joints between its ends are looked for in.
+MOST_PARTS = 64
+#: Steps of the coarsest run at least.
+FEWEST_STEPS = 50
+#: Part of the largest stable step that explicit runs take: deformation raises the highest frequency.
+MARGIN = 0.8
+#: Halvings of a step in search of a stable one; halvings of the interval that it lies in then, to a per cent.
+MOST_HALVINGS, BISECTIONS = 60, 6
+
+
+def parts_of(scene: Scene, beam: Beam) -> int:
+    """Smallest number of equal elements with nodes at all joints between the ends of a beam; 1 if there is none."""
+    places = [scene.place(end) for joint in scene.joints for end in joint.ends]
+    inside = [float(p.key) for p in places if p.interior and p.body.name == beam.name]
+    found = [Fraction(f).limit_denominator(MOST_PARTS) for f in inside]
+    parts = lcm(*(f.denominator for f in found)) if found else 1
+    fits = parts <= MOST_PARTS and all(abs(f - float(g)) < 1e-9 for f, g in zip(inside, found, strict=True))
+    return parts if fits else 1
+
+
+def coarsest_mesh(case: Case, element: str) -> Mesh:
+    """A few elements for each beam, by its length and its joints."""
+    kind = KINDS[element]
+    beams = case.scene.beams
+    if kind.rigid or not beams:
+        return (1,) * max(len(beams), 1)
+    most = COARSEST if kind.order >= 4.0 else COARSEST_OF_LOW_ORDER
+    longest = max(beam.length for beam in beams)
+    wanted = [ceil(most * beam.length / longest * (1.0 - 1e-9)) for beam in beams]
+    return tuple(
+        parts * ceil(n / parts)
+        for n, parts in zip(wanted, (parts_of(case.scene, b) for b in beams), strict=True)
+    )
+
+
+def halfway(case: Case, mesh: Mesh) -> Mesh | None:
+    """A mesh of half as many elements more, where that puts nodes at all joints."""
+    finer = tuple(3 * n // 2 for n in mesh)
+    fits = all(n % parts_of(case.scene, beam) == 0 for n, beam in zip(finer, case.scene.beams, strict=True))
+    return finer if fits else None
+
+
+def longest_step(case: Case, limit: float = inf) -> float:
+    """The longest step to begin with, s: a whole part of the interval of output, no longer than a limit."""
+    limit = min(limit, case.duration / FEWEST_STEPS)
+    return case.interval / _parts(case.interval / limit * (1.0 - 1e-9))
+
+
+def step_below(case: Case, limit: float) -> float:
+    """The largest step below a limit that divides the interval of output, s."""
+    return case.interval / ceil(case.interval / limit * (1.0 - 1e-9))
+
+
+def stable_step(scene: Scene, mesh: Any, longest: float, **options: Any) -> float:
+    """Largest explicit step of ANC–TMM that it does not refuse as unstable, s, to a per cent.
+
+    Parameters
+    ----------
+    scene : Scene
+    mesh : int or mapping of beam to int
+    longest : float
+        s; the answer is infinite if it is stable.
+    **options
+        Further fields of the discretisation: element, quadrature.
+
+    Raises
+    ------
+    AnctmmError
+        If the scene has no explicit runs.
+    """
+
+    def stable(dt: float) -> bool:
+        try:
+            at.solve(scene, mesh=mesh, integrator="zhai", dt=dt, t_end=dt, output_dt=dt, **options)
+        except StepError:
+            return False
+        return True
+
+    if stable(longest):
+        return inf
+    above, below = longest, longest / 2.0
+    for _ in range(MOST_HALVINGS):
+        if stable(below):
+            break
+        above, below = below, below / 2.0
+    for _ in range(BISECTIONS):
+        middle = (above * below) ** 0.5
+        above, below = (above, middle) if stable(middle) else (middle, below)
+    return below
+
+
+def explicit_limit(case: Case, mesh: Any, **options: Any) -> float:
+    """A safe explicit step of a case, s; infinite where nothing vibrates, or where the solver itself must answer."""
+    try:
+        return MARGIN * stable_step(case.scene, mesh, case.interval, **options)
+    except AnctmmError:
+        return inf
+
+
+def _parts(least: float) -> int:
+    """The smallest of 1, 2, 5, 10, 20, … that is no smaller: steps that are easy to read; of many, a whole number."""
+    if least > 1000.0:
+        return ceil(least)
+    return next(n * 10**k for k in range(4) for n in (1, 2, 5) if n * 10**k >= least)

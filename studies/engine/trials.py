@@ -1,0 +1,186 @@
+"""One run of one solver; every failure becomes a solution with a status."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Any
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import AnctmmError, SolverError
+from anctmm.model.scene import Scene
+from anctmm.results.ended_early import nothing
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
+from anctmm.solvers import registry
+from anctmm.solvers.foreign_code import contained, told
+from anctmm.solvers.registry import Solver, static_of
+from studies.engine.timing import settled, undisturbed
+
+STATIC = "static"
+#: Elements of a scene without beams in tables.
+NO_BEAMS = "-"
+Mesh = tuple[int, ...]
+#: Kinds of runs that this process has done, whose code is compiled and loaded.
+_warm: set[tuple[Any, ...]] = set()
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of one solver; nothing is checked before it runs, so that a bad case becomes a row, too.
+
+    Parameters
+    ----------
+    scene : Scene
+    solver : str
+        Registered name.
+    mesh : tuple of int
+        Elements of each beam in the scene's order, or one number for all.
+    element, quadrature, integrator : str
+        As in Discretisation; `integrator` "static" asks for the static equilibrium.
+    dt, t_end, output_dt : float
+        s; of no meaning for statics.
+    options : tuple of (str, value)
+        Further options of the discretisation, or of the static solver; a `tolerance` among them takes the place
+        of `dt`, which is then NaN.
+    own : tuple of (str, value)
+        Keyword arguments of the solver that no other has; not for statics.
+    """
+
+    scene: Scene
+    solver: str
+    mesh: Mesh
+    element: Any = "cable"
+    quadrature: str = "full"
+    integrator: str = "generalized-alpha"
+    dt: float = float("nan")
+    t_end: float = 0.0
+    output_dt: float = 0.0
+    options: tuple[tuple[str, Any], ...] = ()
+    own: tuple[tuple[str, Any], ...] = ()
+
+    @property
+    def cut(self) -> str:
+        """Elements of each beam as tables show them, 2/8/2; "-" without beams."""
+        return mesh_label(self.mesh) if self.scene.beams else NO_BEAMS
+
+    @property
+    def by_body(self) -> int | dict[str, int]:
+        """The mesh as the discretisation takes it."""
+        if len(self.mesh) == 1:
+            return self.mesh[0]
+        names = [body.name for body in self.scene.beams]
+        if len(names) != len(self.mesh):
+            raise SolverError(
+                f"mesh {mesh_label(self.mesh)} has {len(self.mesh)} numbers; scene {self.scene.name!r} needs "
+                f"1 or {len(names)}, for {'/'.join(names)}"
+            )
+        return dict(zip(names, self.mesh, strict=True))
+
+    @property
+    def error_controlled(self) -> bool:
+        """Whether a tolerance controls the step."""
+        return "tolerance" in dict(self.options)
+
+    @property
+    def elements(self) -> int:
+        """Number of all elements."""
+        return max(sum(self.mesh) * (len(self.scene.beams) if len(self.mesh) == 1 else 1), 1)
+
+    @property
+    def work(self) -> float:
+        """A rough measure of how long it takes: elements times steps."""
+        step = self.output_dt if self.error_controlled else self.dt
+        return self.elements * (max(self.t_end / step, 1.0) if self.t_end else 1.0)
+
+    @property
+    def label(self) -> str:
+        """The run in a few words, for progress."""
+        kinds = [self.element] if isinstance(self.element, str) else dict.fromkeys(self.element.values())
+        mesh = f" {self.cut} {'/'.join(kinds)}" if self.scene.beams else ""
+        return f"{self.scene.name}: {self.solver}{mesh} {self.integrator}"
+
+    def run(self) -> Discretisation:
+        """The discretisation of a motion; raises what Discretisation raises."""
+        step: dict[str, Any] = {} if self.error_controlled else {"dt": self.dt}
+        return Discretisation(
+            mesh=self.by_body, element=self.element, quadrature=self.quadrature, integrator=self.integrator,
+            t_end=self.t_end, output_dt=self.output_dt, **step, **dict(self.options),
+        )  # fmt: skip
+
+    def solve(self, solver: Solver) -> Solution:
+        """Run it with a solver."""
+        if self.integrator != STATIC:
+            solution = solver(self.scene, self.run(), **dict(self.own))
+        else:
+            solution = static_of(self.solver, solver)(
+                self.scene, mesh=self.by_body, element=self.element, quadrature=self.quadrature, **dict(self.options)
+            )  # fmt: skip
+        if not isinstance(solution, Solution):
+            raise SolverError(f"solver {self.solver!r} answered {told(solution)}; a Solution is needed")
+        return solution
+
+    def warm_up(self, solver: Solver) -> None:
+        """Compile and load what the run needs, by two steps (or the statics)."""
+        element = self.element if isinstance(self.element, str) else tuple(self.element.values())
+        kind = (
+            self.solver,
+            self.scene.name,
+            element,
+            self.quadrature,
+            self.integrator,
+            self.own,
+            self.error_controlled,
+        )
+        if kind not in _warm:
+            step = self.output_dt if self.error_controlled else self.dt
+            short = self if self.integrator == STATIC else replace(self, t_end=2 * step, output_dt=step)
+            short.solve(solver)
+            _warm.add(kind)
+
+
+def solved(trial: Trial, resolve: Callable[[str], Solver] = registry.solver) -> Solution:
+    """Run a case on one thread after a warm-up; of a short run the second one in a row gives the times.
+
+    Whatever fails is a solution with that status.
+    """
+
+    def solve() -> Solution:
+        solver = resolve(trial.solver)
+        with undisturbed():
+            trial.warm_up(solver)
+            return settled(lambda: trial.solve(solver))
+
+    return guarded(trial.solver, trial.scene, solve)
+
+
+def guarded(solver: str, scene: Scene, solve: Callable[[], Solution]) -> Solution:
+    """Answer of `solve`; whatever it raises becomes a solution with that status."""
+    try:
+        with contained():
+            return solve()
+    except AnctmmError as error:
+        return nothing(solver, scene, None, Status("refused", _one_line(error)))
+    except Exception as error:  # one broken solver must not end a study
+        return nothing(solver, scene, None, Status("failed", f"{type(error).__name__}: {_one_line(error)}"))
+
+
+def not_installed(status: Status) -> bool:
+    """Whether a solver did nothing since what it needs is not installed."""
+    return status.code == "unsupported" and "not installed" in status.message
+
+
+def mesh_label(mesh: Mesh) -> str:
+    """2/8/2 of (2, 8, 2)."""
+    return "/".join(map(str, mesh))
+
+
+def product(
+    scene: Scene, solvers: Iterable[str], meshes: Iterable[Mesh], steps: Iterable[float] = (float("nan"),),
+    **common: Any,
+) -> list[Trial]:  # fmt: skip
+    """Trials of solver × mesh × step, the rest in common."""
+    steps, solvers = tuple(steps), tuple(solvers)
+    return [Trial(scene, s, mesh, dt=dt, **common) for mesh in meshes for dt in steps for s in solvers]
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())

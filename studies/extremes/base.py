@@ -1,0 +1,136 @@
+"""Common start of all extremes of a case: a run that is accurate enough, and variants of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.model.case import Case
+from anctmm.results.metrics import EPS
+from anctmm.results.solution import Solution
+from anctmm.solvers import registry
+from studies.engine.pictures import Picture
+from studies.engine.refinement import Refined, Refinement, Setup, offer_of
+from studies.engine.runner import Runner
+from studies.engine.tables import Table
+from studies.engine.trials import Trial
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+#: Error to which mesh and step are refined; by whether the run is quick.
+TARGETS = {False: 1e-3, True: 1e-2}
+#: Newton's tolerance of runs that differ only by rounding or by a tiny disturbance.
+TIGHT = 1e-12
+
+
+@dataclass(frozen=True)
+class Part:
+    """One extreme: its table, a sentence with its result, and its pictures."""
+
+    table: Table
+    finding: str
+    pictures: tuple[Picture, ...] = ()
+
+
+@dataclass(frozen=True)
+class Base:
+    """A case with its refined run.
+
+    Parameters
+    ----------
+    case : Case
+    found : Refined
+        Of cables and implicit steps.
+    runner : Runner
+    quick : bool
+    peer : str
+        Another solver with the same elements, for comparison; empty without one.
+    """
+
+    case: Case
+    found: Refined
+    runner: Runner
+    quick: bool
+    peer: str
+
+    @classmethod
+    def of(cls, case: Case, runner: Runner, quick: bool) -> "Base":
+        """Refine a case."""
+        runner.heading = f"{case.name}, mesh and step: "
+        found = Refinement(case, Setup(), runner).refined(TARGETS[quick])
+        return cls(case, found, runner, quick, _peer(found, runner) if found.solution.status.ok else "")
+
+    @property
+    def trial(self) -> Trial:
+        """The refined run, with a tight tolerance of Newton's iteration."""
+        return replace(self.found.trial, options=(("newton_tolerance", TIGHT),))
+
+    @property
+    def steps(self) -> int:
+        """Steps of the refined run; of an equilibrium 1."""
+        return 1 if self.case.static else round(self.case.duration / self.trial.dt)
+
+    @property
+    def rounding(self) -> float:
+        """Rounding of a coordinate of size 1, at most: each step rounds it, implicit velocities are differences."""
+        return 4.0 * EPS * self.steps**1.5
+
+    def run(self, trial: Trial, what: str) -> Solution:
+        """Solution of a variant; whatever fails is a solution with that status."""
+        self.runner.heading = f"{self.case.name}, {what}: "
+        return self.runner.solve(trial)
+
+    def plain(self) -> Solution:
+        """The refined run once more, tightly."""
+        return self.run(self.trial, "refined run")
+
+    def row(self, what: str, **columns: Any) -> Row:
+        """A row of a table."""
+        return {"scene": self.case.name, "what": what, **columns}
+
+
+def _peer(found: Refined, runner: Runner) -> str:
+    """The first other solver that has the same elements and can do the refined run."""
+    for name in registry.names():
+        same = offer_of(name).element_of(found.trial.element) == found.trial.element
+        if name != found.trial.solver and same and runner.solve(replace(found.trial, solver=name)).status.ok:
+            return name
+    return ""
+
+
+def paths(solution: Solution, case: Case) -> Array:
+    """Displacements of the probes, (n, probes, 2), m."""
+    return np.stack([solution.displacement(probe) for probe in case.probes], axis=1)
+
+
+def size_of(u: Array) -> float:
+    """The largest displacement, m; 1 where nothing moves."""
+    return float(np.linalg.norm(u, axis=2).max(initial=0.0)) or 1.0
+
+
+def apart(
+    one: Solution, other: Solution, case: Case, length: float = 1.0, size: float | None = None
+) -> tuple[Array, Array]:
+    """Common times, and by time the largest difference of two runs at the probes over the largest displacement.
+
+    Parameters
+    ----------
+    one, other : Solution
+    case : Case
+    length : float
+        Units of length of the other in a metre; its times are taken to be those of the first.
+    size : float, optional
+        The largest displacement, m; that of the first without it.
+    """
+    u, v = paths(one, case), paths(other, case) / length
+    if case.static:  # solvers take load steps of their own
+        u, v = u[-1:], v[-1:]
+    n = min(len(u), len(v))
+    return one.t[:n], np.linalg.norm(u[:n] - v[:n], axis=2).max(axis=1, initial=0.0) / (size or size_of(u))
+
+
+def good(rows: Sequence[Row]) -> list[Row]:
+    """Rows of complete runs."""
+    return [row for row in rows if row["status"] == "ok"]

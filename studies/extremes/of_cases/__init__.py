@@ -1,1 +1,0 @@
-"""What holds at the extremes of a user's case."""

@@ -1,1 +1,0 @@
-"""Which body may be a cable or rigid, and what does that save?"""

@@ -1,0 +1,129 @@
+"""Studies of several cases: their files in CASE/STUDY, and the report of all of them."""
+
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pandas as pd
+
+from anctmm.model.case import Case
+from studies import scenes
+from studies.engine.files import atomic_write, file_name
+from studies.engine.runner import Runner
+from studies.engine.study import STUDIES, TAKEN, Options, Result, StudyError, find
+from studies.engine.tables import Table, write_machine, write_table
+from studies.report.page import page
+from studies.report.plots import write_picture
+
+#: Pictures of these studies are files of a report, too; those of all are in its page.
+DRAWN = ("trade",)
+
+
+@dataclass(frozen=True)
+class Done:
+    """A study's answer for one case; the case is empty where the study has scenes of its own."""
+
+    case: str
+    result: Result
+
+
+def run_study(name: str, options: Options, runner: Runner) -> Iterator[Done]:
+    """Answers of a study, one a case; the built-in scenes where none is given.
+
+    Raises
+    ------
+    StudyError
+        If it fits no case; of those that it does not fit standard error says why.
+    """
+    if "cases" not in TAKEN[name]:
+        yield Done("", find(name)(options, runner))
+        return
+    refused: StudyError | None = None
+    fitting = False
+    for case in options.cases or defaults(name):
+        try:
+            result = find(name)(replace(options, cases=(case,)), runner)
+        except StudyError as error:
+            refused = error
+            print(f"anctmm: {case.name} is left out: {error}", file=sys.stderr)
+            continue
+        fitting = True
+        yield Done(case.name, result)
+    if refused and not fitting:
+        raise refused
+
+
+def run_all(cases: tuple[Case, ...] | None, quick: bool, runner: Runner) -> Iterator[Done]:
+    """Answers of all studies; of cases those of the studies that take cases."""
+    fitting = 0
+    for name in STUDIES if cases is None else [n for n in STUDIES if "cases" in TAKEN[n]]:
+        try:
+            for done in run_study(name, Options(quick=quick, cases=cases), runner):
+                fitting += 1
+                yield done
+        except StudyError:
+            continue  # said already
+    if not fitting:
+        raise StudyError("no study fits the cases, as said above")
+
+
+def defaults(name: str) -> list[Case]:
+    """Built-in scenes of a study: the two that move, and for convergence equilibria with exact solutions."""
+    resting = [scenes.cantilever_tip_force(scenes.TIP_FORCES[-1]), scenes.cantilever_end_moment()]
+    return [*scenes.moving_scenes(), *(resting if name == "convergence" else [])]
+
+
+def write_study(done: Done, out: Path) -> Path:
+    """Write tables and pictures to `<out>/<case>/<study>/` and return that directory."""
+    folder = out / file_name(done.case) / done.result.name if done.case else out / done.result.name
+    folder.mkdir(parents=True, exist_ok=True)
+    for table in done.result.tables:
+        write_table(table, folder)
+    for picture in done.result.pictures:
+        write_picture(picture, folder)
+    write_machine(folder)
+    return folder
+
+
+def write_report(
+    done: Sequence[Done], folder: Path, quick: bool, words: tuple[str | None, str | None]
+) -> None:
+    """Write `<folder>/index.html`, and the tables of each study, of all cases together, beside it.
+
+    Parameters
+    ----------
+    done : sequence of Done
+    folder : Path
+    quick : bool
+    words : (str or None, str or None)
+        The file and the case as they were typed.
+    """
+    joined = [
+        join([d.result for d in done if d.result.name == name])
+        for name in dict.fromkeys(d.result.name for d in done)
+    ]
+    for result in joined:
+        for table in result.tables:
+            write_table(table, folder / result.name, readable=False)
+        for picture in result.pictures if result.name in DRAWN else ():
+            write_picture(picture, folder / result.name)
+    write_machine(folder)
+    names = list(dict.fromkeys(d.case for d in done if d.case))
+    atomic_write(folder / "index.html", page(joined, names, quick, words))
+
+
+def join(results: Sequence[Result]) -> Result:
+    """Results of one study on several cases as one; tables for that study alone are left out."""
+    tables: dict[str, Table] = {}
+    for table in (t for r in results for t in r.tables if t.place != "study"):
+        before = tables.get(table.name)
+        frames = [f for f in (before.frame if before else None, table.frame) if f is not None and len(f)]
+        notes = dict.fromkeys((*(before.notes if before else ()), *table.notes))
+        frame = pd.concat(frames, ignore_index=True) if frames else table.frame
+        tables[table.name] = replace(table, frame=frame, notes=tuple(notes))
+    every = {
+        name: tuple(dict.fromkeys(x for r in results for x in getattr(r, name)))
+        for name in ("findings", "assumptions", "pictures", "answers")
+    }
+    return replace(results[0], tables=tuple(tables.values()), **every)  # type: ignore[arg-type]

@@ -1,1 +1,0 @@
-"""One run of one case: its results and their uncertainty."""
