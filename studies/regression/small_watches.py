@@ -274,8 +274,7 @@ def _read_besides() -> tuple[Watch, ...]:
     both: dict[str, Run] = {"zhai-forces": Forces(explicit(2, "cable")), **moving}
     static: dict[str, Run] = {f"{e}-static-forces": Forces(Static(2, e, load_steps=2)) for e in ELEMENTS}
     modes: dict[str, Run] = {
-        f"{e}-modes": Frequencies(Static(2, e, load_steps=2), at_rest=True)
-        for e in (*ELEMENTS, "quintic")
+        f"{e}-modes": Frequencies(Static(2, e, load_steps=2), at_rest=True) for e in (*ELEMENTS, "quintic")
     }
     return (
         _watch(mechanisms.linkage(), both),
@@ -292,6 +291,7 @@ def _read_besides() -> tuple[Watch, ...]:
                 small.tree(),
             )
         ),
+        _watch(small.rigid_row(), {"forces": Forces(explicit(small.RIGID_MESH, small.RIGID, dt=1e-3))}),
         _watch(small.loop(), {"quintic-forces": Forces(implicit(1, "quintic"))}),
         _watch(small.driven_row(), {"shear-forces": Forces(implicit(2, "shear"))}),
         _watch(small.angled_still(), static),
