@@ -1,4 +1,4 @@
-"""Crane: a trolley carries a load on a rope; it speeds up, and brakes, during one period of the pendulum each, and leaves no swing."""
+"""Crane: a trolley carries a load on a rope; it speeds up and brakes in one period each, and leaves no swing."""
 
 from math import pi
 

@@ -1,4 +1,4 @@
-"""Arm with a motor: a law of three lines is a motor with feedback and a limited moment; the weight keeps the arm below its target."""
+"""Arm with a motor: a law of three lines is a motor with feedback; the weight keeps the arm below its target."""
 
 from math import exp, tanh
 

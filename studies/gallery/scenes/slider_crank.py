@@ -1,4 +1,4 @@
-"""Engine: a crank that comes to speed, a rod and a piston; the reaction of the piston's pin is nearly that of rigid bars."""
+"""Engine: crank, rod and piston come to speed; the reaction of the piston's pin is nearly that of rigid bars."""
 
 import numpy as np
 
