@@ -297,7 +297,6 @@ BREAKERS = [
 @pytest.fixture
 def plugged(monkeypatch):
     """Put a solver, its statics and its offer into a module of its own, registered as "broken"."""
-
     load = registry.load
 
     def plug(solve, static, offer):

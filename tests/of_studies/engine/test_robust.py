@@ -7,8 +7,6 @@ from marks import interpreted_where
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.solvers import registry
-from studies.benchmark.peers import EXUDYN, OURS
-from studies.benchmark.precision import Point, Setting, robust
 from studies.engine.accuracy.robust import halved_errors, robust_errors
 from studies.engine.choices import choices_of
 from studies.scenes import cantilever_fall
@@ -40,19 +38,6 @@ def test_no_error_counts_as_smaller_than_that_of_steps_shorter_by_up_to_a_half()
 def test_errors_that_fall_with_the_step_are_left_as_they_are():
     steps = 2.0 ** -np.arange(0.0, 6.0, 0.5)
     np.testing.assert_array_equal(halved_errors(pd.Series(steps**2), ["a"] * 12, steps), steps**2)
-
-
-def test_points_of_the_benchmark_count_with_the_error_of_the_tightest_bound():
-    def point(code, shared, own, error):
-        return Point(
-            Setting(code, "generalized-alpha", (8,), 1e-2, "full", shared, own), error, error, 1.0, "ok"
-        )
-
-    exact = [point(OURS, TIGHT, (), 2e-3), point(EXUDYN, (), (), 4e-3)]
-    lucky = [point(OURS, LOOSE, (), 1e-3), point(EXUDYN, (), (("tolerances", (1e-3, 1e-5)),), 3e-3)]
-    found = robust([*lucky, *exact])
-    assert [p.error for p in found] == [2e-3, 4e-3, 2e-3, 4e-3]
-    assert [p.measured_error for p in found] == [1e-3, 3e-3, 2e-3, 4e-3]
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,6 @@ from typer.testing import CliRunner
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from studies.benchmark.peers import EXUDYN, OURS
-from studies.benchmark.precision import races, settings
 from studies.cli import app
 from studies.engine.accuracy.dynamics import cases_of, reference_of
 from studies.engine.choices import choices_of, read, written
@@ -253,13 +251,6 @@ def test_every_solver_has_every_freedom(element, quick):
         assert all(settings == ours for settings in tried.values())
         assert all(len(choices) >= len(chosen["anctmm"]) > 1 for choices in chosen.values())
         assert all(chosen[solver] == set(choices_of(solver)) for solver in chosen)
-
-
-def test_the_benchmark_tries_the_same_choices():
-    race = races(True)[0]
-    for solver in (OURS, EXUDYN):
-        implicit = [s for s in settings(race, solver, True) if s.integrator == "generalized-alpha"]
-        assert {(s.shared, s.own) for s in implicit} == set(choices_of(solver))
 
 
 def test_keyword_arguments_are_written_and_read_alike():
