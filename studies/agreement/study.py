@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import flexible
-from anctmm.errors import AnctmmError
+from anctmm.errors import AnctmmError, UnsupportedError
 from anctmm.model.needs import needs
 from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
@@ -94,6 +94,8 @@ def _runs(
         )  # fmt: skip
         try:
             found = solve(base.scene, run)
+        except UnsupportedError:
+            continue
         except AnctmmError as error:
             yield used, str(error)
             continue

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from anctmm.errors import AnctmmError
+from anctmm.model.needs import needs
 from anctmm.solvers import registry
 from studies.benchmark.contests import DENSE, EXUDYN, OURS, SPARSE, Contest, contests, lengths
 from studies.benchmark.timing import Sample, in_turn, sampled, summary
@@ -43,10 +44,7 @@ def measured(
         calls: dict[str, Callable[[], Any]] = {}
         for name in contest.solvers:
             call = partial(_solve, name, contest)
-            try:
-                status = sampled(call).status
-            except AnctmmError as error:
-                status = f"refused: {error}"
+            status = _why_not(name, contest) or _status(call)
             if status == "ok":
                 calls[name] = call
             else:
@@ -56,6 +54,20 @@ def measured(
             rows.append({**head, "solver": name, **summary(samples, base, contest.elements)})
             raw += [_raw(head, name, contest, k, sample) for k, sample in enumerate(samples)]
     return rows, raw
+
+
+def _why_not(name: str, contest: Contest) -> str:
+    """Why a solver is not timed on a scene: it declares features that it has for verification, not for speed."""
+    offer = registry.offer_of(registry.load(name))
+    slow = sorted(offer.slow_with & {feature for feature, _ in needs(contest.scene)})
+    return f"not timed: {', '.join(slow)} are not made for speed" if slow else ""
+
+
+def _status(call: Callable[[], Any]) -> str:
+    try:
+        return sampled(call).status
+    except AnctmmError as error:
+        return f"refused: {error}"
 
 
 def _solve(name: str, contest: Contest) -> Any:
