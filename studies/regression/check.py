@@ -308,7 +308,8 @@ def _unlike(computed: History, stored: History) -> str | None:
     """Why two histories have no common samples; None if they have."""
     if computed.columns != stored.columns:
         now, before = ([c.label for c in h.columns] for h in (computed, stored))
-        return f"stored are {before}; now there are {now}"
+        gone, come = [c for c in before if c not in now], [c for c in now if c not in before]
+        return f"columns have changed: {', '.join(gone) or 'none'} are gone, {', '.join(come) or 'none'} are new"
     if not set(stored.ending.split(", ")) <= set(computed.ending.split(", ")):
         return f"it ended with {stored.ending or 'ok'}; now with {computed.ending or 'ok'}"
     t, times = computed.t, stored.t

@@ -25,6 +25,7 @@ UNITS = {
     "strain energy": "J",
     "potential energy": "J",
     "work": "J",
+    "dissipated energy": "J",
     "load factor": "1",
     "reaction": "N",
     "reaction moment": "N m",

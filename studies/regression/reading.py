@@ -212,6 +212,9 @@ def _forces(found: Solution) -> Columns:
         turning = isinstance(connector, RotationalSpring)
         quantity = "spring moment" if turning else "tension"
         yield Column(quantity, f"connector {k}"), found.tension(connector)
+    lost = found.energy.dissipated
+    if np.any(lost != 0.0) and np.isfinite(lost).all():
+        yield Column("dissipated energy"), lost
 
 
 def _is_rigid(found: Solution, beam: Beam) -> bool:

@@ -277,7 +277,10 @@ def _read_besides() -> tuple[Watch, ...]:
         f"{e}-modes": Frequencies(Static(2, e, load_steps=2), at_rest=True) for e in (*ELEMENTS, "quintic")
     }
     return (
-        _watch(mechanisms.linkage(), both),
+        _watch(
+            mechanisms.linkage(),
+            {**both, "esdirk-forces": Forces(implicit(2, "cable", steps=10, integrator="esdirk"))},
+        ),
         *(
             _watch(scene, moving)
             for scene in (
