@@ -134,7 +134,7 @@ def findings(pairs: pd.DataFrame) -> tuple[str, ...]:
     known = pairs[pairs["same_element"] & pairs["difference"].notna()] if len(pairs) else pairs
     if known.empty:
         return ()
-    worst = known.loc[known["difference"].idxmax()]
+    worst = known.sort_values("difference").iloc[-1]
     count = len({*known["solver"], *known["other"]})
     other = pairs[~pairs["same_element"] & (pairs["solver"] == pairs["solver"].iloc[0])]
     return (

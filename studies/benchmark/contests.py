@@ -79,7 +79,7 @@ def _paper(quick: bool) -> Iterator[Contest]:
 
 def _kinds(quick: bool) -> Iterator[Contest]:
     """Scenes of several kinds, by both solvers of the same equations."""
-    for name, scene, mesh in scenes(10 if quick else 100):
+    for name, scene, mesh in scenes(10 if quick else 40):
         for explicit in (True, False):
             yield _contest(name, scene, mesh, explicit, (OURS, SPARSE), quick)
 

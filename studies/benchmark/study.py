@@ -15,7 +15,7 @@ from studies.benchmark.contests import DENSE, EXUDYN, OURS, SPARSE, Contest, con
 from studies.benchmark.timing import Sample, in_turn, sampled, summary
 
 #: Measured rounds, by whether the run is quick.
-ROUNDS = {False: 9, True: 3}
+ROUNDS = {False: 7, True: 3}
 NOTES = (
     "CPU times on one thread, garbage collection off; contestants in turn after one unmeasured round; medians of the "
     "rounds, spread: (largest − smallest) / median. ratio: of a solver's time to ANC-TMM's, median over the rounds.",

@@ -82,7 +82,7 @@ def picture(names: Mapping[str, Any], found: Solution) -> Figure:
     """Positions, and curves beside them."""
     curves = names.get("curves")
     figure = Figure(figsize=(6.4 if curves else 4.0, 2.8), layout="constrained")
-    left, *others = np.atleast_1d(figure.subplots(1, 2 if curves else 1))
+    left, *others = figure.subplots(1, 2 if curves else 1, squeeze=False)[0]
     _positions(left, found, names["CASES"][0].probes[0])
     for axes in others:
         xlabel, x, ylabel, lines = names["curves"](found)

@@ -5,13 +5,13 @@ equations also with the displacements stored for ANC-TMM, within both tolerances
 """
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from importlib.metadata import PackageNotFoundError, version
-from itertools import zip_longest
+from importlib.metadata import distributions
+from itertools import chain, zip_longest
 from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
 from platform import machine, python_version, system
@@ -70,23 +70,7 @@ class Worst:
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one comparison.
-
-    Parameters
-    ----------
-    name : str
-        scene/run/solver.
-    verdict : str
-    reason : str
-        Whatever the numbers do not say.
-    against : str
-        Whose stored history it was compared with.
-    worst : Worst, optional
-    computed, stored : optional
-        The two histories.
-    wall_s : float
-        Of the run.
-    """
+    """The outcome of one comparison: of scene/run/solver, with the stored history of the solver `against`."""
 
     name: str
     verdict: str
@@ -153,7 +137,7 @@ def passed(findings: Sequence[Finding]) -> bool:
 def check(
     tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1, file: str = ""
 ) -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and compare.
+    """Run tasks and compare: findings of each task, and at last of the stored histories without one.
 
     Parameters
     ----------
@@ -167,11 +151,6 @@ def check(
     file : str
         Name of the file that declares the tasks: histories that belong to another file need no task.
 
-    Returns
-    -------
-    iterator of tuple of Finding
-        Of each task, and at last of the stored histories without one.
-
     Raises
     ------
     CheckError
@@ -180,25 +159,31 @@ def check(
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
     others = _unasked(tasks, baselines, file) if whole else ()
+    found: Iterator[tuple[Finding, ...]]
     if workers < 2 or len(tasks) < 2 or "fork" not in get_all_start_methods():
-        return _then((_checked(task, baselines) for task in tasks), others)
-    groups = _groups(tasks)
-    # children are copies of this process with its scenes, which need not be picklable; they begin at once, before any
-    # thread that shows progress
-    pool = ProcessPoolExecutor(workers, get_context("fork"), _share, (groups, baselines))
-    jobs = {pool.submit(_job, k): group for k, group in enumerate(groups)}
-    return _then(_results(pool, jobs), others)
+        found = (_checked(task, baselines) for task in tasks)
+    else:
+        found = _side_by_side(_groups(tasks), baselines, workers)
+    return chain(found, [others] if others else [])
 
 
-def _then(found: Iterable[tuple[Finding, ...]], others: tuple[Finding, ...]) -> Iterator[tuple[Finding, ...]]:
-    yield from found
-    if others:
-        yield others
+#: Groups of tasks that processes begun from this one know: scenes need not be picklable.
+_shared: list[list[Task]] = []
 
 
-def _results(pool: ProcessPoolExecutor, jobs: dict) -> Iterator[tuple[Finding, ...]]:  # type: ignore[type-arg]
-    """Findings of each task as they come; where a process has died, those of all that was not done."""
-    try:
+def _side_by_side(groups: list[list[Task]], baselines: Path, workers: int) -> Iterator[tuple[Finding, ...]]:
+    """Findings as they come. Processes begin at once, before any thread that shows progress: copies of it may hang."""
+    _shared[:] = groups
+    pool = ProcessPoolExecutor(workers, get_context("fork"))
+    jobs = {pool.submit(_job, k, baselines): group for k, group in enumerate(groups)}
+    return _as_they_come(pool, jobs)
+
+
+def _as_they_come(
+    pool: ProcessPoolExecutor, jobs: dict["Future[list[tuple[Finding, ...]]]", list[Task]]
+) -> Iterator[tuple[Finding, ...]]:
+    """Findings of each task; where a process has died, those of all that was not done."""
+    with pool:
         for job in as_completed(jobs):
             try:
                 yield from job.result()
@@ -206,21 +191,10 @@ def _results(pool: ProcessPoolExecutor, jobs: dict) -> Iterator[tuple[Finding, .
                 yield from (
                     (Finding(task.name, FAILED, f"its process has died: {error}"),) for task in jobs[job]
                 )
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
-#: Of a process that checks: all groups of tasks, and the directory of the stored histories.
-_shared: tuple[list[list[Task]], Path] = ([], BASELINES)
-
-
-def _share(groups: list[list[Task]], baselines: Path) -> None:
-    global _shared
-    _shared = groups, baselines
-
-
-def _job(k: int) -> list[tuple[Finding, ...]]:
-    return [_checked(task, _shared[1]) for task in _shared[0][k]]
+def _job(k: int, baselines: Path) -> list[tuple[Finding, ...]]:
+    return [_checked(task, baselines) for task in _shared[k]]
 
 
 def _groups(tasks: Sequence[Task]) -> list[list[Task]]:
@@ -309,15 +283,17 @@ def _unlike(computed: History, stored: History) -> str | None:
     if computed.columns != stored.columns:
         now, before = ([c.label for c in h.columns] for h in (computed, stored))
         gone, come = [c for c in before if c not in now], [c for c in now if c not in before]
-        return f"columns have changed: {', '.join(gone) or 'none'} are gone, {', '.join(come) or 'none'} are new"
+        return (
+            f"columns have changed: {', '.join(gone) or 'none'} are gone, {', '.join(come) or 'none'} are new"
+        )
     if not set(stored.ending.split(", ")) <= set(computed.ending.split(", ")):
         return f"it ended with {stored.ending or 'ok'}; now with {computed.ending or 'ok'}"
     t, times = computed.t, stored.t
     if len(times) and (
         t.shape != times.shape or not np.abs(t - times).max() <= 1e-9 * max(times[-1], 1e-300)
     ):
-        now, before = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
-        return f"stored times are {before}; now there are {now}"
+        found, kept = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
+        return f"stored times are {kept}; now there are {found}"
     return None
 
 
@@ -399,20 +375,9 @@ def _owner(path: Path) -> str:
 
 
 def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and store what is new or differs; a history within its tolerance is left as it is.
+    """Run tasks and store what is new or differs; parameters as of `check`.
 
-    Parameters
-    ----------
-    tasks : sequence of Task
-    baselines : Path
-        Directory of the stored histories.
-    file : str
-        Name of the file that declares the tasks: their histories say that they belong to it.
-
-    Yields
-    ------
-    tuple of Finding
-        Of each task: what changed and by how much. A run that is not whole is not stored.
+    A history within its tolerance is left as it is, and a run that is not whole is not stored.
 
     Raises
     ------
@@ -475,14 +440,11 @@ def _blind(task: Task, stored: Baseline) -> str:
 
 def _made_by() -> str:
     """Machine and versions."""
-    found = []
-    for library in ("anctmm", "numpy", "scipy", "numba", "exudyn"):
-        try:
-            found.append(f"{library} {version(library)}")
-        except PackageNotFoundError:
-            found.append(f"{library} missing")
-    cores = f"{os.cpu_count()} cores, {system()} {machine()}, Python {python_version()}"
-    return ", ".join([cores, *found])
+    known = {d.metadata["Name"]: d.version for d in distributions()}
+    found = [
+        f"{name} {known.get(name, 'missing')}" for name in ("anctmm", "numpy", "scipy", "numba", "exudyn")
+    ]
+    return ", ".join([f"{os.cpu_count()} cores, {system()} {machine()}, Python {python_version()}", *found])
 
 
 # --- words ---------------------------------------------------------------------------------------------------

@@ -108,18 +108,7 @@ class Compared:
 
 @dataclass(frozen=True)
 class Frequencies:
-    """Natural modes, about the start or an equilibrium.
-
-    Parameters
-    ----------
-    run : Static
-        Mesh and element, and how the equilibrium is found.
-    count : int
-    at_rest : bool
-        Whether the modes are those about the equilibrium.
-    spin : float
-        Rate of a steady rotation, rad/s.
-    """
+    """Natural modes about the start, about the equilibrium of `run` (at_rest), or in a steady spin (rad/s)."""
 
     run: Static
     count: int = 6

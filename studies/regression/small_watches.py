@@ -96,9 +96,9 @@ def _both(scene: Scene, mesh: Any = 2, explicitly: tuple[str, ...] = ELEMENTS) -
 
 
 def _explicit() -> tuple[Watch, ...]:
+    rules = {f"cable-{rule}-zhai": explicit(2, "cable", quadrature=rule) for rule in ("reduced", "lobatto")}
     options: dict[str, Run] = {
-        f"cable-{rule}-zhai": explicit(2, "cable", quadrature=rule) for rule in ("reduced", "lobatto")
-    } | {
+        **rules,
         "cable-zhai-0.7": explicit(2, "cable", psi=0.7, phi=0.7),
         "shear-zhai-0.7": explicit(2, "shear", psi=0.7, phi=0.7),
         "cable-zhai-0.6-0.4": explicit(2, "cable", psi=0.6, phi=0.4, check_stability=False),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from anctmm.model.scene import Beam, Point, PointMass, RigidBody, Scene, Spring, Torque
+from anctmm.model.scene import Beam, Point, PointMass, Prismatic, RigidBody, Scene, Slider, Spring, Torque
 from studies.regression.history import UNITS, Baseline, History, Tolerance, physics_of
 from studies.regression.reading import answered
 from studies.regression.scenes import ARC_LENGTH, CheckError, Static, Task, iterations_of
@@ -184,7 +184,8 @@ def turned(scene: Scene, angle: float) -> Scene:
         scene,
         bodies=tuple(map(body, scene.bodies)),
         joints=tuple(
-            replace(j, direction=vector(j.direction)) if hasattr(j, "direction") else j for j in scene.joints
+            replace(j, direction=vector(j.direction)) if isinstance(j, Slider | Prismatic) else j
+            for j in scene.joints
         ),
         loads=tuple(
             load if isinstance(load, Torque) else replace(load, value=of_time(load.value))
