@@ -94,12 +94,12 @@ def junit(findings: Sequence[Finding]) -> str:
             name = solver + (f" against {f.against}" if f.against not in ("", solver) else "")
             about = {"name": name, "classname": f"{scene}.{run}", "time": f"{f.wall_s:.3f}"}
             case = ElementTree.SubElement(suite, "testcase", about)
-            told = "".join(
-                c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in _told(f)
+            text = "".join(
+                c if c.isprintable() or c == "\n" else "\N{REPLACEMENT CHARACTER}" for c in _in_words(f)
             )
             if outcome := _outcome(f):
-                ElementTree.SubElement(case, outcome, message=told, type=f.verdict)
-            ElementTree.SubElement(case, "system-out").text = told
+                ElementTree.SubElement(case, outcome, message=text, type=f.verdict)
+            ElementTree.SubElement(case, "system-out").text = text
     return ElementTree.tostring(xml, encoding="unicode", xml_declaration=True)
 
 
@@ -143,13 +143,13 @@ def _cells(f: Finding) -> list[str]:
     return [first, *numbers, w.column.where or w.column.quantity, f"{w.time:.4g}", f.verdict]
 
 
-def _told(f: Finding) -> str:
+def _in_words(f: Finding) -> str:
     if f.worst is None:
         return f"{f.verdict}: {f.reason}"
     w, unit = f.worst, UNITS[f.worst.column.quantity]
     where = f"{w.column.label} at {w.time:g}"
-    told = f"{f.verdict}: {w.difference:.2e} {unit} in {where}, tolerance {w.tolerance:.1e} {unit}"
-    return f"{told}; {f.reason}" if f.reason else told
+    text = f"{f.verdict}: {w.difference:.2e} {unit} in {where}, tolerance {w.tolerance:.1e} {unit}"
+    return f"{text}; {f.reason}" if f.reason else text
 
 
 def _cell(value: object) -> str:
