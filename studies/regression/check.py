@@ -250,9 +250,9 @@ def _ours(task: Task, baselines: Path) -> Baseline | None:
 
 
 def _displacements(history: History) -> History:
-    kept = [c.quantity == "displacement" for c in history.columns]
-    columns = tuple(c for c, k in zip(history.columns, kept, strict=True) if k)
-    return replace(history, columns=columns, values=history.values[:, kept])
+    keep = [c.quantity == "displacement" for c in history.columns]
+    columns = tuple(c for c, k in zip(history.columns, keep, strict=True) if k)
+    return replace(history, columns=columns, values=history.values[:, keep])
 
 
 def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
@@ -292,8 +292,8 @@ def _unlike(computed: History, stored: History) -> str | None:
     if len(times) and (
         t.shape != times.shape or not np.abs(t - times).max() <= 1e-9 * max(times[-1], 1e-300)
     ):
-        found, kept = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
-        return f"stored times are {kept}; now there are {found}"
+        found, wanted = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
+        return f"stored times are {wanted}; now there are {found}"
     return None
 
 
@@ -325,8 +325,8 @@ def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
         return Finding(task.name, NOT_RUN, absent or str(status))
     # what was stored could be run once: that the solver now says it cannot is a change
     unable = status.code == "unsupported" and not stored
-    told = str(status) if task.ends == "ok" else f"it must end as {task.ends!r}, and ended {status}"
-    return Finding(task.name, NOT_RUN if unable else FAILED, told)
+    reason = str(status) if task.ends == "ok" else f"it must end as {task.ends!r}, and ended {status}"
+    return Finding(task.name, NOT_RUN if unable else FAILED, reason)
 
 
 def _absent(solver: str) -> str:
