@@ -1,1 +1,1 @@
-"""What does a step cost, and against whom?"""
+"""Benchmark: what a step costs, beside other solvers."""

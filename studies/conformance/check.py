@@ -1,4 +1,4 @@
-"""Runs the rules of `studies.conformance.rules` on a registered solver and shows the findings."""
+"""Runs the rules on a registered solver and shows the findings."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,11 +8,12 @@ from rich.markup import escape
 from rich.table import Table
 
 from anctmm.errors import PluginError
+from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.conformance.rules import INSTALLED, LOADS, RULES, SIGNATURE, missing
-from studies.conformance.subject import BrokenRule, Rule, Subject
-from studies.engine.console import show_table
+from studies.conformance.rules import RULES, SIGNATURE, Rule, cantilever
+from studies.conformance.subject import BrokenRule, Subject
 
+LOADS, INSTALLED = "loads", "installed"
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
 STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow", NOT_INSTALLED: "yellow"}
@@ -32,10 +33,6 @@ class Finding:
 def conform(name: str) -> Iterator[Finding]:
     """Test a registered solver against every rule, a finding at a time.
 
-    Parameters
-    ----------
-    name : str
-
     Raises
     ------
     UnknownSolverError
@@ -48,8 +45,8 @@ def conform(name: str) -> Iterator[Finding]:
     except PluginError as error:
         yield Finding(LOADS, "it can be imported", str(error), "", BROKEN)
         return
-    if absent := missing(subject):
-        yield Finding(INSTALLED, "what it needs is installed", absent, "", NOT_INSTALLED)
+    if absent := _missing(subject):
+        yield Finding(INSTALLED, "the packages it needs are installed", absent, "", NOT_INSTALLED)
         yield from (Finding(rule.name, rule.asks, "", "", NOT_RUN) for rule in RULES)
         return
     called = True
@@ -57,6 +54,16 @@ def conform(name: str) -> Iterator[Finding]:
         found = judge(rule, subject) if called else Finding(rule.name, rule.asks, "", "", NOT_RUN)
         called = called and (rule.name, found.verdict) != (SIGNATURE, BROKEN)
         yield found
+
+
+def _missing(subject: Subject) -> str:
+    """What a solver says is not installed; empty if it says no such thing."""
+    try:
+        status = subject.solve(cantilever(), subject.run(t_end=0.02)).status
+    except Exception:  # whatever a broken solver does is for the rules to find
+        return ""
+    absent = isinstance(status, Status) and status.code == "unsupported" and "not installed" in status.message
+    return status.message if absent else ""
 
 
 def judge(rule: Rule, subject: Subject) -> Finding:
@@ -68,12 +75,13 @@ def judge(rule: Rule, subject: Subject) -> Finding:
     except BrokenRule as reason:
         return Finding(rule.name, rule.asks, str(reason), "", BROKEN)
     except Exception as error:  # a broken solver may raise anything
-        told = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return Finding(rule.name, rule.asks, told, "", BROKEN)
+        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return Finding(rule.name, rule.asks, said, "", BROKEN)
     if isinstance(found, str):
         return Finding(rule.name, rule.asks, found, "", HOLDS)
-    measured, allowed = f"{found.value:.2g} {found.what}", f"{found.allowed:.2g}"
-    return Finding(rule.name, rule.asks, measured, allowed, HOLDS if found.ok else BROKEN)
+    value, allowed, what = found
+    verdict = HOLDS if value <= allowed else BROKEN  # what is no number is not
+    return Finding(rule.name, rule.asks, f"{value:.2g} {what}", f"{allowed:.2g}", verdict)
 
 
 def passed(findings: Sequence[Finding]) -> bool:
@@ -87,13 +95,13 @@ def exit_code(findings: Sequence[Finding]) -> int:
 
 
 def show(name: str, findings: Sequence[Finding], console: Console) -> None:
-    """Print the table and the verdict."""
+    """Print the table and the count of each verdict."""
     shown = Table(title=f"Solver {name}", title_justify="left", box=None, padding=(0, 2, 0, 0))
     for head in ("rule", "asks", "measured", "allowed", "verdict"):
         shown.add_column(head, header_style="dim", no_wrap=head in ("rule", "verdict"))
     for f in findings:
         texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
         shown.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
-    show_table(console, shown)
+    console.print(shown)
     counts = {v: sum(f.verdict == v for f in findings) for v in STYLES}
     console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))

@@ -1,6 +1,5 @@
-"""Definition of a conformance rule, and its argument: the solver under test."""
+"""A solver under test, without the registry's own check of its answers."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -17,66 +16,17 @@ class BrokenRule(Exception):
     """A rule is violated in a way that no number describes."""
 
 
-@dataclass(frozen=True)
-class Measure:
-    """What a rule found: a number, or words where there is none to exceed.
-
-    Parameters
-    ----------
-    value, allowed : float
-        The rule holds if value ≤ allowed; what is no number is not.
-    what : str
-        Of what the number is, or what was seen.
-    """
-
-    value: float
-    allowed: float
-    what: str
-
-    @property
-    def ok(self) -> bool:
-        """Whether it is allowed."""
-        return self.value <= self.allowed
-
-
-@dataclass(frozen=True)
-class Rule:
-    """One requirement on every solver.
-
-    Parameters
-    ----------
-    name : str
-    asks : str
-        What, in words.
-    test : callable
-        Subject → Measure, or words for what was seen; raises whatever a broken solver makes it raise.
-    needs : tuple of str
-        Features without which it does not apply, of `anctmm.solvers.capabilities.FEATURES`.
-    """
-
-    name: str
-    asks: str
-    test: "Callable[[Subject], Measure | str]"
-    needs: tuple[str, ...] = ()
-
-
 @dataclass
 class Subject:
-    """A solver under test, without the registry's own check of its answers.
-
-    Parameters
-    ----------
-    name : str
-    solve : callable
-    """
+    """Name and `solve` of a solver, with what the rules ask of it; equal runs are computed once."""
 
     name: str
     solve: Solver
-    _kept: dict[Any, Solution] = field(default_factory=dict)
+    _found: dict[Any, Solution] = field(default_factory=dict)
 
     @cached_property
     def offer(self) -> Offer:
-        """What it claims."""
+        """Its declared capabilities."""
         return registry.offer_of(self.solve)
 
     @cached_property
@@ -85,18 +35,13 @@ class Subject:
         return registry.load_static(self.name, self.solve)
 
     @property
-    def integrator(self) -> str:
-        """The one the rules use: implicit where there is a choice."""
-        return self.offer.integrators[0]
-
-    @property
     def element(self) -> str:
-        """The integrator that the rules of motion use."""
+        """The element that the rules of motion use."""
         return next(iter(self.offer.limits), "cable")
 
     def run(self, **changes: Any) -> Discretisation:
-        """Discretisation of a rule's run."""
-        integrator = changes.get("integrator", self.integrator)
+        """Discretisation of a rule's run: implicit where there is a choice."""
+        integrator = changes.get("integrator", self.offer.integrators[0])
         usual = {
             "mesh": 8, "element": self.element, "integrator": integrator,
             "dt": 1e-3 if integrator == "generalized-alpha" else 2e-4, "t_end": 0.4, "output_dt": 0.01,
@@ -104,18 +49,18 @@ class Subject:
         return Discretisation(**(usual | changes))
 
     def motion(self, scene: Scene, **changes: Any) -> Solution:
-        """Solution of a scene, which must be a complete run; equal runs are computed once."""
+        """Motion of a scene; BrokenRule if it is not whole."""
         run = self.run(**changes)
-        if (scene, run) not in self._kept:
-            self._kept[scene, run] = whole(self.solve(scene, run))
-        return self._kept[scene, run]
+        if (scene, run) not in self._found:
+            self._found[scene, run] = whole(self.solve(scene, run))
+        return self._found[scene, run]
 
     def rest(self, scene: Scene, mesh: int, element: str) -> Solution:
-        """Equilibrium, requested as in the studies; it must be found."""
-        if (scene, mesh, element) not in self._kept:
+        """Equilibrium, requested as in the studies; BrokenRule if it is not found."""
+        if (scene, mesh, element) not in self._found:
             answer = self.static(scene, mesh=mesh, element=element, quadrature="full")
-            self._kept[scene, mesh, element] = whole(answer)
-        return self._kept[scene, mesh, element]
+            self._found[scene, mesh, element] = whole(answer)
+        return self._found[scene, mesh, element]
 
 
 def whole(answer: Solution) -> Solution:

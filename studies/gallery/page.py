@@ -1,70 +1,112 @@
-"""The gallery's page and pictures."""
+"""The gallery's page and pictures: `python -m studies.gallery`."""
 
-from collections.abc import Iterator
+import runpy
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from studies.engine.storage.files import atomic_write
-from studies.gallery.entry import FOLDER, PICTURES, Entry, Number, Script
-from studies.gallery.equilibria import EQUILIBRIA
-from studies.gallery.motions import MOTIONS
-from studies.report.plots import picture, write_picture
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
-ENTRIES: tuple[Entry, ...] = (*MOTIONS, *EQUILIBRIA)
-#: Width of all pictures, inch.
-WIDTH = 5.8
-PAGE = FOLDER / "README.md"
+import anctmm as at
+from anctmm.errors import SolverError
+from anctmm.results.export.pictures import LOOKS, MARKS
+from anctmm.results.export.shapes import shapes_of, supports_of
+from anctmm.results.solution import Solution
+
+FOLDER = Path(__file__).parent
+SCENES, PICTURES, PAGE = FOLDER / "scenes", FOLDER / "pictures", FOLDER / "README.md"
+#: Outputs at which bodies are drawn, and samples of a curve at most.
+SHOWN, SAMPLES = 7, 400
+FADE = mpl.colors.LinearSegmentedColormap.from_list("fade", ["#d3e6f3", "#6fb0dc", "#0072b2", "#003a5c"])
 HEAD = """# Gallery
 
-A dozen scenes, each a file of at most 25 lines, with its result and a value that is known independently.
-The tests run them all (`tests/of_studies/questions/test_gallery.py`). Each file is a case:
-`anctmm run studies/gallery/scenes/bridge.py` runs it, and the [studies](../README.md#commands) accept it, too.
+Short scenes, each a file with its settings, its curves and a value that is known independently. The tests run them all.
+Each file is a case: `anctmm run studies/gallery/scenes/bridge.py` runs it, and the studies accept it, too.
+Drawn are some positions, the last one dark, and the path of a point.
 
-`python -m studies.gallery` writes this page and its pictures, with the settings in `motions.py` and `equilibria.py`.
-A new scene needs a file in `scenes/` and an entry in one of these.
+`python -m studies.gallery` writes this page and its pictures. A new scene is a new file in `scenes/` with a docstring
+("Title: text"), `CASES`, `RUN` (the settings), `known(solution)` and, if there is more to see, `curves(solution)`.
 """
 
 
-def write(tell: Any = print) -> None:
+def scenes() -> dict[str, Mapping[str, Any]]:
+    """All files of the gallery, by name, with the names that each defines."""
+    return {path.stem: runpy.run_path(str(path)) for path in sorted(SCENES.glob("*.py"))}
+
+
+def solved(names: Mapping[str, Any]) -> Solution:
+    """The solution of a file's case with its settings.
+
+    Raises
+    ------
+    SolverError
+        If it does not end well.
+    """
+    (case,) = names["CASES"]
+    if case.static:
+        found = at.solve_static(case.scene, **names["RUN"])
+    else:
+        found = at.solve(case.scene, t_end=case.duration, output_dt=case.interval, **names["RUN"])
+    if not found.status.ok:
+        raise SolverError(f"{case.name}: {found.status}")
+    return found
+
+
+def write() -> None:
     """Run all scenes; write the pictures and the page."""
     parts = [HEAD]
-    for entry in ENTRIES:
-        script = Script(entry.name)
-        found = entry.solve(script)
-        write_picture(drawn(entry, script, found), PICTURES)
-        parts.append(section(entry, entry.number(script, found)))
-        tell(entry.name)
-    atomic_write(PAGE, "\n".join(parts))
+    for name, names in scenes().items():
+        found = solved(names)
+        with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": name, "path.simplify_threshold": 0.5}):
+            picture(names, found).savefig(PICTURES / f"{name}.svg", metadata={"Date": None})
+        parts.append(section(name, names, found))
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
 
 
-def drawn(entry: Entry, script: Script, found: Any) -> Any:
-    """The picture of a scene; it keeps the digest of its file."""
-    return picture(
-        entry.name, entry.title, lambda figure: entry.draw(figure, script, found), (WIDTH, entry.height),
-        alone=True, source=script.digest,
-    )  # fmt: skip
+def section(name: str, names: Mapping[str, Any], found: Solution) -> str:
+    """Title, text, picture and the known value of a scene."""
+    title, _, text = names["__doc__"].partition(": ")
+    what, value, known, tolerance, unit, source = names["known"](found)
+    digits = max(0, 1 - int(np.floor(np.log10(tolerance))))
+    shown, exact = (f"{x:.{digits}f} {unit}".strip() for x in (value, known))
+    return (
+        f"## {title}\n\n{text[0].upper()}{text[1:]} ([`{name}.py`](scenes/{name}.py))\n\n"
+        f"![{title}](pictures/{name}.svg)\n\n{what[0].upper()}{what[1:]}: {shown}; known: {exact} ({source}).\n"
+    )
 
 
-def section(entry: Entry, number: Number) -> str:
-    """What the page says of a scene."""
-    return "\n".join(_lines(entry, number))
+def picture(names: Mapping[str, Any], found: Solution) -> Figure:
+    """Positions, and curves beside them."""
+    curves = names.get("curves")
+    figure = Figure(figsize=(6.4 if curves else 4.0, 2.8), layout="constrained")
+    left, *others = figure.subplots(1, 2 if curves else 1, squeeze=False)[0]
+    _positions(left, found, names["CASES"][0].probes[0])
+    for axes in others:
+        xlabel, x, ylabel, lines = names["curves"](found)
+        every = max(1, len(x) // SAMPLES)
+        for label, y in lines.items():
+            axes.plot(x[::every], y[::every], "o" if isinstance(x, list) else "-", label=label, lw=1.2, ms=4)
+        axes.set(xlabel=xlabel, ylabel=ylabel)
+        if len(lines) > 1:
+            axes.legend(fontsize=7)
+    return figure
 
 
-def _lines(entry: Entry, number: Number) -> Iterator[str]:
-    unit = f" {number.unit}" if number.unit else ""
-    yield f"## {entry.title}"
-    yield ""
-    yield f"{entry.text} ([`{entry.name}.py`](scenes/{entry.name}.py))"
-    yield ""
-    yield f"![{entry.title}](pictures/{entry.name}.svg)"
-    yield ""
-    found, known = (f"{written(value, number)}{unit}" for value in (number.found, number.known))
-    yield f"{number.what[0].upper()}{number.what[1:]}: {found}; known: {known} ({number.source})."
-    yield ""
-
-
-def written(value: float, number: Number) -> str:
-    """With the digits that the tolerance leaves, and one more; a known zero as it is."""
-    if number.known == 0.0:
-        return f"{value:.0e}".replace("e-0", "e-") if value else "0"
-    digits = max(0, -int(f"{number.tolerance:e}".partition("e")[2]) + 1)
-    return f"{value:.{digits}f}".replace("-", "−")
+def _positions(axes: Axes, found: Solution, probe: Any) -> None:
+    """Bodies at several outputs, supports, and the path of a probe."""
+    outputs = np.unique(np.linspace(0, len(found.t) - 1, SHOWN).round().astype(int))
+    for number, (k, shade) in enumerate(zip(outputs, FADE(np.linspace(0.0, 1.0, len(outputs))), strict=True)):
+        for shape in shapes_of(found):
+            if shape.name or k == outputs[-1]:  # connectors at the end only
+                look = {"color": shade, "zorder": 2 + 0.1 * number, **LOOKS[shape.kind]}
+                axes.plot(*shape.points[k].T, **look)
+    for support in supports_of(found.scene):
+        axes.plot(*support.position, MARKS[support.kind], color="#3a3a40", ms=5, zorder=4)
+    path = found.position(probe)
+    axes.plot(*path[:: max(1, len(path) // SAMPLES)].T, color="#d55e00", lw=1.0, ls=(0, (4, 2)), zorder=3)
+    axes.set(xlabel="x (m)", ylabel="y (m)")
+    axes.margins(0.06)
+    axes.set_aspect("equal", adjustable="datalim")

@@ -1,44 +1,41 @@
 """Do the solvers still move as they did? Histories against stored ones: the heart of `anctmm check`.
 
 Every run is compared with its own stored history (like with like), and a peer that solves the same discrete
-equations also with what ANC-TMM has stored, within both their tolerances.
+equations also with the displacements stored for ANC-TMM, within both tolerances.
 """
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+import os
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from functools import partial
-from itertools import starmap, zip_longest
+from importlib.metadata import distributions
+from itertools import chain, zip_longest
+from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
+from platform import machine, python_version, system
 from time import perf_counter
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anctmm.errors import PluginError
+from anctmm.errors import OutputError, PluginError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.engine.running.outcomes import not_installed
-from studies.engine.running.processes import Lost, side_by_side
-from studies.engine.storage.files import check_writable
-from studies.engine.storage.provenance import stamp
 from studies.regression.history import (
-    ANGLE,
     Baseline,
     Column,
     History,
-    file_of,
+    Tolerance,
     is_ours,
     note_file,
     physics_of,
     read_baseline,
     write_baseline,
 )
-from studies.regression.readable import READABLE
-from studies.regression.scenes import TIGHT, CheckError, Static, Task, Watch
-from studies.regression.tolerance import measured, simulate
+from studies.regression.reading import READABLE, answered
+from studies.regression.scenes import TIGHT, CheckError, Static, Task, Watch, iterations_of
+from studies.regression.tolerance import measured
 
 __all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "select", "update"]
 
@@ -63,7 +60,7 @@ GOOD = {SAME, NOT_RUN, NEW, RENEWED, UNCHANGED}
 
 @dataclass(frozen=True)
 class Worst:
-    """Where two histories are farthest apart, in units of the tolerance."""
+    """The largest difference of two histories, in units of the tolerance."""
 
     column: Column
     time: float
@@ -73,23 +70,7 @@ class Worst:
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of one comparison.
-
-    Parameters
-    ----------
-    name : str
-        scene/run/solver.
-    verdict : str
-    reason : str
-        Whatever the numbers do not say.
-    against : str
-        Whose stored history it was compared with.
-    worst : Worst, optional
-    computed, stored : optional
-        What was compared.
-    wall_s : float
-        Of the run.
-    """
+    """The outcome of one comparison: of scene/run/solver, with the stored history of the solver `against`."""
 
     name: str
     verdict: str
@@ -101,34 +82,9 @@ class Finding:
     wall_s: float = 0.0
 
     @property
-    def scene(self) -> str:
-        """Name of the scene."""
-        return self.name.split("/")[0]
-
-    @property
-    def run(self) -> str:
-        """Name of the run."""
-        return self.name.split("/")[1]
-
-    @property
-    def solver(self) -> str:
-        """Name of the solver."""
-        return self.name.split("/")[2]
-
-    @property
     def good(self) -> bool:
         """Whether it lets a check pass."""
         return self.verdict in GOOD
-
-
-@dataclass(frozen=True)
-class Done:
-    """A task that was run: how it ended, and its history if it is whole."""
-
-    task: Task
-    status: Status
-    history: History | None
-    wall_s: float
 
 
 def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -> tuple[Task, ...]:
@@ -164,10 +120,24 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
     return tuple(chosen)
 
 
+def in_order(findings: Sequence[Finding], tasks: Sequence[Task]) -> list[Finding]:
+    """Findings in the order of their tasks; those of no task come last."""
+    places = {task.name: k for k, task in enumerate(tasks)}
+    return sorted(findings, key=lambda f: places.get(f.name, len(places)))
+
+
+def passed(findings: Sequence[Finding]) -> bool:
+    """Whether all is well, and anything was compared at all."""
+    return all(f.good for f in findings) and any(f.verdict != NOT_RUN for f in findings)
+
+
+# --- checking ------------------------------------------------------------------------------------------------
+
+
 def check(
     tasks: Sequence[Task], baselines: Path, whole: bool = False, workers: int = 1, file: str = ""
 ) -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and compare.
+    """Run tasks and compare: findings of each task, and at last of the stored histories without one.
 
     Parameters
     ----------
@@ -181,11 +151,6 @@ def check(
     file : str
         Name of the file that declares the tasks: histories that belong to another file need no task.
 
-    Returns
-    -------
-    iterator of tuple of Finding
-        Of each task, and at last of what nobody asked for.
-
     Raises
     ------
     CheckError
@@ -193,210 +158,154 @@ def check(
     """
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
-    groups = _groups(tasks) if workers > 1 else [(task,) for task in tasks]
-    jobs = [partial(_checked, group, baselines) for group in groups]
-    return _findings(groups, side_by_side(jobs, workers), _unasked(tasks, baselines, file) if whole else ())
+    others = _unasked(tasks, baselines, file) if whole else ()
+    found: Iterator[tuple[Finding, ...]]
+    if workers < 2 or len(tasks) < 2 or "fork" not in get_all_start_methods():
+        found = (_checked(task, baselines) for task in tasks)
+    else:
+        found = _side_by_side(_groups(tasks), baselines, workers)
+    return chain(found, [others] if others else [])
 
 
-def _findings(
-    groups: Sequence[Sequence[Task]], results: Iterable[tuple[int, Any]], others: tuple[Finding, ...]
+#: Groups of tasks that processes begun from this one know: scenes need not be picklable.
+_shared: list[list[Task]] = []
+
+
+def _side_by_side(groups: list[list[Task]], baselines: Path, workers: int) -> Iterator[tuple[Finding, ...]]:
+    """Findings as they come. Processes begin at once, before any thread that shows progress: copies of it may hang."""
+    _shared[:] = groups
+    pool = ProcessPoolExecutor(workers, get_context("fork"))
+    jobs = {pool.submit(_job, k, baselines): group for k, group in enumerate(groups)}
+    return _as_they_come(pool, jobs)
+
+
+def _as_they_come(
+    pool: ProcessPoolExecutor, jobs: dict["Future[list[tuple[Finding, ...]]]", list[Task]]
 ) -> Iterator[tuple[Finding, ...]]:
-    """Findings of each task, and at last others, if there are any."""
-    for k, found in results:
-        if isinstance(found, Lost):
-            yield from ((Finding(task.name, FAILED, str(found)),) for task in groups[k])
-        else:
-            yield from found
-    if others:
-        yield others
+    """Findings of each task; where a process has died, those of all that was not done."""
+    with pool:
+        for job in as_completed(jobs):
+            try:
+                yield from job.result()
+            except BrokenProcessPool as error:
+                yield from (
+                    (Finding(task.name, FAILED, f"its process has died: {error}"),) for task in jobs[job]
+                )
 
 
-def _checked(tasks: Sequence[Task], baselines: Path) -> list[tuple[Finding, ...]]:
-    """Run tasks and compare, one after another."""
-    found = []
+def _job(k: int, baselines: Path) -> list[tuple[Finding, ...]]:
+    return [_checked(task, baselines) for task in _shared[k]]
+
+
+def _groups(tasks: Sequence[Task]) -> list[list[Task]]:
+    """Tasks that share most of their kernels, so that one process compiles these; the largest groups first."""
+    groups: dict[tuple[str, ...], list[Task]] = {}
     for task in tasks:
-        done = _done(task)
-        both = [_own(done, baselines), *_like(done, baselines)]
-        found.append(tuple(replace(f, wall_s=done.wall_s) for f in both))
-    return found
+        run = task.run
+        words = (str(getattr(run, name, "")) for name in ("element", "integrator", "tolerance"))
+        groups.setdefault((task.solver, type(run).__name__, *words), []).append(task)
+    return sorted(groups.values(), key=len, reverse=True)
 
 
-def _groups(tasks: Sequence[Task]) -> list[tuple[Task, ...]]:
-    """Tasks that share their kernels: what compiles longest stands first, so that processes end together."""
-    groups: dict[tuple[Any, ...], list[Task]] = {}
-    for task in tasks:
-        groups.setdefault(_kernels(task), []).append(task)
-    return [tuple(groups[key]) for key in sorted(groups, key=lambda key: (key[0], -len(key[-1]), key))]
-
-
-def _kernels(task: Task) -> tuple[Any, ...]:
-    """What roughly determines the kernels of a task: whether it is static, solver, integrator, damping, elements."""
-    run, static = task.run, isinstance(task.run, Static)
-    elements = run.element.values() if isinstance(run.element, Mapping) else [run.element]
-    method = "" if isinstance(run, Static) else f"{run.integrator} {run.tolerance is not None}"
-    damped = any(body.material.damping > 0.0 for body in task.scene.beams)
-    return static, task.solver, method, damped, tuple(sorted(set(map(str, elements))))
-
-
-def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
-    """Run tasks and store what is new or differs; a history within its tolerance is left as it is.
-
-    Parameters
-    ----------
-    tasks : sequence of Task
-    baselines : Path
-        Directory of the stored histories.
-    file : str
-        Name of the file that declares the tasks: their histories say that they belong to it.
-
-    Yields
-    ------
-    tuple of Finding
-        Of each task: what changed and by how much. A run that is not whole is not stored.
-
-    Raises
-    ------
-    OutputError
-        At once, if the directory cannot be written.
-    """
-    check_writable(baselines, "--baselines")
-    for task in tasks:
-        done = _done(task)
-        yield (replace(_renewed(done, baselines, file), wall_s=done.wall_s),)
-
-
-def in_order(findings: Sequence[Finding], tasks: Sequence[Task]) -> list[Finding]:
-    """Findings in the order of their tasks; those of no task come last."""
-    places = {task.name: k for k, task in enumerate(tasks)}
-    return sorted(findings, key=lambda f: places.get(f.name, len(places)))
-
-
-def passed(findings: Sequence[Finding]) -> bool:
-    """Whether all is well, and anything was compared at all."""
-    return all(f.good for f in findings) and any(f.verdict != NOT_RUN for f in findings)
-
-
-def _done(task: Task) -> Done:
-    """Run a task; an answer that cannot be read is a failure of that solver, not of the check."""
+def _checked(task: Task, baselines: Path) -> tuple[Finding, ...]:
+    """Run a task and compare: with its own stored history, and that of ANC-TMM if both solve the same equations."""
     begun = perf_counter()
-    solution = simulate(task)
-    status, history = solution.status, None
-    if status.code == task.ends:
-        try:
-            history = History.of(solution, task)
-        except Exception as error:
-            reason = f"its answer cannot be read: {type(error).__name__}: {error}"
-            status = Status("failed", reason)
-    return Done(task, status, history, perf_counter() - begun)
+    status, history = answered(task)
+    wall_s = perf_counter() - begun
+    found = [_own(task, status, history, baselines)]
+    if history is not None and (ours := _ours(task, baselines)) is not None:
+        found.append(_compared(task, _displacements(history), ours, OURS))
+    return tuple(replace(f, wall_s=wall_s) for f in found)
 
 
-def _own(done: Done, baselines: Path) -> Finding:
+def _own(task: Task, status: Status, history: History | None, baselines: Path) -> Finding:
     """A run against its own stored history."""
-    task, path = done.task, done.task.path(baselines)
-    if done.history is None:
-        return _not_whole(task, done.status, path.exists())
+    path = task.path(baselines)
+    if history is None:
+        return _not_whole(task, status, path.exists())
     try:
         stored = read_baseline(path)
     except FileNotFoundError:
         return Finding(task.name, MISSING, f"{path} is not there; --update makes it")
     except CheckError as error:
         return Finding(task.name, UNREADABLE, str(error))
-    return _compared(task, done.history, stored, task.solver)
+    return _compared(task, history, stored, task.solver)
 
 
-def _like(done: Done, baselines: Path) -> Iterator[Finding]:
-    """A peer's run against what ANC-TMM has stored, if both solve the same equations and both are stored."""
-    task = done.task
-    explicit = not isinstance(task.run, Static) and task.run.explicit
+def _ours(task: Task, baselines: Path) -> Baseline | None:
+    """The displacements stored for ANC-TMM, if a peer solves the same equations and both have stored histories."""
+    explicit = not iterations_of(task.run)
     if task.solver not in SAME_EQUATIONS or (task.solver == "exudyn-cable" and explicit):
-        return
-    if done.history is None:
-        return
+        return None
     try:
         own = read_baseline(task.path(baselines))
         ours = read_baseline(replace(task, solver=OURS).path(baselines))
     except (FileNotFoundError, CheckError):
-        return  # reported in the row of that history
-    if not task.settings == own.settings == ours.settings:
-        return
-    both = {
-        "displacement": replace(
-            ours.tolerances["displacement"],
-            value=ours.tolerances["displacement"].value + own.tolerances["displacement"].value,
-        )
-    }
-    yield _compared(
-        task,
-        _displacements(done.history),
-        Baseline(ours.settings, both, _displacements(ours.history)),
-        OURS,
-    )
+        return None  # reported in the row of that history
+    if not task.settings == own.settings == ours.settings or "displacement" not in own.tolerances:
+        return None
+    both = sum(one.tolerances["displacement"].value for one in (ours, own))
+    tolerance = Tolerance(both, ours.tolerances["displacement"].reason)
+    return Baseline(ours.settings, {"displacement": tolerance}, _displacements(ours.history), ours.physics)
+
+
+def _displacements(history: History) -> History:
+    keep = [c.quantity == "displacement" for c in history.columns]
+    columns = tuple(c for c, k in zip(history.columns, keep, strict=True) if k)
+    return replace(history, columns=columns, values=history.values[:, keep])
 
 
 def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
-    found = _difference(task, computed, stored, against)
-    scene = _scene_changes(stored.physics, physics_of(task)) if found.verdict == DIFFERS else ""
-    return replace(found, reason="; ".join(filter(None, (found.reason, scene))))
-
-
-def _scene_changes(before: Sequence[str], now: Sequence[str]) -> str:
-    """What of a scene is not what it was; empty where nothing is, or nothing was stored."""
-    gone, come = [b for b in before if b not in now], [n for n in now if n not in before]
-    if not before or not (gone or come):
-        return ""
-    return "the scene has changed: " + "; ".join(
-        starmap(_part_change, zip_longest(gone, come, fillvalue="nothing"))
-    )
-
-
-def _part_change(before: str, now: str) -> str:
-    """How a part of a scene has changed: of a body what of it has, of others the whole."""
-    body = before.partition(", ")[0]
-    if "(name=" in body and now.startswith(body):
-        kind, _, name = body.partition("(name=")
-        # "E=" for "material=Material(E="
-        plain = (re.sub(r"\w+=\w+\((?=\w+=)", "", part) for part in (before, now))
-        return f"{kind} {name}: {_changes(*plain)}"
-    return f"stored with {before}; now {now}"
-
-
-def _difference(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
-    kept = stored.history.columns
+    """A run against a stored history; where they differ, what of the scene is not what it was."""
+    columns = stored.history.columns
     # histories that were stored before angles were have none
-    computed = computed.of_columns(lambda column: column.quantity != ANGLE or column in kept)
+    keep = [c.quantity != "angle" or c in columns for c in computed.columns]
+    computed = replace(
+        computed,
+        columns=tuple(c for c, k in zip(computed.columns, keep, strict=True) if k),
+        values=computed.values[:, keep],
+    )
     found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
     if stored.settings != task.settings:
         return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
-    if computed.columns != kept:
-        labels = ([c.label for c in h.columns] for h in (stored.history, computed))
-        return replace(found, verdict=DIFFERS, reason="stored are {}; now there are {}".format(*labels))
-    if not set(stored.history.ending.split(", ")) <= set(computed.ending.split(", ")):
-        told = (h.ending or "ok" for h in (stored.history, computed))
-        return replace(found, verdict=DIFFERS, reason="it ended with {}; now with {}".format(*told))
-    if not len(computed.columns):
+    reason = _unlike(computed, stored.history)
+    if not reason and len(columns):
+        found = replace(found, worst=_worst(computed, stored))
+        reason = _too_far(found) if against == task.solver else _too_far(found, work=False)
+    if reason is None:
         return found
-    times = stored.history.t
-    if computed.t.shape != times.shape or not _close(computed.t, times):
-        told = (f"{len(t)} up to {t[-1]:g}" for t in (times, computed.t))
-        return replace(found, verdict=DIFFERS, reason="stored times are {}; now there are {}".format(*told))
-    worst = _worst(computed, stored)
-    if not worst.difference <= worst.tolerance:
-        return replace(found, verdict=DIFFERS, worst=worst)
-    before, now = stored.history.corrections, computed.corrections
-    if against == task.solver and now > (1.0 + MORE_WORK) * before:
-        reason = f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
-        return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
-    for name, margin in stored.margins.items() if against == task.solver else ():
-        before, now = stored.history.counts[name], computed.counts[name]
-        if abs(now - before) > margin:
-            reason = f"{name} are {now}, stored are {before} ± {margin}"
-            return replace(found, verdict=DIFFERS, worst=worst, reason=reason)
-    return replace(found, worst=worst)
+    scene = _scene_changes(stored.physics, physics_of(task))
+    return replace(found, verdict=DIFFERS, reason="; ".join(filter(None, (reason, scene))))
 
 
-def _close(times: NDArray[np.float64], stored: NDArray[np.float64]) -> bool:
-    """Whether times are those stored; what is no number is not."""
-    return bool(np.abs(times - stored).max() <= 1e-9 * max(float(stored[-1]), 1e-300))
+def _unlike(computed: History, stored: History) -> str | None:
+    """Why two histories have no common samples; None if they have."""
+    if computed.columns != stored.columns:
+        now, before = ([c.label for c in h.columns] for h in (computed, stored))
+        gone, come = [c for c in before if c not in now], [c for c in now if c not in before]
+        return (
+            f"columns have changed: {', '.join(gone) or 'none'} are gone, {', '.join(come) or 'none'} are new"
+        )
+    if not set(stored.ending.split(", ")) <= set(computed.ending.split(", ")):
+        return f"it ended with {stored.ending or 'ok'}; now with {computed.ending or 'ok'}"
+    t, times = computed.t, stored.t
+    if len(times) and (
+        t.shape != times.shape or not np.abs(t - times).max() <= 1e-9 * max(times[-1], 1e-300)
+    ):
+        found, wanted = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
+        return f"stored times are {wanted}; now there are {found}"
+    return None
+
+
+def _too_far(found: Finding, work: bool = True) -> str | None:
+    """Why a history differs from the stored one: empty where its numbers say so; None if it does not."""
+    assert found.worst and found.computed and found.stored  # noqa: PT018
+    if not found.worst.difference <= found.worst.tolerance:
+        return ""
+    now, before = found.computed.corrections, found.stored.history.corrections
+    if work and now > (1.0 + MORE_WORK) * before:
+        return f"Newton corrections are {now}, stored are {before}: the tangent may be wrong"
+    return None
 
 
 def _worst(computed: History, stored: Baseline) -> Worst:
@@ -408,39 +317,117 @@ def _worst(computed: History, stored: Baseline) -> Worst:
     return Worst(computed.columns[k], float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
 
 
-def _renewed(done: Done, baselines: Path, file: str) -> Finding:
+def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
+    """A finding for a run that did not end as it must."""
+    missing = status.code == "unsupported" and "not installed" in status.message
+    absent = _absent(task.solver)
+    if absent or missing:
+        return Finding(task.name, NOT_RUN, absent or str(status))
+    # what was stored could be run once: that the solver now says it cannot is a change
+    unable = status.code == "unsupported" and not stored
+    reason = str(status) if task.ends == "ok" else f"it must end as {task.ends!r}, and ended {status}"
+    return Finding(task.name, NOT_RUN if unable else FAILED, reason)
+
+
+def _absent(solver: str) -> str:
+    """Why a solver is not here; empty if it is."""
+    if solver in READABLE:
+        return ""
+    if solver not in registry.names():
+        return f"solver {solver!r} is not installed; installed are {', '.join(registry.names())}"
+    try:
+        registry.solver(solver)
+    except PluginError as error:
+        return str(error)
+    return ""
+
+
+def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding, ...]:
+    """Stored histories without a task: something is no longer checked. Those of other files are not asked for here."""
+    asked = {task.path(baselines) for task in tasks}
+    found = []
+    for path in sorted(baselines.glob("*/*/*.csv")):
+        if path in asked or not is_ours(path):
+            continue
+        owner = _owner(path)
+        if file and owner not in ("", file):
+            continue
+        way_out = "delete it, or ask for it"
+        if file and not owner:
+            way_out = (
+                f"it does not say to which file it belongs: if to another one than {file}, check that with --update "
+                f"once; else delete it, or ask for it"
+            )
+        name = path.relative_to(baselines).with_suffix("").as_posix()
+        found.append(Finding(name, UNASKED, f"no run asks for {path}; {way_out}"))
+    return tuple(found)
+
+
+def _owner(path: Path) -> str:
+    """Name of the file that a stored history belongs to; empty where it does not say, or cannot be read."""
+    try:
+        return read_baseline(path).file
+    except CheckError:
+        return ""
+
+
+# --- storing -------------------------------------------------------------------------------------------------
+
+
+def update(tasks: Sequence[Task], baselines: Path, file: str = "") -> Iterator[tuple[Finding, ...]]:
+    """Run tasks and store what is new or differs; parameters as of `check`.
+
+    A history within its tolerance is left as it is, and a run that is not whole is not stored.
+
+    Raises
+    ------
+    OutputError
+        At once, if the directory cannot be written.
+    """
+    try:
+        baselines.mkdir(parents=True, exist_ok=True)
+        reason = "" if os.access(baselines, os.W_OK) else "permission denied"
+    except OSError as error:
+        reason = error.strerror or str(error)
+    if reason:
+        raise OutputError(
+            f"--baselines is {str(baselines)!r}, which cannot be written ({reason}); "
+            f"a directory that can be written is needed"
+        )
+    return ((_renewed(task, baselines, file),) for task in tasks)
+
+
+def _renewed(task: Task, baselines: Path, file: str) -> Finding:
     """Store a run's history if it is new or differs."""
-    task, computed, path = done.task, done.history, done.task.path(baselines)
+    status, computed = answered(task)
+    path = task.path(baselines)
     if computed is None:
-        bad = _not_whole(task, done.status, path.exists())
-        return replace(bad, reason=f"{bad.reason} (what was stored is kept)") if path.exists() else bad
+        bad = _not_whole(task, status, path.exists())
+        return replace(bad, reason=f"{bad.reason} (the stored history stays)") if path.exists() else bad
     if path.exists() and not is_ours(path):
         reason = f"{path} is no history stored by anctmm check and is not overwritten; move it away"
         return Finding(task.name, UNREADABLE, reason)
-    before = _own(done, baselines)
+    before = _own(task, status, computed, baselines)
     if before.verdict == SAME:
-        if file and file_of(path) != file:
+        if file and before.stored and before.stored.file != file:
             note_file(path, file)
         return replace(before, verdict=UNCHANGED)
     if not np.isfinite(computed.values).all():
         return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
     try:
-        stored = measured(task, computed)
+        stored = replace(measured(task, computed), file=file)
     except CheckError as error:
         return Finding(task.name, FAILED, str(error))
-    write_baseline(path, task, stored, stamp(), file)
-    blind = _blind(task, stored)
-    if before.verdict == MISSING:
-        return Finding(task.name, NEW, blind, computed=computed)
-    worst = before.worst or _change(computed, before.stored)
-    said = filter(None, (before.reason or _tolerances(before, stored), blind))
-    return replace(before, verdict=RENEWED, worst=worst, reason="; ".join(said))
+    write_baseline(path, task, stored, _made_by())
+    reasons = filter(None, (before.reason if before.verdict != MISSING else "", _blind(task, stored)))
+    return replace(before, verdict=NEW if before.verdict == MISSING else RENEWED, reason="; ".join(reasons))
 
 
 def _blind(task: Task, stored: Baseline) -> str:
     """That a check will not see much, where a loose bound of Newton's iteration makes tolerances wide."""
-    run, known = task.run, stored.tolerances.get("displacement")
-    if known is None or isinstance(run, Static) or run.explicit or run.newton_tolerance <= TIGHT:
+    known = stored.tolerances.get("displacement")
+    loose = [run for run in iterations_of(task.run) if run.newton_tolerance > TIGHT]
+    if known is None or not loose:
         return ""
     part = known.value / max(float(np.abs(stored.history.of_quantity("displacement")).max()), 1e-300)
     if part <= BLIND:
@@ -451,75 +438,16 @@ def _blind(task: Task, stored: Baseline) -> str:
     )
 
 
-def _change(computed: History, before: Baseline | None) -> Worst | None:
-    """How far a history with other settings lies from the old one, where they can be compared at all."""
-    if before is None or not computed.values.size or before.history.values.shape != computed.values.shape:
-        return None
-    return _worst(computed, before) if before.history.columns == computed.columns else None
-
-
-def _tolerances(before: Finding, stored: Baseline) -> str:
-    """What became of the tolerances."""
-    old = {} if before.stored is None else before.stored.tolerances
-    changed = [
-        f"{name} {old[name].value:.1e} → {new.value:.1e}"
-        for name, new in stored.tolerances.items()
-        if name in old and not 0.5 < new.value / old[name].value < 2.0
+def _made_by() -> str:
+    """Machine and versions."""
+    known = {d.metadata["Name"]: d.version for d in distributions()}
+    found = [
+        f"{name} {known.get(name, 'missing')}" for name in ("anctmm", "numpy", "scipy", "numba", "exudyn")
     ]
-    return f"tolerance of {', '.join(changed)}" if changed else ""
+    return ", ".join([f"{os.cpu_count()} cores, {system()} {machine()}, Python {python_version()}", *found])
 
 
-def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
-    """A finding for a run that did not end well."""
-    absent = _absent(task.solver)
-    if absent is not None or not_installed(status):
-        return Finding(task.name, NOT_RUN, absent or str(status))
-    # What was stored could be run once: that the solver now says it cannot is a change.
-    unable = status.code == "unsupported" and not stored
-    told = str(status) if task.ends == "ok" else f"it must end as {task.ends!r}, and ended {status}"
-    return Finding(task.name, NOT_RUN if unable else FAILED, told)
-
-
-def _absent(solver: str) -> str | None:
-    """Why a solver is not here; None if it is."""
-    if solver in READABLE:
-        return None
-    if solver not in registry.names():
-        return f"solver {solver!r} is not installed; installed are {', '.join(registry.names())}"
-    try:
-        registry.solver(solver)
-    except PluginError as error:
-        return str(error)
-    return None
-
-
-def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding, ...]:
-    """Stored histories without a task: something is no longer checked. Those of other files are not asked for here."""
-    asked = {task.path(baselines) for task in tasks}
-    found = []
-    for path in sorted(baselines.glob("*/*/*.csv")):
-        if path in asked or not is_ours(path):
-            continue
-        owner = file_of(path)
-        if file and owner not in ("", file):
-            continue
-        name = path.relative_to(baselines).with_suffix("").as_posix()
-        found.append(Finding(name, UNASKED, f"no run asks for {path}; {_ways_out(file, owner)}"))
-    return tuple(found)
-
-
-def _ways_out(file: str, owner: str) -> str:
-    """What to do with a stored history that no run asks for."""
-    if not file or owner:
-        return "delete it, or ask for it"
-    return (
-        "it does not say to which file it belongs: if to another one than "
-        f"{file}, check that with --update once; else delete it, or ask for it"
-    )
-
-
-def _displacements(history: History) -> History:
-    return history.of_columns(lambda column: column.quantity == "displacement")
+# --- words ---------------------------------------------------------------------------------------------------
 
 
 def _changes(before: str, now: str) -> str:
@@ -527,3 +455,12 @@ def _changes(before: str, now: str) -> str:
     old, new = before.split(", "), now.split(", ")
     gone, come = [o for o in old if o not in new], [n for n in new if n not in old]
     return f"stored with {', '.join(gone) or 'fewer settings'}; now {', '.join(come) or 'fewer'}"
+
+
+def _scene_changes(before: Sequence[str], now: Sequence[str]) -> str:
+    """The parts of a scene that are not what they were; empty where nothing is, or nothing was stored."""
+    gone, come = [b for b in before if b not in now], [n for n in now if n not in before]
+    if not before or not (gone or come):
+        return ""
+    pairs = zip_longest(gone, come, fillvalue="nothing")
+    return "the scene has changed: " + "; ".join(f"stored with {old}; now {new}" for old, new in pairs)

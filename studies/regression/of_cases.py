@@ -2,69 +2,101 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
-from math import nan
+from math import ceil
+from re import sub
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
-from studies.engine.accuracy.dynamics import check_mesh
-from studies.engine.accuracy.refinement import coarsest_mesh, longest_step
-from studies.engine.running.trial import Mesh, Trial
-from studies.engine.storage.files import file_names
-from studies.regression.scenes import TIGHT, CheckError, Run, Static, Watch
+from anctmm.model.scene import Beam, Scene
+from studies.regression.scenes import TIGHT, CheckError, Motion, Static, Watch
 
-#: Elements over those of the coarsest mesh, and steps over those of the longest step.
-FINER, SHORTER = 2, 4
-#: Samples of a stored history at most.
-SAMPLES = 20
+#: Elements of the longest beam, and of one with joints inside at most; steps of a run at least, and between outputs.
+ELEMENTS, MOST, STEPS, EVERY = 4, 64, 50, 4
+#: Samples of a stored history at most, and bytes of a directory's name.
+SAMPLES, LONGEST = 20, 100
 #: The solvers compared: a feature that one of them lacks is reported, and is no failure.
 SOLVERS = ("anctmm", "global-dae")
 
 
-def watches_of(cases: Iterable[Case], mesh: Mesh | None = None, dt: float | None = None) -> tuple[Watch, ...]:
+def watches_of(
+    cases: Iterable[Case], mesh: tuple[int, ...] | None = None, dt: float | None = None
+) -> tuple[Watch, ...]:
     """A watch of each case, of cables and implicit steps; a scene's name is that of its directory.
 
     Parameters
     ----------
     cases : iterable of Case
     mesh : tuple of int, optional
-        Elements of each beam, or one number for all; twice the coarsest without it.
+        Elements of each beam, or one number for all.
     dt : float, optional
-        Step, s; a quarter of the longest without it.
+        Step, s.
 
     Raises
     ------
     CheckError
-        If a step is given for a static case.
-    StudyError, DiscretisationError
-        If mesh or step do not fit.
-    OutputError
-        If stored histories of two cases would have one name.
+        If mesh or step do not fit, or stored histories of two cases would have one name.
     """
-    cases = tuple(cases)
-    return tuple(
-        Watch(replace(case.scene, name=name), case.probes, {"cable": _run(case, mesh, dt)}, SOLVERS)
-        for case, name in zip(cases, file_names(case.name for case in cases), strict=True)
-    )
+    found: dict[str, str] = {}
+    watches = []
+    for case in cases:
+        name = sub(r"[^\w.+-]+", "-", case.name).strip(".-")
+        name = name.encode()[:LONGEST].decode(errors="ignore") or "unnamed"
+        other = found.setdefault(name, case.name)
+        if other != case.name:
+            raise CheckError(
+                f"files of scenes {other!r} and {case.name!r} would both be named {name!r}; names that differ in "
+                f"letters, digits or _ . + - are needed"
+            )
+        scene = replace(case.scene, name=name)
+        watches.append(Watch(scene, case.probes, {"cable": _run(case, mesh, dt)}, SOLVERS))
+    return tuple(watches)
 
 
-def _run(case: Case, mesh: Mesh | None, dt: float | None) -> Run:
-    if not case.scene.beams:
-        mesh = None
-    if mesh is not None:
-        check_mesh(case.scene, mesh)
-    chosen = mesh or tuple(FINER * n for n in coarsest_mesh(case, "cable"))
-    by_beam = Trial(case.scene, "anctmm", chosen, dt=nan).by_body
+def _run(case: Case, mesh: tuple[int, ...] | None, dt: float | None) -> Motion:
+    by_beam = _automatic(case.scene) if mesh is None else _given(case.scene, mesh)
     if case.static:
         if dt is not None:
             raise CheckError(f"--dt is {dt:g} s for case {case.name!r}, a static equilibrium; it has no step")
         return Static(by_beam)
+    outputs = round(case.duration / case.interval)
+    few = next(k for k in range(1, outputs + 1) if outputs % k == 0 and outputs // k <= SAMPLES)
+    step = case.interval / (EVERY * _round(STEPS / outputs)) if dt is None else dt
     return Discretisation(
-        by_beam, dt=longest_step(case) / SHORTER if dt is None else dt, t_end=case.duration,
-        output_dt=_few(case) * case.interval, newton_tolerance=TIGHT,
-    )  # fmt: skip
+        by_beam, dt=step, t_end=case.duration, output_dt=few * case.interval, newton_tolerance=TIGHT
+    )
 
 
-def _few(case: Case) -> int:
-    """Intervals of output between two stored samples: a divisor of their number."""
-    count = round(case.duration / case.interval)
-    return next(k for k in range(1, count + 1) if count % k == 0 and count // k <= SAMPLES)
+def _round(least: float) -> int:
+    """The smallest of 1, 2, 5, 10, 20, … that is no smaller."""
+    return next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least * (1.0 - 1e-9))
+
+
+def _given(scene: Scene, mesh: tuple[int, ...]) -> int | dict[str, int]:
+    names = [beam.name for beam in scene.beams]
+    if len(mesh) == 1 or not names:
+        return mesh[0]
+    if len(mesh) != len(names):
+        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
+        raise CheckError(
+            f"--elements has {'/'.join(map(str, mesh))!r}; scene {scene.name!r} needs {allowed} numbers, for "
+            f"{'/'.join(names)}"
+        )
+    return dict(zip(names, mesh, strict=True))
+
+
+def _automatic(scene: Scene) -> int | dict[str, int]:
+    """A few elements for each beam, by its length, with a node at each joint inside it."""
+    longest = max((beam.length for beam in scene.beams), default=1.0)
+    found = {}
+    for beam in scene.beams:
+        least = 2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9))
+        inside = _joints_inside(scene, beam)
+        fitting = (n for n in range(least, MOST + 1) if all(abs(n * f - round(n * f)) < 1e-9 for f in inside))
+        found[beam.name] = next(fitting, least)
+    return found if len(found) > 1 else next(iter(found.values()), 2)
+
+
+def _joints_inside(scene: Scene, beam: Beam) -> list[float]:
+    """Fractions of a beam at which joints hold it between its ends."""
+    places = [scene.place(end) for joint in scene.joints for end in joint.ends]
+    return [float(p.key) for p in places if p.body.name == beam.name and p.interior]

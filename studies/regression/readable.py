@@ -132,12 +132,9 @@ def _of_row(method: Callable[[Row], NDArray[np.complex128]]) -> Method:
     return lambda chain, q, f, known: method(row_of(chain, q, f, known))
 
 
-#: By the name that their histories have: those for one chain, and that for trees.
-OF_CHAINS: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
+#: By the names of their histories: those for one chain, and that for trees.
+SOLVERS: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
     "transfer-plain": partial(solve, accelerations=_of_row(accelerations_plain)),
     "transfer-riccati": partial(solve, accelerations=_of_row(accelerations_riccati)),
-}
-OF_TREES: Mapping[str, Callable[[Scene, Discretisation], Solution]] = {
     "transfer-tree": partial(solve, accelerations=accelerations_tree),
 }
-READABLE = {**OF_CHAINS, **OF_TREES}

@@ -1,30 +1,23 @@
-"""Histories of `anctmm check`: those of the base scenes, or those that a user's file declares."""
+"""What `anctmm check` watches: scenes, their runs, and what is read of each run."""
 
 import re
 from collections.abc import Iterable, Mapping, Set
-from dataclasses import MISSING, dataclass, fields
-from itertools import islice
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from anctmm.discretise.discretisation import Discretisation, parts_of_load
-from anctmm.errors import AnctmmError, reason, shown
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import AnctmmError, shown
 from anctmm.model.scene import Probe, Scene
-from anctmm.solvers.foreign_code import told
 from anctmm.validation import one_of
-from studies import scenes
-from studies.scenes import END_MOMENT, TIP_FORCES, BaseScene
 from studies.user_files import defined_in
 
 #: What a user's file must define.
 DECLARED = "WATCHED"
 #: Names of scenes, runs and solvers become names of directories and files.
 PLAIN = re.compile(r"\w[\w.+-]{0,99}")
-#: Largest number of probes or solvers of a watch: an infinite iterable is refused.
-MOST = 10_000
+#: Newton tolerance of stored runs: a looser one makes wide tolerances.
+TIGHT = 1e-12
 #: How equilibria are followed.
 ARC_LENGTH = "arclength"
 PATHS = ("load", ARC_LENGTH)
@@ -34,6 +27,9 @@ ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_
 
 class CheckError(AnctmmError, ValueError):
     """The runs to check, or their stored histories, cannot be determined."""
+
+
+# --- kinds of runs -------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -47,31 +43,31 @@ class Static:
     load_steps : int
         Equal parts of the load; a sample after each.
     path : str
-        "load", or "arclength": all equilibria of the path, with their load factors.
+        "load", or "arclength": the limit points of the path of equilibria, and its end.
     """
 
     mesh: Any
     element: Any = "cable"
     quadrature: str = "full"
-    newton_tolerance: float = 1e-12
+    newton_tolerance: float = TIGHT
     load_steps: int = 4
     path: str = "load"
 
     def __post_init__(self) -> None:
         one_of("path of a Static", self.path, PATHS)
+        if type(self.load_steps) is not int or self.load_steps < 1:
+            raise CheckError(
+                f"load_steps is {shown(self.load_steps)}; a whole number of at least 1 is needed"
+            )
         checked = self.discretisation
         for name in ("mesh", "element", "quadrature", "newton_tolerance"):
             object.__setattr__(self, name, getattr(checked, name))
-        object.__setattr__(self, "load_steps", parts_of_load(self.load_steps))
 
     @property
     def discretisation(self) -> Discretisation:
         """What a static solver needs to know; raises what Discretisation raises."""
         return Discretisation(
-            mesh=self.mesh,
-            element=self.element,
-            quadrature=self.quadrature,
-            newton_tolerance=self.newton_tolerance,
+            self.mesh, self.element, self.quadrature, newton_tolerance=self.newton_tolerance
         )
 
 
@@ -92,13 +88,92 @@ class FromRest(Discretisation):
         )
 
 
-Run = Discretisation | Static
-RUNS = (Discretisation, FromRest, Static)
+Motion = Discretisation | Static
+
+
+@dataclass(frozen=True)
+class Forces:
+    """Reactions, section forces and tensions of a run, read after it has been saved and loaded."""
+
+    run: Motion
+
+
+@dataclass(frozen=True)
+class Compared:
+    """`anctmm.compare` of two runs, the second one the reference."""
+
+    run: Motion
+    reference: Motion
+
+
+@dataclass(frozen=True)
+class Frequencies:
+    """Natural modes about the start, about the equilibrium of `run` (at_rest), or in a steady spin (rad/s)."""
+
+    run: Static
+    count: int = 6
+    at_rest: bool = False
+    spin: float = 0.0
+
+
+@dataclass(frozen=True)
+class StartVelocities:
+    """Rigid velocities that are consistent with joints and drives."""
+
+
+Run = Motion | Forces | Compared | Frequencies | StartVelocities
+KINDS = (Discretisation, FromRest, Static, Forces, Compared, Frequencies, StartVelocities)
+
+
+def iterations_of(run: Run) -> tuple[Motion, ...]:
+    """The runs within a run that have a Newton iteration."""
+    match run:
+        case Discretisation():
+            return () if run.explicit else (run,)
+        case Static():
+            return (run,)
+        case Forces():
+            return iterations_of(run.run)
+        case Compared():
+            return (*iterations_of(run.run), *iterations_of(run.reference))
+        case Frequencies():
+            return (run.run,) if run.at_rest or run.spin else ()
+        case _:
+            return ()
+
+
+def settings_of(run: Run) -> str:
+    """A run in words: a history is compared with one of the same settings only."""
+    match run:
+        case Forces():
+            return f"forces, {settings_of(run.run)}"
+        case Compared():
+            return f"{settings_of(run.run)}, compared with, {settings_of(run.reference)}"
+        case Frequencies():
+            return f"modes={run.count}, at_rest={run.at_rest}, spin={run.spin:g}, {settings_of(run.run)}"
+        case StartVelocities():
+            return "consistent velocities"
+    found = {
+        f.name: getattr(run, f.name)
+        for f in fields(run)
+        if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(run, f.name) != f.default)
+    }
+    words = [f"{name}={_words(value)}" for name, value in found.items()]
+    return ", ".join(["start=rest", *words] if isinstance(run, FromRest) else words)
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "/".join(f"{v} {k}" for k, v in value.items())
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+# --- scenes with their runs ----------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Watch:
-    """A scene, how it is run, by whom, and where it is looked at.
+    """A scene, its runs, its solvers, and the places at which its motion is read.
 
     Parameters
     ----------
@@ -131,45 +206,51 @@ class Watch:
     def __post_init__(self) -> None:
         if type(self.scene) is not Scene:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
-        _plain("scene name", self.scene.name)
+        whose = f"of {self.scene.name!r}"
         for name in ("probes", "solvers"):
-            object.__setattr__(self, name, self._several(name, getattr(self, name)))
-        for body in self.scene.beams:
-            _in_a_head(body.name)
-        for probe in self.probes:
-            self.scene.probe(probe)
-        for solver in self.solvers:
-            _plain("solver", solver)
+            object.__setattr__(self, name, _several(f"Watch {whose} has {name}", getattr(self, name)))
         if not isinstance(self.runs, Mapping) or not self.runs:
             raise CheckError(
-                f"Watch of {self.scene.name!r} has runs {shown(self.runs)}; "
-                f"a mapping of at least one name to a Discretisation or a Static is needed"
+                f"Watch {whose} has runs {shown(self.runs)}; a mapping of at least one name to a Discretisation or "
+                f"a Static is needed"
             )
+        for what, name in (
+            ("scene name", self.scene.name),
+            *(("solver", solver) for solver in self.solvers),
+            *(("run name", run) for run in self.runs),
+        ):
+            _plain(what, name)
+        for body in self.scene.beams:
+            if "," in body.name or not body.name.isprintable():
+                raise CheckError(f"body name is {body.name!r}; no comma and no control character is allowed")
+        for probe in self.probes:
+            self.scene.probe(probe)
         for name, run in self.runs.items():
-            _plain("run name", name)
-            if type(run) not in RUNS:
+            if type(run) not in KINDS:
                 raise CheckError(
-                    f"run {name!r} of {self.scene.name!r} is {shown(run)}; "
-                    f"a Discretisation or a Static is needed"
+                    f"run {name!r} {whose} is {shown(run)}; a Discretisation or a Static is needed"
                 )
 
-    def _several(self, name: str, value: object) -> tuple[Any, ...]:
-        """At least one thing of an ordered iterable."""
-        needed = f"Watch of {self.scene.name!r} has {name} {shown(value)}; a list of at least one is needed"
-        if isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable):
-            raise CheckError(needed)
-        try:
-            found = tuple(islice(value, MOST + 1))
-        except Exception as error:  # an iterable of the user's own
-            raise CheckError(f"{needed}, and it raises {reason(error)}") from error
-        if not 0 < len(found) <= MOST:
-            raise CheckError(f"{needed}, and {MOST} at most")
-        return found
+
+def _several(what: str, value: object) -> tuple[Any, ...]:
+    """At least one thing of an ordered iterable."""
+    unordered = isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable)
+    found = () if unordered else tuple(value)  # type: ignore[arg-type]
+    if not found:
+        raise CheckError(f"{what} {shown(value)}; a list of at least one is needed")
+    return found
+
+
+def _plain(what: str, name: object) -> None:
+    if not isinstance(name, str) or not PLAIN.fullmatch(name):
+        raise CheckError(
+            f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
+        )
 
 
 @dataclass(frozen=True)
 class Task:
-    """One solver's run of one watched scene."""
+    """One solver's run of one watched scene; `options` are further arguments of the solver."""
 
     scene: Scene
     probes: tuple[Probe, ...]
@@ -177,39 +258,24 @@ class Task:
     run: Run
     solver: str
     ends: str = "ok"
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
         """scene/run/solver: also its place below the baselines."""
         return f"{self.scene.name}/{self.run_name}/{self.solver}"
 
+    @property
+    def settings(self) -> str:
+        """The run in words."""
+        return settings_of(self.run)
+
     def path(self, baselines: Path) -> Path:
         """The file of its stored history."""
         return baselines / f"{self.name}.csv"
 
-    @property
-    def times(self) -> NDArray[np.float64] | None:
-        """When samples are taken: s, or load factors; None where all are."""
-        run = self.run
-        if isinstance(run, Static) and run.path == ARC_LENGTH:
-            return None
-        if isinstance(run, Static):
-            return np.arange(run.load_steps + 1) / run.load_steps
-        return run.times(run.output_steps)
 
-    @property
-    def settings(self) -> str:
-        """The run in words: a history is compared with one of the same settings only."""
-        told = {
-            f.name: getattr(self.run, f.name)
-            for f in fields(self.run)
-            if f.init and (f.name in ALWAYS or f.default is MISSING or getattr(self.run, f.name) != f.default)
-        }
-        words = [f"{name}={_words(value)}" for name, value in told.items()]
-        return ", ".join(["start=rest", *words] if isinstance(self.run, FromRest) else words)
-
-
-def tasks_of(watches: tuple[Watch, ...]) -> tuple[Task, ...]:
+def tasks_of(watches: Iterable[Watch]) -> tuple[Task, ...]:
     """Every solver of every run of every scene.
 
     Raises
@@ -230,7 +296,7 @@ def tasks_of(watches: tuple[Watch, ...]) -> tuple[Task, ...]:
 
 
 def declared_in(path: Path) -> tuple[Watch, ...]:
-    """What a user's Python file declares as WATCHED; it may import its neighbours.
+    """The WATCHED of a user's Python file; the file may import its neighbours.
 
     Raises
     ------
@@ -241,121 +307,6 @@ def declared_in(path: Path) -> tuple[Watch, ...]:
     watches = tuple(found) if isinstance(found, list | tuple) else ()
     if not watches or not all(isinstance(w, Watch) for w in watches):
         raise CheckError(
-            f"--scenes {path} defines {DECLARED} = {told(found)}; a list of at least one Watch is needed"
+            f"--scenes {path} defines {DECLARED} = {shown(found)}; a list of at least one Watch is needed"
         )
     return watches
-
-
-# --- the base scenes ---------------------------------------------------------------------------------------
-
-#: Coarse meshes and steps: what is watched is the code, not its accuracy, and it should not take long.
-FOUR_BAR_MESH = {"crank": 2, "coupler": 8, "follower": 2}
-TIGHT = 1e-12
-OURS, ALL = ("anctmm", "global-dae"), ("anctmm", "global-dae", "global-dae-dense")
-
-
-def base_watches() -> tuple[Watch, ...]:
-    """Base scenes × elements × integrators × the solvers that have them."""
-    statics = [scenes.cantilever_tip_force(load) for load in TIP_FORCES]
-    statics.append(scenes.cantilever_end_moment(END_MOMENT))
-    mechanisms = [scenes.four_bar(), scenes.four_bar_moment()]
-    return (
-        *(watch for base in mechanisms for watch in _mechanism(base)),
-        *_fall(scenes.cantilever_fall()),
-        *(watch for base in statics for watch in _rest(base)),
-    )
-
-
-def _mechanism(base: BaseScene) -> tuple[Watch, ...]:
-    """Explicit runs are cut short: the dense solver takes 60 µs a step. Exudyn has no explicit joints.
-
-    The dense solver is run with one element explicitly and with the other implicitly: its kernels compile slowly.
-    """
-
-    def explicit(element: str) -> Run:
-        return Discretisation(
-            FOUR_BAR_MESH, element=element, integrator="zhai", dt=2.5e-5, t_end=0.6, output_dt=0.05
-        )
-
-    def implicit(element: str) -> Run:
-        return Discretisation(
-            FOUR_BAR_MESH,
-            element=element,
-            dt=5e-3,
-            t_end=base.duration,
-            output_dt=base.duration / 12,
-            newton_tolerance=TIGHT,
-        )
-
-    return (
-        Watch(base.scene, base.probes, {"cable-zhai": explicit("cable")}, ALL),
-        Watch(base.scene, base.probes, {"shear-zhai": explicit("shear")}, OURS),
-        Watch(base.scene, base.probes, {"cable-implicit": implicit("cable")}, (*OURS, "exudyn-cable")),
-        Watch(base.scene, base.probes, {"shear-implicit": implicit("shear")}, (*ALL, "exudyn-reissner")),
-    )
-
-
-def _fall(base: BaseScene) -> tuple[Watch, ...]:
-    """The thickness mode of the thin section needs small explicit steps with shear elements: a shorter run."""
-
-    def explicit(element: str, dt: float, t_end: float) -> Run:
-        return Discretisation(8, element, integrator="zhai", dt=dt, t_end=t_end, output_dt=t_end / 10)
-
-    def implicit(element: str, quadrature: str = "full") -> Run:
-        return Discretisation(
-            8, element, quadrature, dt=2e-3, t_end=1.0, output_dt=0.1, newton_tolerance=TIGHT
-        )
-
-    def watch(runs: dict[str, Run], solvers: tuple[str, ...]) -> Watch:
-        return Watch(base.scene, base.probes, runs, solvers)
-
-    rules = {f"cable-{rule}-implicit": implicit("cable", rule) for rule in ("reduced", "lobatto")}
-    return (
-        watch({"cable-zhai": explicit("cable", 5e-5, 1.0)}, (*ALL, "exudyn-cable")),
-        watch({"shear-zhai": explicit("shear", 2.5e-6, 0.2)}, OURS),
-        watch({"cable-implicit": implicit("cable")}, (*OURS, "exudyn-cable")),
-        watch(rules, (*OURS, "exudyn-cable")),
-        watch({"shear-implicit": implicit("shear")}, (*ALL, "exudyn-reissner")),
-        watch(
-            {
-                "cable-adaptive": Discretisation(
-                    8,
-                    integrator="generalized-alpha",
-                    tolerance=1e-4,
-                    t_end=0.4,
-                    output_dt=0.05,
-                    newton_tolerance=TIGHT,
-                )
-            },
-            ("anctmm",),
-        ),
-    )
-
-
-def _rest(base: BaseScene) -> tuple[Watch, ...]:
-    return (
-        Watch(base.scene, base.probes, {"cable-static": Static(8)}, (*OURS, "exudyn-cable")),
-        Watch(base.scene, base.probes, {"shear-static": Static(8, "shear")}, (*OURS, "exudyn-reissner")),
-    )
-
-
-def _plain(what: str, name: object) -> None:
-    if not isinstance(name, str) or not PLAIN.fullmatch(name):
-        raise CheckError(
-            f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
-        )
-
-
-def _in_a_head(name: str) -> None:
-    """A body's name stands in the head of a stored history, whose columns are separated by commas."""
-    if "," in name or not name.isprintable():
-        raise CheckError(
-            f"body name is {name!r}; no comma, line break or control character is allowed: it stands in the head of "
-            f"a stored history"
-        )
-
-
-def _words(value: Any) -> str:
-    if isinstance(value, Mapping):
-        return "/".join(f"{v} {k}" for k, v in value.items())
-    return f"{value:g}" if isinstance(value, float) else str(value)

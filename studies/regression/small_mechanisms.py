@@ -10,7 +10,7 @@ from math import cos, sin
 import anctmm as at
 from anctmm.model.bodies import Body
 from anctmm.model.scene import Connector, Joint, Load, Point
-from studies.regression.small_scenes import FIRM, GRAVITY, PLAIN, ROD, A, B, C, Ramp, body
+from studies.regression.small_scenes import BLOCK, FIRM, GRAVITY, PLAIN, ROD, A, B, C, Ramp, Spin, body
 
 D, E, F = (0.62, 0.05), (0.55, 0.3), (0.95, 0.2)
 
@@ -264,3 +264,71 @@ def wheel() -> at.Scene:
         at.Spring("disc.rim", "car.a", stiffness=80.0),
     ]
     return _mechanism("small-wheel", bodies, joints, [], GRAVITY, connectors)
+
+
+def driven_plate() -> at.Scene:
+    """A rigid plate on a driven clamp that already turns, with a beam on it by a driven weld, and a tip mass."""
+    speed = -1.5
+    plate = at.RigidBody(
+        "plate", 0.07, 4e-4, (0.1, 0.05), {"hub": A, "a": (0.2, 0.1)}, (-0.05 * speed, 0.1 * speed), speed
+    )
+
+    def carried(fraction: float) -> Point:
+        return -speed * (0.1 + 0.3 * fraction), speed * (0.2 + 0.2 * fraction)
+
+    arm = replace(body("arm", (0.2, 0.1), (0.4, 0.4), FIRM, BLOCK), velocity=carried)
+    bodies: list[Body] = [plate, arm, at.PointMass("ball", 0.02, (0.4, 0.4), carried(1.0))]
+    joints: list[Joint] = [
+        at.Clamp("plate.hub", angle=Spin(speed, 25.0)),
+        at.Weld("plate.a", "arm.start", angle=at.Quintic(0.6, 0.05)),
+        at.Pin("arm.end", "ball.center"),
+    ]
+    return _mechanism("small-driven-plate", bodies, joints, [at.Torque("arm.end", 0.01)], GRAVITY, [])
+
+
+def held_up(stiffness: float) -> at.Scene:
+    """A column above Euler's load whose top a spring holds to that of a stiff one, far from it in every order."""
+    names = ("column", "between", "post")
+    columns = [
+        body(name, (0.5 * k, 0.0), (0.5 * k, 0.5), FIRM if k else PLAIN) for k, name in enumerate(names)
+    ]
+    joints: list[Joint] = [at.Clamp(f"{name}.start") for name in names]
+    stay = at.Spring("column.end", "post.end", stiffness=stiffness)
+    load = at.Force("column.end", (1e-4, -0.06))
+    name = f"small-held-up-{stiffness:g}"
+    return _mechanism(name, columns, joints, [load], (0.0, 0.0), [stay])
+
+
+def blade() -> at.Scene:
+    """A clamped beam that turns about its clamp."""
+    return _mechanism("small-blade", [body("blade", A, B)], [at.Clamp("blade.start")], [], (0.0, 0.0), [])
+
+
+def started() -> at.Scene:
+    """A rigid crank that already turns drives a rod, whose end slides on a line; a swing hangs from the rod."""
+    bar = at.RigidBody("bar", 0.05, 2e-4, (0.5, 0.2), {"a": B, "b": (0.6, 0.3)})
+    bodies: list[Body] = [
+        body("crank", A, B),
+        bar,
+        at.PointMass("ball", 0.02, (0.6, 0.3)),
+        body("swing", D, C),
+    ]
+    joints: list[Joint] = [
+        at.Clamp("crank.start", angle=Spin(3.0, 4.0)),
+        at.Pin("crank.end", "bar.a"),
+        at.Pin("bar.b", "ball.center"),
+        at.Slider("ball.center", (2.0, -1.0)),
+        at.Slider("swing.start", (1.0, 1.0), position=Sliding(0.4)),
+    ]
+    return at.consistent_velocities(name="small-started", bodies=bodies, joints=joints)
+
+
+@dataclass(frozen=True)
+class Sliding:
+    """A position that already changes at t = 0."""
+
+    speed: float
+
+    def __call__(self, t: float) -> tuple[float, float, float]:
+        """Position, velocity and acceleration at a time (s)."""
+        return self.speed * t, self.speed, 0.0

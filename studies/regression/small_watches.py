@@ -6,13 +6,28 @@ from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.scene import Beam, Probe, Scene
 from studies.regression import small_mechanisms as mechanisms
 from studies.regression import small_scenes as small
-from studies.regression.readable import OF_CHAINS, OF_TREES
-from studies.regression.scenes import ARC_LENGTH, FromRest, Run, Static, Watch, base_watches
+from studies.regression.base_watches import base_watches
+from studies.regression.scenes import (
+    ARC_LENGTH,
+    TIGHT,
+    Compared,
+    Forces,
+    Frequencies,
+    FromRest,
+    Motion,
+    Run,
+    StartVelocities,
+    Static,
+    Watch,
+)
 
-TIGHT = 1e-12
 ELEMENTS = "cable", "shear"
+CHAIN_SOLVERS = ("transfer-plain", "transfer-riccati")
+#: Meshes by the elements of each beam.
+ROW3 = {"one": 2, "two": 3, "beside": 1}
+ROW4 = {"one": 1, "two": 3, "three": 2, "four": 1}
 #: Steps just below and just above the largest stable one of each scene, s: elements, ψ = φ, and that step (those of
-#: the global DAE, see `tests/of_studies/checks/test_small_scenes.py`).
+#: the global DAE).
 LIMITS: dict[str, tuple[Scene, Any, Any, float, float]] = {
     "cable": (small.bare(), 1, "cable", 0.5, 6.3036110e-3),
     "shear": (small.bare(), 1, "shear", 0.5, 8.3745481e-4),
@@ -26,7 +41,7 @@ NEAR = 1e-3
 
 
 def all_watches() -> tuple[Watch, ...]:
-    """What `anctmm check` watches: base scenes and small ones."""
+    """All that `anctmm check` watches: base scenes and small ones."""
     return (*base_watches(), *small_watches())
 
 
@@ -35,75 +50,81 @@ def small_watches() -> tuple[Watch, ...]:
     return (
         *_explicit(),
         *_implicit(),
+        *_high_order(),
         *_error_controlled(),
         *_static(),
         *_readable(),
         *_limits(),
         *_failing(),
         *_mechanisms(),
-        *_high_order(),
+        *_read_besides(),
     )
 
 
-def explicit(mesh: Any, element: Any, steps: int = 60, dt: float = 4e-4, **options: Any) -> Run:
+def explicit(mesh: Any, element: Any, steps: int = 60, dt: float = 4e-4, **options: Any) -> Motion:
     """Explicit steps, ten between two outputs."""
     return Discretisation(
         mesh, element, integrator="zhai", dt=dt, t_end=steps * dt, output_dt=10 * dt, **options
     )
 
 
-def implicit(mesh: Any, element: Any, steps: int = 25, dt: float = 2e-3, **options: Any) -> Run:
+def implicit(mesh: Any, element: Any, steps: int = 25, dt: float = 2e-3, **options: Any) -> Motion:
     """Implicit steps, five between two outputs."""
     options = {"newton_tolerance": TIGHT, **options}
     return Discretisation(mesh, element, dt=dt, t_end=steps * dt, output_dt=5 * dt, **options)
 
 
-def _both(scene: Scene, mesh: Any = 2, explicitly: tuple[str, ...] = ELEMENTS) -> Watch:
-    """Both elements implicitly, some explicitly."""
-    runs = {f"{e}-zhai": explicit(mesh, e) for e in explicitly}
-    runs |= {f"{e}-implicit": implicit(mesh, e) for e in ELEMENTS}
-    return _watch(scene, runs)
+def controlled(element: Any, tolerance: float, t_end: float, method: str = "generalized-alpha") -> Motion:
+    """Steps by a tolerance."""
+    return Discretisation(
+        2, element, integrator=method, tolerance=tolerance, t_end=t_end, output_dt=t_end / 5, newton_tolerance=TIGHT
+    )  # fmt: skip
 
 
 def _watch(
     scene: Scene, runs: dict[str, Run], ends: str = "ok", solvers: tuple[str, ...] = ("anctmm",)
 ) -> Watch:
     probes: list[Probe] = [(b.name, fraction) for b in scene.beams for fraction in (0.0, 0.3, 1.0)]
-    for b in scene.bodies:
-        if not isinstance(b, Beam):
-            probes += [f"{b.name}.{key}" for key in b.keys]
+    probes += [f"{b.name}.{key}" for b in scene.bodies if not isinstance(b, Beam) for key in b.keys]
     return Watch(scene, tuple(probes), runs, solvers, ends)
 
 
+def _both(scene: Scene, mesh: Any = 2, explicitly: tuple[str, ...] = ELEMENTS) -> Watch:
+    """Both elements implicitly, some explicitly."""
+    runs: dict[str, Run] = {f"{e}-zhai": explicit(mesh, e) for e in explicitly}
+    return _watch(scene, runs | {f"{e}-implicit": implicit(mesh, e) for e in ELEMENTS})
+
+
 def _explicit() -> tuple[Watch, ...]:
-    mixed = {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}
     rules = {f"cable-{rule}-zhai": explicit(2, "cable", quadrature=rule) for rule in ("reduced", "lobatto")}
-    other = {
+    options: dict[str, Run] = {
+        **rules,
         "cable-zhai-0.7": explicit(2, "cable", psi=0.7, phi=0.7),
         "shear-zhai-0.7": explicit(2, "shear", psi=0.7, phi=0.7),
         "cable-zhai-0.6-0.4": explicit(2, "cable", psi=0.6, phi=0.4, check_stability=False),
     }
-    long = {f"{e}-zhai": explicit({"strip": 70, "tail": 3}, e, steps=20, dt=1e-4) for e in ELEMENTS}
-    rigid = {"cable-zhai": explicit(small.RIGID_MESH, small.RIGID, dt=1e-3)}
+    long: dict[str, Run] = {
+        f"{e}-zhai": explicit({"strip": 70, "tail": 3}, e, steps=20, dt=1e-4) for e in ELEMENTS
+    }
     return (
-        _both(small.driven_row(), {"one": 2, "two": 3, "beside": 1}),
+        _both(small.driven_row(), ROW3),
         _both(small.driven_tail()),
         _both(small.straight_row(), {"one": 2, "two": 1, "three": 2}),
         # welds at an angle: of one element only, for others the kernels would have to be compiled, too
         _both(small.driven_end(), explicitly=("cable",)),
         _both(small.tree(), explicitly=("cable",)),
         _both(small.loop(), explicitly=("cable",)),
-        _both(small.angled_row(), {"one": 1, "two": 3, "three": 2, "four": 1}, explicitly=("cable",)),
-        _watch(small.options_row(), {**rules, **other}),
-        _watch(small.mixed_row(), mixed),
+        _both(small.angled_row(), ROW4, explicitly=("cable",)),
+        _watch(small.options_row(), options),
+        _watch(small.mixed_row(), {"zhai": explicit(small.MIXED_MESH, small.MIXED, dt=2e-4)}),
         _watch(small.long_strip(), long),
-        _watch(small.rigid_row(), rigid),
+        _watch(small.rigid_row(), {"cable-zhai": explicit(small.RIGID_MESH, small.RIGID, dt=1e-3)}),
         _watch(small.rigid_pendulum(), {"zhai": explicit(1, "rigid", dt=1e-3)}),
     )
 
 
 def _implicit() -> tuple[Watch, ...]:
-    other = {
+    options: dict[str, Run] = {
         "cable-radius-0.4": implicit(2, "cable", spectral_radius=0.4),
         "shear-radius-0": implicit(2, "shear", spectral_radius=0.0),
         "cable-radius-1": implicit(2, "cable", spectral_radius=1.0),
@@ -111,86 +132,70 @@ def _implicit() -> tuple[Watch, ...]:
         "cable-loose": implicit(2, "cable", newton_tolerance=1e-5),
         "shear-loose": implicit(2, "shear", newton_tolerance=1e-5),
     }
-    long = {f"{e}-implicit": implicit({"strip": 66, "tail": 3}, e, steps=3) for e in ELEMENTS}
+    long: dict[str, Run] = {f"{e}-implicit": implicit({"strip": 66, "tail": 3}, e, steps=3) for e in ELEMENTS}
+    rolled: dict[str, Run] = {
+        f"{e}-implicit": implicit(mesh, e, steps=10) for e, mesh in (("cable", 8), ("shear", 4))
+    }
     return (
-        _watch(small.options_row(), other),
+        _watch(small.options_row(), options),
         _watch(small.mixed_row(), {"implicit": implicit(small.MIXED_MESH, small.MIXED)}),
         _watch(small.long_strip(), long),
-        _watch(
-            small.rolled(),
-            {f"{e}-implicit": implicit(mesh, e, steps=10) for e, mesh in (("cable", 8), ("shear", 4))},
-        ),
+        _watch(small.rolled(), rolled),
     )
 
 
 def _high_order() -> tuple[Watch, ...]:
     """Quintic cables, and steps of fourth order: short ones, so that a method of another order finds the same."""
 
-    def short(element: str, dt: float) -> Run:
+    def short(element: str, dt: float) -> Motion:
         return implicit(1, element, steps=60, dt=dt, integrator="esdirk")
 
-    quintic = {"quintic-zhai": explicit(1, "quintic", dt=1e-4), "quintic-implicit": implicit(1, "quintic")}
+    implicitly: dict[str, Run] = {"quintic-implicit": implicit(1, "quintic")}
     return (
-        _watch(small.loop(), quintic),
-        _watch(
-            small.freed(),
-            {"quintic-implicit": implicit(1, "quintic"), "cable-esdirk": short("cable", 2.5e-4)},
-        ),
+        _watch(small.loop(), {"quintic-zhai": explicit(1, "quintic", dt=1e-4), **implicitly}),
+        _watch(small.freed(), {**implicitly, "cable-esdirk": short("cable", 2.5e-4)}),
         _watch(small.driven_row(), {"quintic-esdirk": short("quintic", 1.25e-4)}),
     )
 
 
 def _error_controlled() -> tuple[Watch, ...]:
-    def run(
-        element: Any, tolerance: float = 1e-3, t_end: float = 0.1, integrator: str = "generalized-alpha"
-    ) -> Run:
-        return Discretisation(
-            2,
-            element,
-            integrator=integrator,
-            tolerance=tolerance,
-            t_end=t_end,
-            output_dt=t_end / 5,
-            newton_tolerance=TIGHT,
-        )
-
+    cable, esdirk = controlled("cable", 1e-3, 0.1), controlled("cable", 1e-3, 0.1, "esdirk")
     return (
-        _watch(
-            small.stick(),
-            {"cable-adaptive": run("cable"), "cable-esdirk-adaptive": run("cable", integrator="esdirk")},
-        ),
-        _watch(small.pulse(), {"cable-adaptive": run("cable")}),
-        _watch(small.driven_end(), {"cable-adaptive": run("cable", 1e-2, 0.05)}),
+        _watch(small.stick(), {"cable-adaptive": cable, "cable-esdirk-adaptive": esdirk}),
+        _watch(small.pulse(), {"cable-adaptive": cable, "cable-esdirk-adaptive": esdirk}),
+        _watch(small.driven_end(), {"cable-adaptive": controlled("cable", 1e-2, 0.05)}),
     )
 
 
 def _static() -> tuple[Watch, ...]:
-    def runs(mesh: Any = 2, **options: Any) -> dict[str, Run]:
-        return {f"{e}-static": Static(mesh, e, load_steps=2, **options) for e in ELEMENTS}
+    def runs(mesh: Any) -> dict[str, Run]:
+        return {f"{e}-static": Static(mesh, e, load_steps=2) for e in ELEMENTS}
 
     rules: dict[str, Run] = {
         f"cable-{rule}-static": Static(3, "cable", rule, load_steps=2) for rule in ("reduced", "lobatto")
     }
     return (
         _watch(small.stick(), {**runs(3), **rules}),
-        _watch(small.angled_still(), runs({"one": 1, "two": 3, "three": 2, "four": 1})),
+        _watch(small.angled_still(), runs(ROW4)),
         _watch(small.standing(), {"mixed-static": Static(small.MIXED_MESH, small.MIXED, load_steps=2)}),
         _watch(small.long_stick(), runs(66)),
+        _watch(mechanisms.held_up(60.0), {"static": Static(4)}),
+        _watch(mechanisms.held_up(0.01), {"unstable": Static(4)}, "unstable"),
     )
 
 
 def _readable() -> tuple[Watch, ...]:
     """Few steps: a readable one takes a millisecond."""
-    runs = {f"{e}-readable": explicit(2, e, steps=20) for e in ELEMENTS}
-    angled = {"cable-readable": explicit(2, "cable", steps=20)}
-    solvers = ("anctmm", *OF_CHAINS)
+    runs: dict[str, Run] = {f"{e}-readable": explicit(2, e, steps=20) for e in ELEMENTS}
+    angled = {"cable-readable": runs["cable-readable"]}
+    solvers = ("anctmm", *CHAIN_SOLVERS)
     return (
         _watch(small.driven_chain(), runs, solvers=solvers),
         _watch(small.driven_tail(), runs, solvers=solvers),
         _watch(small.driven_end(), angled, solvers=solvers),
         _watch(small.held_chain(), angled, solvers=solvers),
-        _watch(small.driven_chain(damping=2e-4), runs, solvers=tuple(OF_CHAINS)),
-        _watch(small.tree(), angled, solvers=("anctmm", *OF_TREES)),
+        _watch(small.driven_chain(damping=2e-4), runs, solvers=CHAIN_SOLVERS),
+        _watch(small.tree(), angled, solvers=("anctmm", "transfer-tree")),
     )
 
 
@@ -206,36 +211,33 @@ def _limits() -> tuple[Watch, ...]:
 
 
 def _failing() -> tuple[Watch, ...]:
-    """What no beam does, found by each of the checks that look for it."""
-    unchecked: dict[str, Any] = {"integrator": "zhai", "check_stability": False}
-    controlled: dict[str, Any] = {"integrator": "generalized-alpha", "tolerance": 1e-2}
-    row, line, pulled, pushed = small.options_row(), small.straight_row(), small.pulled(), small.pushed()
-    crushed = small.crushed()
-    runs: list[tuple[Scene, str, Run]] = [
-        (row, "not-finite", Discretisation(2, dt=4e-3, t_end=4.0, output_dt=2.0, **unchecked)),
-        (row, "too-large", Discretisation(2, dt=4e-3, t_end=0.4, output_dt=0.02, **unchecked)),
-        (
-            line,
-            "energy",
-            Discretisation(3, dt=1.57e-3, t_end=1.57e-3 * 90, output_dt=1.57e-3 * 5, **unchecked),
-        ),
+    """Runs that no beam survives, found by each of the checks that look for it."""
+
+    def unchecked(mesh: int, dt: float, t_end: float, output_dt: float) -> Motion:
+        return Discretisation(
+            mesh, integrator="zhai", dt=dt, t_end=t_end, output_dt=output_dt, check_stability=False
+        )
+
+    adaptive = Discretisation(2, integrator="generalized-alpha", tolerance=1e-2, t_end=0.01, output_dt=0.002)
+    row, pulled, crushed = small.options_row(), small.pulled(), small.crushed()
+    diverging: list[tuple[Scene, str, Run]] = [
+        (row, "not-finite", unchecked(2, 4e-3, 4.0, 2.0)),
+        (row, "too-large", unchecked(2, 4e-3, 0.4, 0.02)),
+        (small.straight_row(), "energy", unchecked(3, 1.57e-3, 1.57e-3 * 90, 1.57e-3 * 5)),
         (pulled, "cable-stretched", implicit(2, "cable", steps=5)),
-        (pulled, "stretched-adaptive", Discretisation(2, t_end=0.01, output_dt=0.002, **controlled)),
+        (pulled, "stretched-adaptive", adaptive),
         (pulled, "shear-stalled", implicit(2, "shear", steps=5)),
-        (pushed, "cable-inside-out", implicit(2, "cable", steps=10, dt=2e-2)),
+        (small.pushed(), "cable-inside-out", implicit(2, "cable", steps=10, dt=2e-2)),
         (crushed, "shear-inside-out", implicit(2, "shear", steps=20)),
         (crushed, "shear-inside-out-zhai", explicit(2, "shear", check_stability=False)),
         (small.wound(), "static-inside-out", Static(1, "cable", load_steps=8)),
         (crushed, "static-crushed", Static(2, "shear")),
         (small.bare(), "static-free", Static(2, "cable")),
     ]
-    long_steps = {
-        "made-energy": (implicit(4, "cable", steps=10, dt=0.01), "diverged"),
-        "some-energy": (implicit(4, "cable", steps=8, dt=0.007), "inaccurate"),
-    }
     return (
-        *(_watch(scene, {name: run}, "diverged") for scene, name, run in runs),
-        *(_watch(small.spun(), {name: run}, ends) for name, (run, ends) in long_steps.items()),
+        *(_watch(scene, {name: run}, "diverged") for scene, name, run in diverging),
+        _watch(small.spun(), {"made-energy": implicit(4, "cable", steps=10, dt=0.01)}, "diverged"),
+        _watch(small.spun(), {"some-energy": implicit(4, "cable", steps=8, dt=0.007)}, "inaccurate"),
         _watch(small.column(), {"unstable": Static(4, "cable")}, "unstable"),
         _watch(small.locked(), {"locked": explicit(1, "rigid", dt=1e-3)}, "failed"),
     )
@@ -243,22 +245,69 @@ def _failing() -> tuple[Watch, ...]:
 
 def _mechanisms() -> tuple[Watch, ...]:
     """Bodies, guides, connectors and loads of mechanisms, all of cables, so that less is compiled."""
-    linkage, guided = mechanisms.linkage(), mechanisms.guided()
-    moving = {"zhai": explicit(2, "cable"), "implicit": implicit(2, "cable")}
+    moving: dict[str, Run] = {"zhai": explicit(2, "cable"), "implicit": implicit(2, "cable")}
+    static: dict[str, Run] = {"static": Static(2, load_steps=2)}
+    esdirk: dict[str, Run] = {"esdirk": implicit(2, "cable", steps=10, integrator="esdirk")}
     careful = Discretisation(
         2, integrator="generalized-alpha", tolerance=1e-2, t_end=0.02, output_dt=0.005, newton_tolerance=TIGHT
     )
     released = FromRest(2, dt=1e-3, t_end=0.02, output_dt=0.005, newton_tolerance=TIGHT)
     return (
-        _watch(linkage, {**moving, "adaptive": careful}),
-        _watch(guided, moving),
-        _watch(mechanisms.sliding(), {**moving, "static": Static(2, load_steps=2)}),
+        _watch(mechanisms.linkage(), {**moving, **esdirk, "adaptive": careful}),
+        _watch(mechanisms.guided(), moving),
+        _watch(mechanisms.sliding(), {**moving, **static}),
         _watch(mechanisms.guides(), moving),
         _watch(mechanisms.wheel(), moving),
         _watch(mechanisms.parallel(), moving),
-        _watch(mechanisms.stretched(), {**moving, "static": Static(2, load_steps=2)}),
-        _watch(mechanisms.held(), {"static": Static(2, load_steps=2), "from-rest": released}),
+        _watch(mechanisms.stretched(), {**moving, **static}),
+        _watch(mechanisms.driven_plate(), {**moving, **esdirk}),
+        _watch(mechanisms.held(), {**static, "from-rest": released}),
         _watch(mechanisms.lattice(), {"implicit": implicit(1, "cable")}),
         _watch(mechanisms.slack(), {"static": Static(1, load_steps=1)}),
         _watch(mechanisms.truss(), {"path": Static(1, load_steps=8, path=ARC_LENGTH)}),
+    )
+
+
+def _read_besides() -> tuple[Watch, ...]:
+    """Forces, frequencies, consistent velocities and comparisons."""
+    moving: dict[str, Run] = {"forces": Forces(implicit(2, "cable"))}
+    both: dict[str, Run] = {"zhai-forces": Forces(explicit(2, "cable")), **moving}
+    static: dict[str, Run] = {f"{e}-static-forces": Forces(Static(2, e, load_steps=2)) for e in ELEMENTS}
+    modes: dict[str, Run] = {
+        f"{e}-modes": Frequencies(Static(2, e, load_steps=2), at_rest=True) for e in (*ELEMENTS, "quintic")
+    }
+    return (
+        _watch(
+            mechanisms.linkage(),
+            {**both, "esdirk-forces": Forces(implicit(2, "cable", steps=10, integrator="esdirk"))},
+        ),
+        *(
+            _watch(scene, moving)
+            for scene in (
+                mechanisms.guided(),
+                mechanisms.sliding(),
+                mechanisms.guides(),
+                mechanisms.wheel(),
+                mechanisms.driven_plate(),
+                mechanisms.stretched(),
+                small.driven_row(),
+                small.tree(),
+            )
+        ),
+        _watch(small.rigid_row(), {"forces": Forces(explicit(small.RIGID_MESH, small.RIGID, dt=1e-3))}),
+        _watch(small.loop(), {"quintic-forces": Forces(implicit(1, "quintic"))}),
+        _watch(small.driven_row(), {"shear-forces": Forces(implicit(2, "shear"))}),
+        _watch(small.angled_still(), static),
+        _watch(
+            mechanisms.held(),
+            {"static-forces": Forces(Static(2, load_steps=2)), "modes": modes["cable-modes"]},
+        ),
+        _watch(small.stick(), modes),
+        _watch(mechanisms.blade(), {"modes": Frequencies(Static(4), spin=30.0)}),
+        _watch(mechanisms.held_up(60.0), {"modes": Frequencies(Static(4), at_rest=True)}),
+        _watch(mechanisms.started(), {"velocities": StartVelocities()}),
+        _watch(
+            small.driven_row(),
+            {"compared": Compared(implicit(ROW3, "cable"), implicit(ROW3, "shear"))},
+        ),
     )

@@ -1,43 +1,29 @@
-"""How far a history may lie from the stored one: measured on the history itself, not guessed.
+"""Allowed differences of a history, measured on the history itself.
 
-Two things move a history although nothing has changed. Rounding: another processor, another BLAS or another order of
-the same sums rounds otherwise at every step, and the motion makes of it what it makes of any disturbance. And the
-iteration: Newton stops somewhere below its tolerance, and another sequence of corrections stops elsewhere. Both
-are measured when a baseline is made, by runs that answer the same question with every rounding different:
+Two things change a history although nothing has changed. Rounding: another processor, another BLAS or another order of
+the same sums rounds otherwise at every step. And the iteration: Newton stops somewhere below its tolerance, and another
+sequence of corrections stops elsewhere. Both are measured when a history is stored, by runs that answer the same
+question with every rounding different:
 
-- the scene is turned in the plane by angles of no meaning; the displacements, turned back, would be equal in exact
-  arithmetic, and the energies are;
+- the scene is turned in the plane by angles of no meaning; vectors, turned back, would be equal in exact arithmetic,
+  and scalars are;
 - the iteration is stopped at a tolerance ten times as large; in statics, it also gets there by twice the load steps.
 
 The largest difference of these runs, but no less than what a single rounding or a single iteration may leave, times
 MARGIN, is the tolerance. It stands in the file with its reason, so that one that grows is seen in a diff.
 """
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
 from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from anctmm.errors import AnctmmError, PluginError, SolverError
-from anctmm.model.bodies import Body
-from anctmm.model.scene import Beam
-from anctmm.results.ended_early import nothing
-from anctmm.results.solution import Solution
-from anctmm.results.status import Status
-from anctmm.solvers import registry
-from anctmm.solvers.foreign_code import told
-from anctmm.solvers.registry import static_of
-from studies.engine.measuring.timing import undisturbed
-from studies.engine.other_numbers import Change
-from studies.engine.running.trial import guarded
-from studies.regression.history import ANGLE, LOAD_FACTOR, OF_CAUSES, UNITS, Baseline, History, Tolerance
-from studies.regression.readable import READABLE
-from studies.regression.scenes import CheckError, FromRest, Run, Static, Task
-
-Array = NDArray[np.float64]
+from anctmm.model.scene import Beam, Point, PointMass, Prismatic, RigidBody, Scene, Slider, Spring, Torque
+from studies.regression.history import UNITS, Baseline, History, Tolerance, physics_of
+from studies.regression.reading import answered
+from studies.regression.scenes import ARC_LENGTH, CheckError, Static, Task, iterations_of
 
 #: Angles by which a scene is turned, rad.
 ANGLES = (0.7, 2.0, 4.1)
@@ -46,152 +32,176 @@ ANGLES = (0.7, 2.0, 4.1)
 MARGIN = 16.0
 #: Rounding of one stored number, relative: a few of the last digits.
 EPSILON = 4.0 * float(np.finfo(float).eps)
-#: How much larger the tolerance of an iteration is made.
-LOOSER = 10.0
+#: How much larger the tolerance of an iteration is made, and its largest value.
+LOOSER, LOOSEST = 10.0, 1e-2
 ROUNDING, ITERATION = "rounding (scene turned)", f"iteration ({LOOSER:g} x looser)"
 LOAD_STEPS = "iteration (twice the load steps)"
 #: Exudyn bounds residuals, relative and absolute (N): its own are 1e-7 and, where rounding allows it, 1e-9; in
 #: statics 1e-10, which is taken as the least one iteration leaves.
-EXUDYN = {"tolerances": (1e-6, 1e-7)}
-EXUDYN_STATIC = 1e-10
-#: Least margin of a count: where an iteration stops may depend on a rounding here and there.
-LEAST_MARGIN = 2
-OPTIONS = {"exudyn-cable": EXUDYN, "exudyn-reissner": EXUDYN}
-
-
-def simulate(task: Task, **options: Any) -> Solution:
-    """Run a task; whatever is raised becomes a status."""
-
-    def answer_of() -> Solution:
-        run = task.run
-        solver = READABLE[task.solver] if task.solver in READABLE else registry.solver(task.solver)
-        if isinstance(run, Static):
-            static = static_of(task.solver, solver)
-            if run.path != "load":
-                options["path"] = run.path
-            return static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
-        if isinstance(run, FromRest):
-            options["start"] = static_of(task.solver, solver)(task.scene, run.equilibrium)
-            run = run.motion
-        return solver(task.scene, run, **options)
-
-    def solve() -> Solution:
-        try:
-            answer = answer_of()
-        except PluginError:
-            raise
-        except AnctmmError as error:
-            refused = Status("refused", f"{type(error).__name__}: {error}")
-            return nothing(task.solver, task.scene, None, refused)
-        if not isinstance(answer, Solution):
-            raise SolverError(f"solver {task.solver!r} answers {told(answer)}; a Solution is needed")
-        return answer
-
-    with undisturbed():
-        return guarded(task.solver, task.scene, solve)
+EXUDYN, EXUDYN_STATIC = {"tolerances": (1e-6, 1e-7)}, 1e-10
 
 
 def measured(task: Task, history: History) -> Baseline:
-    """A history with the tolerance of every quantity, and how far counts of the work may lie from it.
+    """A history with the tolerance of every quantity.
 
-    What the end of a run names that depends on rounding, such as one of two elements alike, is left out.
+    What the end of a run names that depends on rounding, such as one of two equal elements, is left out.
 
     Raises
     ------
     CheckError
         If a run that measures it fails, or gives other quantities.
     """
-    moved: dict[str, dict[str, float]] = {}
+    moved: dict[str, dict[str, float]] = {quantity: {} for quantity in history.quantities}
     ending = history.ending.split(", ")
-    margins = {name: max(LEAST_MARGIN, count // 32) for name, count in history.counts.items() if count}
-    for cause, angle, other, options in _disturbed(task):
-        solution = simulate(other, **options)
-        if solution.status.code != task.ends:
-            raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {solution.status}")
-        found = _turned_back(History.of(solution, task), angle)
+    for cause, angle, other in _disturbed(task):
+        status, found = answered(other)
+        if found is None:
+            raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {status}")
+        found = _at(found, history.t)
         if found.columns != history.columns or found.t.shape != history.t.shape:
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
+        found = _turned_back(found, angle)
         ending = [part for part in ending if part in found.ending.split(", ")]
-        for name in margins if cause == ROUNDING else ():
-            apart = abs(found.counts[name] - history.counts[name])
-            margins[name] = max(margins[name], 2 * apart)
-        for quantity in history.quantities:
-            distance = np.abs(found.of_quantity(quantity) - history.of_quantity(quantity)).max()
-            by_cause = moved.setdefault(quantity, {})
-            by_cause[cause] = max(by_cause.get(cause, 0.0), float(distance))
+        for quantity, by_cause in moved.items():
+            distance = float(np.abs(found.of_quantity(quantity) - history.of_quantity(quantity)).max())
+            by_cause[cause] = max(by_cause.get(cause, 0.0), distance)
     cause, relative = _least(task)
-    scales = _scales(task, history)
+    tolerances = {}
     for quantity, by_cause in moved.items():
-        by_cause[cause] = relative * scales[quantity]
-    tolerances = {quantity: _tolerance(by_cause) for quantity, by_cause in moved.items()}
-    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), margins)
+        by_cause[cause] = relative * _scale(task, history, quantity)
+        told = ", ".join(f"{name} {distance:.1e}" for name, distance in by_cause.items())
+        value = MARGIN * max(by_cause.values())
+        tolerances[quantity] = Tolerance(value, f"{MARGIN:g} times the largest of: {told}")
+    return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), physics_of(task))
 
 
-def _disturbed(task: Task) -> Iterator[tuple[str, float, Task, dict[str, Any]]]:
-    """Cause, angle by which the scene is turned, task and options of the runs that measure the sensitivity."""
+def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
+    """Cause, angle by which the scene is turned, and task of the runs that measure the sensitivity."""
     for angle in ANGLES:
-        yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene)), {}
+        yield ROUNDING, angle, replace(task, scene=turned(task.scene, angle))
     run = task.run
-    if task.ends != "ok":
+    if task.ends != "ok" or (isinstance(run, Static) and run.path == ARC_LENGTH):
         return  # another tolerance may well end it elsewhere
-    if task.times is None:
-        return  # other iterations or steps give other points of the path
     if isinstance(run, Static):
-        yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps)), {}
-    if task.solver in OPTIONS:
-        if not isinstance(run, Static) and _iterates(run):
-            yield ITERATION, 0.0, task, OPTIONS[task.solver]
-    elif _iterates(run):
-        looser = replace(run, newton_tolerance=min(LOOSER * run.newton_tolerance, 1e-2))
-        yield ITERATION, 0.0, replace(task, run=looser), {}
+        yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps))
+    if not iterations_of(run):
+        return
+    if task.solver.startswith("exudyn"):
+        if not isinstance(run, Static):
+            yield ITERATION, 0.0, replace(task, options=EXUDYN)
+    else:
+        yield ITERATION, 0.0, replace(task, run=_looser(run))
 
 
-def _iterates(run: Run) -> bool:
-    return isinstance(run, Static) or not run.explicit
+def _looser(run: Any) -> Any:
+    """A run, or a run of runs, whose Newton iterations stop earlier."""
+    changes = {
+        f.name: _looser(getattr(run, f.name))
+        for f in fields(run)
+        if f.init and is_dataclass(getattr(run, f.name)) and hasattr(getattr(run, f.name), "newton_tolerance")
+    }
+    if hasattr(run, "newton_tolerance"):
+        changes["newton_tolerance"] = min(LOOSER * run.newton_tolerance, LOOSEST)
+    return replace(run, **changes)
+
+
+def _at(history: History, t: Any) -> History:
+    """A history at the times of another one, which has fewer load steps."""
+    mine = [k for k, time in enumerate(history.t) if np.isclose(time, t, rtol=1e-9, atol=1e-12).any()]
+    return replace(history, t=history.t[mine], values=history.values[mine])
 
 
 def _turned_back(history: History, angle: float) -> History:
-    """Displacements as they would be had the scene not been turned; they stand in pairs x, y."""
+    """Vectors as they would be had the scene not been turned; their components follow each other."""
     values = history.values.copy()
-    pairs = [k for k, c in enumerate(history.columns) if c.quantity == "displacement"][::2]
-    for k in pairs:
-        x, y = history.values[:, k], history.values[:, k + 1]
-        values[:, k], values[:, k + 1] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
+    for k, column in enumerate(history.columns):
+        if column.where.endswith(" x"):
+            x, y = history.values[:, k], history.values[:, k + 1]
+            values[:, k], values[:, k + 1] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
     return replace(history, values=values)
 
 
 def _least(task: Task) -> tuple[str, float]:
     """The smallest possible tolerance of a history, relative: one rounding, or the bound of one Newton iteration."""
-    if not _iterates(task.run):
+    bounds = [run.newton_tolerance for run in iterations_of(task.run)]
+    if not bounds:
         return "one rounding", EPSILON
-    bound = EXUDYN_STATIC if task.solver in OPTIONS else task.run.newton_tolerance
+    bound = EXUDYN_STATIC if task.solver.startswith("exudyn") else max(bounds)
     return "one iteration's bound", max(bound, EPSILON)
 
 
-def _ends(body: Body) -> tuple[Any, ...]:
+def _scale(task: Task, history: History, quantity: str) -> float:
+    """The size of a quantity: of displacements the farthest place of the scene, whose position is rounded.
+
+    Of all energies, of all forces and of all moments the largest; of an angle what it turns by, and a radian.
+    """
+    unit = UNITS[quantity]
+    alike = [q for q in history.quantities if UNITS[q] == unit]
+    largest = max(float(np.abs(history.of_quantity(q)).max(initial=0.0)) for q in alike)
+    if quantity == "displacement":
+        bodies = task.scene.bodies
+        farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
+        return farthest + largest or 1.0
+    return 1.0 + largest if quantity == "angle" else largest or 1.0
+
+
+def _ends(body: Any) -> tuple[Any, ...]:
     """Keys of the farthest places of a body."""
     return (0.0, 1.0) if isinstance(body, Beam) else body.keys
 
 
-def _scales(task: Task, history: History) -> dict[str, float]:
-    """Of a displacement the farthest place of the scene (a position is rounded), of all energies the largest.
-
-    Of an angle what it turns by, and a radian. Where nothing moves and nothing is away from the origin, 1 m.
-    """
-    if not history.columns:
-        return {}
-    bodies = task.scene.bodies
-    farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
-    largest = {q: float(np.abs(history.of_quantity(q)).max()) for q in history.quantities}
-    energy = max((x for q, x in largest.items() if UNITS[q] == "J"), default=0.0)
-    moved = {
-        "displacement": farthest + largest["displacement"] or 1.0,
-        ANGLE: 1.0 + largest.get(ANGLE, 0.0),
-        LOAD_FACTOR: largest.get(LOAD_FACTOR, 0.0),
-    }
-    return {q: moved.get(q, energy) for q in history.quantities}
+# --- a scene that is turned ------------------------------------------------------------------------------------
 
 
-def _tolerance(causes: dict[str, float]) -> Tolerance:
-    told = ", ".join(f"{cause} {distance:.1e}" for cause, distance in causes.items())
-    return Tolerance(MARGIN * max(causes.values()), f"{MARGIN:g}{OF_CAUSES}{told}")
+def turned(scene: Scene, angle: float) -> Scene:
+    """The scene turned about the origin: the same physics with every number different."""
+
+    def vector(v: Any) -> Point:
+        x, y = v
+        return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y
+
+    def of_time(value: Any) -> Any:
+        return _after_call(value, vector) if callable(value) else vector(value)
+
+    def body(b: Any) -> Any:
+        match b:
+            case Beam():
+                velocity = b.velocity and _after_call(b.velocity, vector)
+                return replace(b, start=vector(b.start), end=vector(b.end), velocity=velocity)
+            case RigidBody():
+                points = {name: vector(p) for name, p in b.points.items()}
+                return replace(b, center=vector(b.center), points=points, velocity=vector(b.velocity))
+            case PointMass():
+                return replace(b, position=vector(b.position), velocity=vector(b.velocity))
+            case _:
+                raise CheckError(f"body {b!r} cannot be turned")
+
+    def connector(c: Any) -> Any:
+        grounded = isinstance(c, Spring) and c.ground is not None
+        return replace(c, second=vector(c.ground)) if grounded else c
+
+    return replace(
+        scene,
+        bodies=tuple(map(body, scene.bodies)),
+        joints=tuple(
+            replace(j, direction=vector(j.direction)) if isinstance(j, Slider | Prismatic) else j
+            for j in scene.joints
+        ),
+        loads=tuple(
+            load if isinstance(load, Torque) else replace(load, value=of_time(load.value))
+            for load in scene.loads
+        ),
+        gravity=vector(scene.gravity),
+        connectors=tuple(map(connector, scene.connectors)),
+    )
+
+
+def _after_call(function: Callable[[Any], Any], change: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """A function whose results are changed; the times at which it breaks stay."""
+
+    def changed(argument: Any) -> Any:
+        return change(function(argument))
+
+    if hasattr(function, "breaks"):
+        changed.breaks = function.breaks  # type: ignore[attr-defined]
+    return changed

@@ -1,16 +1,12 @@
 """Windows of elements that kernels handle together: they hold all nodes once, and few elements beside full vectors."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from anctmm.discretise.assembly import LANES, body_after, window_end
-from anctmm.discretise.chain import Chain
 from anctmm.elements.shear_kernel import BLOCK
 from anctmm.jit.compiling import uncompiled
-from studies.benchmark.additions import ELEMENTS, IMPLICIT_DT, scenes
-from studies.engine.measuring.setting import implicit_run
 
 
 def windows(first):
@@ -41,14 +37,3 @@ def test_windows_hold_all_nodes_once_and_cut_bodies_into_full_vectors(sizes):
     for body, nodes in enumerate(sizes):
         assert sum(pieces(first, body)) == nodes - 1
         assert all(n % LANES == 0 for n in pieces(first, body)[:-1])
-
-
-@pytest.mark.parametrize("turned", [False, True])
-def test_what_is_added_brings_no_element_beside_full_vectors(turned):
-    """A tip mass, whose node stands before the beam's, had shifted the windows: 12 such elements in place of 4."""
-    beside = {}
-    for name, scene in scenes(turned).items():
-        bodies = Chain(scene, implicit_run(scene, ELEMENTS, 1, IMPLICIT_DT)).bodies
-        counts = [n for body in range(len(bodies.meshes)) for n in pieces(bodies.first, body)]
-        beside[name] = sum(n % LANES for n in counts), len(windows(bodies.first))
-    assert set(beside.values()) == {(ELEMENTS % LANES, 2)}

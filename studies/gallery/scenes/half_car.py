@@ -1,6 +1,8 @@
-"""A car drives over a bump: a rigid body on two springs and dampers, whose lower ends follow the road."""
+"""Car on a bump: a rigid body on two springs and dampers, whose lower ends follow the road."""
 
 from math import cos, pi, sin
+
+import numpy as np
 
 import anctmm as at
 
@@ -23,3 +25,16 @@ rear = at.Spring("car.rear", (-REAR, 0), stiffness=20e3, damping=1200.0, length=
 upright = at.Slider("car.center", direction=(0, 1))
 scene = at.Scene("half-car", [car], [upright], connectors=[front, rear])
 CASES = [at.Case(scene, ["car.front", "car.rear"], t_end=1.6, output_dt=0.01)]
+RUN = {"dt": 5e-3}
+
+
+def known(s):
+    modes = at.modes(scene, count=2)
+    bounce = min(modes.frequencies / np.sqrt(1 - modes.damping**2))
+    exact = np.sqrt((front.stiffness + rear.stiffness) / car.mass) / (2 * pi)
+    return "frequency of the bounce, undamped", bounce, exact, 1e-7, "Hz", "√((k₁ + k₂)/m)/2π, as k₁ a = k₂ b"
+
+
+def curves(s):
+    rise = {end: 1e3 * (s.position(f"car.{end}")[:, 1] - 0.4) for end in ("front", "rear")}
+    return "t (s)", s.t, "rise of the body (mm)", rise

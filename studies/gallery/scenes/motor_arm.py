@@ -1,6 +1,8 @@
-"""A motor with feedback lifts a soft arm with a load; its moment is limited."""
+"""Arm with a motor: a law of three lines is a motor with feedback; the weight keeps the arm below its target."""
 
 from math import exp, tanh
+
+import numpy as np
 
 import anctmm as at
 
@@ -20,3 +22,15 @@ load = at.PointMass("load", mass=0.4, position=(0.8, 0))
 joints = [at.Pin("arm.start"), at.Pin("arm.end", "load.center")]
 scene = at.Scene("motor-arm", [arm, load], joints, connectors=[motor], gravity=(0, -9.81))
 CASES = [at.Case(scene, ["load.center"], t_end=2.5, output_dt=0.01)]
+RUN = {"mesh": 4, "dt": 1e-3}
+
+
+def known(s):
+    middle = s.position("arm", np.linspace(0, 1, 41))[-1, :, 0].mean()
+    weights = 9.81 * (load.mass * s.position("load.center")[-1, 0] + arm.mass * middle)
+    moment = -s.tension(motor)[-1]
+    return "moment of the motor at the end", moment, weights, 5e-3 * weights, "N m", "moment of the weights"
+
+
+def curves(s):
+    return "t (s)", s.t, "moment of the motor (N m)", {"motor": -s.tension(motor)}

@@ -1,4 +1,6 @@
-"""An engine: a crank that comes to speed, a rod and a piston. What does the pin of the piston carry?"""
+"""Engine: crank, rod and piston come to speed; the reaction of the piston's pin is nearly that of rigid bars."""
+
+import numpy as np
 
 import anctmm as at
 
@@ -22,3 +24,22 @@ drive = at.Clamp("crank.start", angle=at.History(turning, breaks=[START]))
 joints = [drive, at.Pin("crank.end", "rod.start"), pin, at.Slider("piston.center", (1, 0))]
 scene = at.Scene("engine", bodies, joints)
 CASES = [at.Case(scene, ["piston.center", ("rod", 0.5)], t_end=0.0832, output_dt=0.0002)]
+RUN = {"mesh": {"crank": 2, "rod": 4}, "dt": 5e-5}
+
+
+def known(s):
+    top = START / 2 + 6 * np.pi / SPEED  # the third time that the crank points to the piston
+    force = -np.interp(top, s.t, s.reaction(pin)[:, 0])
+    rigid = MASS * CRANK * SPEED**2 * (1 + CRANK / ROD)
+    return (
+        "pull of the rod at the dead centre",
+        force,
+        rigid,
+        0.02 * rigid,
+        "N",
+        "m r ω² (1 + r/l), rigid bars",
+    )
+
+
+def curves(s):
+    return "t (s)", s.t, "force on the piston (N)", {"along its line": s.reaction(pin)[:, 0]}

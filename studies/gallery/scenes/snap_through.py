@@ -1,4 +1,6 @@
-"""Two bars lean on each other and carry a load, until they snap through and hang below."""
+"""Snap-through: two bars lean on each other and carry a load, until they snap through and hang below."""
+
+from math import hypot
 
 import anctmm as at
 
@@ -11,3 +13,17 @@ bars = [
 hinges = [at.Pin("left.start"), at.Pin("left.end", "right.start"), at.Pin("right.end")]
 scene = at.Scene("snap-through", bars, hinges, [at.Force("left.end", (0, -LOAD))])
 CASES = [at.Case(scene, ["left.end"], t_end=None)]
+RUN = {"mesh": 1, "path": "arclength"}
+
+
+def known(s):
+    whole = hypot(SPAN, RISE)
+    y = ((SPAN**2 * whole) ** (2 / 3) - SPAN**2) ** 0.5  # height at the largest load
+    exact = 2 * wood.E * section.area * y * (1 / hypot(SPAN, y) - 1 / whole)
+    first = LOAD * s.t[: s.t.argmin()].max()
+    return "load at which they snap", first, exact, 1e-6 * exact, "N", "largest of 2 EA y (1/l − 1/l₀)"
+
+
+def curves(s):
+    height = 1e3 * s.position("left.end")[:, 1]
+    return "height of the top (mm)", height, "load (kN)", {"path of equilibria": 1e-3 * LOAD * s.t}

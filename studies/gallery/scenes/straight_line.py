@@ -1,4 +1,4 @@
-"""Peaucellier's linkage (1864): a crank and six bars move a point on a straight line."""
+"""Straight line: Peaucellier's linkage (1864): a crank and six rigid bars move a point on a straight line."""
 
 from cmath import exp
 
@@ -19,3 +19,10 @@ tips = [at.Pin("AE.end", "EB.start", "ED.start"), at.Pin("CB.start", "CD.start")
 bodies = [at.Beam(n, (p.real, p.imag), (q.real, q.imag), section, steel) for n, (p, q) in bars.items()]
 scene = at.Scene("straight-line", bodies, [drive, fixed, *sides, *tips])
 CASES = [at.Case(scene, ["CB.start"], t_end=1.0, output_dt=0.02)]
+RUN = {"mesh": 1, "element": "rigid", "dt": 1e-2}
+
+
+def known(s):
+    x, line = s.position("CB.start")[:, 0], (ARM**2 - SIDE**2) / (2 * CRANK)
+    worst = x[abs(x - line).argmax()]
+    return "x of the guided point, where it is farthest off", worst, line, 1e-9, "m", "inversion at a circle"

@@ -7,8 +7,6 @@ import time
 import pytest
 
 from studies.engine.running.processes import JobError, Lost, processors, side_by_side
-from studies.regression.check import BASELINES, check, in_order, select
-from studies.regression.scenes import base_watches, tasks_of
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3, 40])
@@ -65,27 +63,6 @@ def test_processes_end_with_the_iteration(tmp_path):
     results.close()
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "1").read_text()), 0)
-
-
-def test_a_check_in_two_processes_finds_the_same():
-    tasks = select(tasks_of(base_watches()), ("cantilever-fall/cable-", "cantilever-force-1/cable"), ())
-    alone, two = ([f for found in check(tasks, BASELINES, workers=n) for f in found] for n in (1, 2))
-    two = in_order(two, tasks)
-    assert [(f.name, f.verdict, f.against, f.worst) for f in two] == [
-        (f.name, f.verdict, f.against, f.worst) for f in alone
-    ]
-    assert {f.verdict for f in two} == {"same"}
-
-
-def test_a_check_whose_process_ends_says_so(monkeypatch):
-    tasks = select(tasks_of(base_watches()), ("cantilever-force-1/",), ("anctmm",))
-    monkeypatch.setattr(
-        "studies.regression.check.simulate", lambda task: os.kill(os.getpid(), signal.SIGKILL)
-    )
-    found = [f for fs in check(tasks, BASELINES, workers=2) for f in fs]
-    assert sorted(f.name for f in found) == sorted(t.name for t in tasks)
-    assert {f.verdict for f in found} == {"failed"}
-    assert all("signal 9" in f.reason for f in found)
 
 
 def test_there_is_a_processor():

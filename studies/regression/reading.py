@@ -1,0 +1,275 @@
+"""What a task finds: its run, and the few numbers of it that are stored."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from threadpoolctl import threadpool_limits
+
+import anctmm as at
+from anctmm.errors import AnctmmError, PluginError, ResultError, SolverError, shown
+from anctmm.model.scene import Beam, Probe, RigidBody, RotationalSpring
+from anctmm.results.metrics import common_times, rounding_at
+from anctmm.results.solution import Solution
+from anctmm.results.status import Status
+from anctmm.solvers import registry
+from anctmm.solvers.foreign_code import contained
+from studies.regression.history import Column, History
+from studies.regression.scenes import (
+    ARC_LENGTH,
+    Compared,
+    Forces,
+    Frequencies,
+    FromRest,
+    Motion,
+    StartVelocities,
+    Static,
+    Task,
+)
+
+Array = NDArray[np.float64]
+#: Columns with their values, (n,) each.
+Columns = Iterator[tuple[Column, Array]]
+
+#: Solvers of the paper's method in its readable form: from `studies.regression.readable`.
+READABLE = ("transfer-plain", "transfer-riccati", "transfer-tree")
+ENERGIES = {
+    "kinetic": "kinetic energy", "strain": "strain energy", "potential": "potential energy", "work": "work",
+}  # fmt: skip
+#: Angle, rad, below which a place at rest does not turn.
+TURNED = 1e-6
+#: Part of the largest frequency below which growth rates are rounding.
+GROWING = 1e-9
+#: Fractions of a beam at which section forces are read.
+SECTIONS = (0.3, 0.8)
+
+
+def answered(task: Task) -> tuple[Status, History | None]:
+    """Run a task.
+
+    Returns
+    -------
+    Status
+        How it ended: "refused" where one of `anctmm.errors` was raised, "failed" where anything else was.
+    History or None
+        None where it did not end as it must.
+    """
+    try:
+        with contained(), threadpool_limits(limits=1):
+            status, read = _run(task)
+            return status, read() if status.code == task.ends else None
+    except PluginError as error:
+        status = Status("failed", str(error))
+    except AnctmmError as error:
+        status = Status("refused", f"{type(error).__name__}: {error}")
+    except Exception as error:  # one broken solver must not end a check
+        status = Status("failed", f"{type(error).__name__}: {error}")
+    ending = f"refused, {status.message.partition(':')[0]}" if status.code == "refused" else ""
+    refused = History(np.empty(0), "t (s)", (), np.empty((0, 0)), ending=ending)
+    return status, refused if status.code == task.ends == "refused" else None
+
+
+def _run(task: Task) -> tuple[Status, Callable[[], History]]:
+    """How the run of a task ended, and a function that reads its history."""
+    run = task.run
+    if isinstance(run, StartVelocities):
+        moving = at.consistent_velocities(task.scene)
+        return Status(), lambda: _table("body", _velocities(moving))
+    if isinstance(run, Frequencies):
+        return Status(), lambda: _table("mode", _modes(task, run))
+    if isinstance(run, Compared):
+        one, other = solution_of(task, run.run), solution_of(task, run.reference)
+        return _worse(one.status, other.status), lambda: _table("probe", _comparison(task, one, other))
+    if isinstance(run, Forces):
+        found = solution_of(task, run.run)
+        return found.status, lambda: _history(task, run.run, found, _forces(_saved(found)))
+    found = solution_of(task, run)
+    if isinstance(run, Static) and run.path == ARC_LENGTH:
+        return found.status, lambda: _table("limit point", _limits(task, found))
+    return found.status, lambda: _history(task, run, found, _motion(task, found))
+
+
+def solution_of(task: Task, run: Motion) -> Solution:
+    """The solution of a run by the solver of a task; raises whatever the solver raises."""
+    solver, options = _solver(task.solver), dict(task.options)
+    if isinstance(run, Static):
+        if run.path != "load":
+            options["path"] = run.path
+        static = registry.static_of(task.solver, solver)
+        answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
+    else:
+        if isinstance(run, FromRest):
+            options["start"] = registry.static_of(task.solver, solver)(task.scene, run.equilibrium)
+            run = run.motion
+        answer = solver(task.scene, run, **options)
+    if not isinstance(answer, Solution):
+        raise SolverError(f"solver {task.solver!r} answers {shown(answer)}; a Solution is needed")
+    return answer
+
+
+def _solver(name: str) -> registry.Solver:
+    if name not in READABLE:
+        return registry.solver(name)
+    from studies.regression.readable import SOLVERS  # imports the method itself
+
+    return SOLVERS[name]
+
+
+def _worse(one: Status, other: Status) -> Status:
+    return other if one.ok else one
+
+
+# --- histories of a motion -----------------------------------------------------------------------------------
+
+
+def _history(task: Task, run: Motion, found: Solution, columns: Columns) -> History:
+    """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
+    axis = "load factor" if isinstance(run, Static) else "t (s)"
+    ending, corrections = _ending(found.status), found.cost.newton_iterations
+    if len(found.t) < 2:  # a run that ended before its first output has only a status
+        return History(np.empty(0), axis, (), np.empty((0, 0)), ending=ending)
+    mine, _ = common_times(found.t, times_of(run))
+    names, values = zip(*columns, strict=True)
+    return History(found.t[mine], axis, names, np.column_stack(values)[mine], corrections, ending)
+
+
+def times_of(run: Motion) -> Array:
+    """When samples are taken: s, or load factors."""
+    if isinstance(run, Static):
+        return np.arange(run.load_steps + 1) / run.load_steps
+    return run.times(run.output_steps)
+
+
+def _ending(status: Status) -> str:
+    """Code, step, body and element of a run that did not end well, without the words of its message."""
+    if status.ok:
+        return ""
+    parts = {"step": status.step, "body": status.body, "element": status.element}
+    return ", ".join([status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)])
+
+
+def _motion(task: Task, found: Solution) -> Columns:
+    """Displacements of the probes, angles of those that turn in place, and the energies that the solver gives.
+
+    An energy that is zero throughout (kinetic in statics) or that the solver does not give is left out.
+    """
+    for probe in task.probes:
+        body, key = found.scene.probe(probe)
+        where = f"{body} at {key if isinstance(key, str) else f'{key:g}'}"
+        yield from _vector("displacement", where, found.displacement(probe))
+        if (angle := _turned_in_place(found, probe)) is not None:
+            yield Column("angle", where), angle
+    for name, quantity in ENERGIES.items():
+        series = getattr(found.energy, name)
+        if np.any(series != 0.0) and np.isfinite(series).all():
+            yield Column(quantity), series
+
+
+def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
+    """Angle of a place that rests and turns, such as an axle, rad; displacements and energies do not tell its sense."""
+    way = np.linalg.norm(found.displacement(probe), axis=1).max(initial=0.0)
+    if way > rounding_at(found, probe):
+        return None
+    try:
+        angle = found.angle(probe)
+    except ResultError:
+        return None
+    return angle if np.abs(angle).max(initial=0.0) > TURNED else None
+
+
+def _vector(quantity: str, where: str, series: Array) -> Columns:
+    for direction, values in zip("xy", series.T, strict=True):
+        yield Column(quantity, f"{where} {direction}"), values
+
+
+# --- what users read besides -----------------------------------------------------------------------------------
+
+
+def _saved(found: Solution) -> Solution:
+    """The solution after it has been written and read."""
+    with TemporaryDirectory() as folder:
+        path = found.save(Path(folder) / "run.npz")
+        return at.load(path, found.scene)
+
+
+def _forces(found: Solution) -> Columns:
+    """Reactions of all joints, section forces of the flexible beams, tensions of all connectors."""
+    for k, joint in enumerate(found.scene.joints):
+        where, reaction = f"joint {k} {type(joint).__name__}", found.reaction(joint)
+        yield from _vector("reaction", where, reaction[:, :2])
+        yield Column("reaction moment", where), reaction[:, 2]
+    for beam in found.scene.beams:
+        for fraction in () if _is_rigid(found, beam) else SECTIONS:
+            where, force = f"{beam.name} at {fraction:g}", found.section_force((beam.name, fraction))
+            yield Column("section force", f"N {where}"), force[:, 0]
+            yield Column("section force", f"Q {where}"), force[:, 1]
+            yield Column("section moment", where), force[:, 2]
+    for k, connector in enumerate(found.scene.connectors):
+        turning = isinstance(connector, RotationalSpring)
+        quantity = "spring moment" if turning else "tension"
+        yield Column(quantity, f"connector {k}"), found.tension(connector)
+    lost = found.energy.dissipated
+    if np.any(lost != 0.0) and np.isfinite(lost).all():
+        yield Column("dissipated energy"), lost
+
+
+def _is_rigid(found: Solution, beam: Beam) -> bool:
+    element = found.run.element if found.run else "cable"
+    return (element if isinstance(element, str) else element.get(beam.name)) == "rigid"
+
+
+def _limits(task: Task, found: Solution) -> Columns:
+    """Load factors at the limit points of a path and at its end, with the displacements of the probes there.
+
+    Where the path's points lie depends on rounding; a cubic spline over the length of the path does not.
+    """
+    moved = np.column_stack([found.displacement(probe) for probe in task.probes])
+    moved_by = np.linalg.norm(np.diff(moved, axis=0), axis=1)
+    length = np.concatenate([[0.0], np.cumsum(moved_by)])
+    load = CubicSpline(length, found.t)
+    turns = [s for s in load.derivative().roots(extrapolate=False) if 0.0 < s < length[-1]]
+    places = np.array([*turns, length[-1]])
+    yield Column("load factor"), load(places)
+    for probe in task.probes:
+        where = " at ".join(map(str, found.scene.probe(probe)))
+        yield from _vector("displacement", where, CubicSpline(length, found.displacement(probe))(places))
+
+
+def _modes(task: Task, run: Frequencies) -> Columns:
+    rest = solution_of(task, run.run) if run.at_rest else None
+    found = at.modes(task.scene, run.run.discretisation, count=run.count, about=rest, spin=run.spin)
+    yield Column("frequency"), found.frequencies
+    if np.abs(found.growth_rates).max() > GROWING * np.abs(found.frequencies).max():
+        yield Column("growth rate"), found.growth_rates
+
+
+def _velocities(scene: at.Scene) -> Columns:
+    """Of each body at its start or centre, and its spin; of a beam that of the line between its ends."""
+    velocities, spins = [], []
+    for body in scene.bodies:
+        if isinstance(body, Beam):
+            start, end = (np.array(body.velocity(f)) if body.velocity else np.zeros(2) for f in (0.0, 1.0))
+            along = np.subtract(body.end, body.start) / body.length
+            velocities.append(start)
+            spins.append((along[0] * (end - start)[1] - along[1] * (end - start)[0]) / body.length)
+        else:
+            velocities.append(np.array(body.velocity))
+            spins.append(body.spin if isinstance(body, RigidBody) else 0.0)
+    yield from _vector("velocity", "of the body", np.array(velocities))
+    yield Column("spin", "of the body"), np.array(spins)
+
+
+def _comparison(task: Task, one: Solution, other: Solution) -> Columns:
+    found = at.compare(one, other, task.probes)
+    yield Column("relative error"), np.array([found.error, found.largest, *found.by_probe.values()])
+
+
+def _table(axis: str, columns: Columns) -> History:
+    """A history whose samples are numbered."""
+    names, values = zip(*columns, strict=True)
+    table = np.column_stack(values)
+    return History(np.arange(len(table), dtype=float), axis, names, table)
