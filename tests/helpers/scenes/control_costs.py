@@ -26,7 +26,7 @@ import anctmm as at
 from reference.exact.andrews import andrews_squeezer
 from studies import gallery, scenes
 from studies.engine.fronts import robust as robust_errors
-from studies.engine.pareto_front import cost_at
+from pareto_front import cost_at
 
 GALLERY = Path(gallery.__file__).parent / "scenes"
 FOUR_BAR = {"crank": 2, "coupler": 8, "follower": 2}

@@ -52,7 +52,7 @@ def excess(rows: pd.DataFrame) -> pd.Series:
     Parameters
     ----------
     rows : DataFrame
-        With columns "robust_error" (`studies.engine.accuracy.robust`) and "cpu_s"; a row without both has NaN.
+        With columns "robust_error" and "cpu_s"; a row without both has NaN.
     """
     sound = rows[np.isfinite(rows["robust_error"]) & (rows["cpu_s"] > 0.0)]
     sound = sound.sort_values(["robust_error", "cpu_s"])

@@ -1,1 +1,0 @@
-"""Old places of names, until the rooms that import them from here are rewritten."""
