@@ -229,7 +229,7 @@ def answers(found: Refined) -> Iterator[Answer]:
     take = f"{_digits(value)}{value.probe}, {value.quantity}. By {found.label}: {error}{short}."
     yield Answer(f"{name}: how many digits are correct?", value.text, take)
     forces = [v for v in values_of(found, at_joints) if v.unit == "N" and not v.probe.startswith("spring")]
-    if any(v.value for v in forces):
+    if any(not abs(v.value) <= v.uncertainty for v in forces):
         largest = max(forces, key=lambda v: abs(v.value))
         take = f"{_digits(largest)}In {largest.probe}, {largest.quantity.removeprefix('largest force ')}."
         yield Answer(f"{name}: what is the largest force in a joint?", largest.text, take)
