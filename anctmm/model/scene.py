@@ -132,6 +132,11 @@ class Scene:
         """What is stored of it: facts that were found are found again."""
         return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
 
+    @property
+    def dim(self) -> int:
+        """Components of a place: 2 in the plane."""
+        return len(self.gravity)
+
     @cached_property
     def beams(self) -> tuple[Beam, ...]:
         """Its beams: the bodies that a mesh cuts."""
