@@ -50,6 +50,7 @@ SLOW = {
     "engine": ["processes"],
     "files": ["one_compiler"],
     "forces": ["acting", "histories", "laws"],
+    "golden": ["golden"],
     "implicit": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
     "jit": ["announcing"],
     "modes": ["growth", "modes_of_motions"],
