@@ -135,7 +135,9 @@ def vector(
 
 def is_point(value: object) -> bool:
     """Whether a value is an ordered sequence or an array of two or three numbers."""
-    if not isinstance(value, Sequence | np.ndarray) or isinstance(value, str | bytes | bytearray | memoryview):
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(
+        value, str | bytes | bytearray | memoryview
+    ):
         return False
     return len(value) in (2, 3) and all(isinstance(x, Real) and not isinstance(x, bool) for x in value)
 

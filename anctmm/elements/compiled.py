@@ -1,7 +1,7 @@
 """Element kernels as C functions, which other kernels call by their address.
 
-An element that a scene does not have is not compiled, and none is compiled more than once, wherever it is called. A call
-is for many elements.
+An element that a scene does not have is not compiled, and none is compiled more than once, wherever it is called. A
+call is for many elements.
 """
 
 from functools import cache

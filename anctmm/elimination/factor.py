@@ -31,7 +31,7 @@ def factorize(size: tuple[int, ...], plan: Plan, values: Array) -> int:
     int
         Number of negative pivots: by Sylvester's law of inertia that of negative eigenvalues.
     """
-    start, row, first, target = plan
+    start, _, first, target = plan
     blocks, negative = len(start) - 1, 0
     G = matrix(size, size)
     for j in range(blocks):

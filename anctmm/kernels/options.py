@@ -16,9 +16,14 @@ import numba
 
 #: Packages whose modules hold kernels.
 SOURCES = ("kernels", "elements", "elimination", "system", "march")
-#: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take no
-#: memory, so that no reference to an array needs to be counted: that compiles and runs in half of the time.
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}, "_nrt": False, "no_cfunc_wrapper": True}
+#: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take
+#: no memory, so that no reference to an array needs to be counted: that compiles and runs in half of the time.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,
+    "no_cfunc_wrapper": True,
+}
 
 
 def cache_root() -> Path:

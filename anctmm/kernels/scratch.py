@@ -53,20 +53,34 @@ def matrix(typingctx: Any, size: Any, width: Any) -> Any:
 
 @intrinsic
 def call_element(
-    typingctx: Any, address: Any, q: Any, v: Any, first: Any, count: Any, constants: Any, factor: Any, out: Any
+    typingctx: Any,
+    address: Any,
+    q: Any,
+    v: Any,
+    first: Any,
+    count: Any,
+    constants: Any,
+    factor: Any,
+    out: Any,
 ) -> Any:
     """Call a compiled element kernel at an address: see `anctmm.elements.compiled`."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        arrays = {
-            k: make_array(signature.args[k])(context, builder, arguments[k]) for k in (1, 2, 5, 7)
-        }
+        arrays = {k: make_array(signature.args[k])(context, builder, arguments[k]) for k in (1, 2, 5, 7)}
         nodes = cgutils.unpack_tuple(builder, arrays[1].shape)[1]
         number, whole = ir.DoubleType(), nodes.type
         pointer = number.as_pointer()
         kinds = [pointer, pointer, whole, whole, whole, pointer, number, pointer]
         function = builder.inttoptr(arguments[0], ir.FunctionType(ir.VoidType(), kinds).as_pointer())
-        given = [arrays[1].data, arrays[2].data, nodes, arguments[3], arguments[4], arrays[5].data, arguments[6]]
+        given = [
+            arrays[1].data,
+            arrays[2].data,
+            nodes,
+            arguments[3],
+            arguments[4],
+            arrays[5].data,
+            arguments[6],
+        ]
         builder.call(function, [*given, arrays[7].data])
         return context.get_dummy_value()
 

@@ -49,15 +49,18 @@ def failed_step(system: System, state: State, step: int, when: float, before: Ar
     else:
         what, why = _newton(system, state, step, when)
     return Status(
-        "diverged", f"{what}, worst in {part(body, element)}{why}", time=when, step=step, body=body, element=element
+        "diverged",
+        f"{what}, worst in {part(body, element)}{why}",
+        time=when,
+        step=step,
+        body=body,
+        element=element,
     )
 
 
 def _newton(system: System, state: State, step: int, when: float) -> tuple[str, str]:
     """What happened in Newton's iteration, and what to try."""
-    advice = (
-        f"; a smaller dt than {system.run.exact_dt:g} s, steps controlled by `tolerance`, or another mesh may help"
-    )
+    advice = f"; a smaller dt than {system.run.exact_dt:g} s, steps controlled by `tolerance`, or another mesh may help"
     if not state.sizes.any():
         return f"gradients grew beyond {STRETCH_LIMIT:g} by t = {when:.6g} s (step {step})", advice
     sizes = in_short(state.sizes)

@@ -82,7 +82,7 @@ def new_room(system: System) -> Room:
 
 
 def stage_times(system: System, begin: int, end: int) -> Array:
-    """Times of the stages of the steps that end at states begin … end − 1, behind the first stage; of state 0 its own."""
+    """Times of the stages, behind the first, of the steps to states begin … end − 1; of state 0 its own time."""
     c, run = stages().c[1:], system.run
     steps = np.arange(max(begin, 1), end)
     before = run.times(steps - 1)[:, None]

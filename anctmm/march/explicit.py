@@ -69,14 +69,20 @@ def advance(
         check = 0.0
         for k in range(w.shape[0]):
             check += w[k, 0] + w[k, w.shape[1] - 1]
-        if not check - check == 0.0:
+        if check - check != 0.0:  # also of no number
             return step
         count_work(space, tables, state, step > 0, dt, signals, inputs.loads[n], inputs.free[n], t, out)
         count_turns(out.turning, q)
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(q, dim, STRETCH_LIMIT):
                 return step
-            keep(step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1, tables, state, dim, out)
+            keep(
+                step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1,
+                tables,
+                state,
+                dim,
+                out,
+            )
         if step < numbers.steps:
             for k in range(q.shape[0]):
                 for i in range(q.shape[1]):

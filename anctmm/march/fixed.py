@@ -81,7 +81,9 @@ def batch_of(system: System, state: State, record: Record) -> Batch:
     stiffened(system.mesh, tables.elements, rate_of(run.method, run.exact_dt))
     match run.method:
         case Zhai():
-            fixed = explicit.Numbers(run.steps, run.stride, run.exact_dt, run.psi, run.phi, int(system.changing))
+            fixed = explicit.Numbers(
+                run.steps, run.stride, run.exact_dt, run.psi, run.phi, int(system.changing)
+            )
 
             def batch(begin: int, end: int) -> int:
                 inputs = system.inputs(run.times(np.arange(begin, end)))
@@ -99,4 +101,5 @@ def batch_of(system: System, state: State, record: Record) -> Batch:
             def batch(begin: int, end: int) -> int:
                 inputs = system.inputs(esdirk.stage_times(system, begin, end))
                 return int(esdirk.advance(*shapes, begin, end, numbers, tables, state, room, inputs, out))
+
     return batch

@@ -17,7 +17,7 @@ from anctmm.kernels.options import inlined, part
 from anctmm.march.state import State
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
 from anctmm.system.matrix import scatter
-from anctmm.system.rows import add_time_parts, multiply, set_rows
+from anctmm.system.rows import add_time_parts, multiply
 from anctmm.system.system import Tables
 
 Array = NDArray[np.float64]
@@ -89,7 +89,9 @@ def iterate(
             contraction < 1.0 and change * contraction / (1.0 - contraction) <= tolerance
         )
         if small and off <= KEPT * length:
-            state.counts[2] = 1 if iteration > 0 and contraction > SLOW and change > ROUNDING * tolerance else 0
+            state.counts[2] = (
+                1 if iteration > 0 and contraction > SLOW and change > ROUNDING * tolerance else 0
+            )
             return True
         if iteration > 0 and contraction > TOO_SLOW:
             state.counts[2] = 1
@@ -104,9 +106,7 @@ def iterate(
 @part
 def renew(size, space, tables, state, c, signals, loads, free, t):  # type: ignore[no-untyped-def]
     """Form and factor the matrix; the residual in the unknowns is left as it is."""
-    set_matrix(
-        size, space, tables, state.q, state.v, signals, loads, free, t, c.to_w, 1.0, c.to_v * c.to_w
-    )
+    set_matrix(size, space, tables, state.q, state.v, signals, loads, free, t, c.to_w, 1.0, c.to_v * c.to_w)
     factorize_matrix(size, tables)
     state.counts[1] += 1
     state.counts[2] = 0

@@ -125,7 +125,9 @@ def _clocks() -> tuple[float, float]:
     return time.process_time() - compiling.cpu_seconds, time.perf_counter() - compiling.seconds
 
 
-def field_of(mesh: object, series: Array, angle: Array | None, turned: Array | None = None) -> HermiteField | RigidField:
+def field_of(
+    mesh: object, series: Array, angle: Array | None, turned: Array | None = None
+) -> HermiteField | RigidField:
     """Motion of a body from coordinates and rates, (1 or 3, outputs, nodes, vectors, dim)."""
     q, *rates = series
     v, a = rates or (None, None)
@@ -158,7 +160,12 @@ def _rigid_field(mesh: RigidMesh, *series: Array | None) -> HermiteField | Rigid
         angle_of = float(mesh.body.angle)
         c, s = np.cos(angle_of), np.sin(angle_of)
         along = {k: A @ np.array([[c, -s], [s, c]]) for k, A in mesh.direction().items()}
-        parts = [np.stack([_at(x, ends[0]), _at(x, along), _at(x, ends[1]), _at(x, along)], axis=1) if x is not None else None for x in (q, v, a)]
+        parts = [
+            np.stack([_at(x, ends[0]), _at(x, along), _at(x, ends[1]), _at(x, along)], axis=1)
+            if x is not None
+            else None
+            for x in (q, v, a)
+        ]
         shaped = [None if x is None else x.reshape(len(x), 2, 2, 2) for x in parts]
         return HermiteField(shaped[0], mesh.body.length, shaped[1], shaped[2], turned, angle)  # type: ignore[arg-type]
     center, turn = mesh.point(mesh.center), mesh.direction()

@@ -51,7 +51,10 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
     places = coordinates_of(system)
     if not len(places):
         return 0.0
-    K, M = _stiffness(system, q, damping)[places][:, places], _matrix(system, q, 1.0, 0.0, 0.0)[places][:, places]
+    K, M = (
+        _stiffness(system, q, damping)[places][:, places],
+        _matrix(system, q, 1.0, 0.0, 0.0)[places][:, places],
+    )
     _matrix(system, q, 1.0, 0.0, 0.0)
     factorize_matrix(system.size, system.tables)
     matrix = system.tables.matrix

@@ -104,7 +104,9 @@ def rests(system: System, start: Solution | None) -> bool:
         return False
     scene = system.scene
     driven = any(drive_of(joint) is not None for joint in scene.joints)
-    varied = any(callable(load.value) for load in scene.loads) or any(c.law is not None for c in scene.connectors)
+    varied = any(callable(load.value) for load in scene.loads) or any(
+        c.law is not None for c in scene.connectors
+    )
     varied |= any(callable(getattr(c, "length", None) or getattr(c, "angle", None)) for c in scene.connectors)
     same = all(
         getattr(start.scene, what) == getattr(scene, what) for what in ("loads", "gravity", "connectors")
@@ -150,7 +152,11 @@ def set_angles(system: System, start: Solution) -> None:
     for n, connector in enumerate(system.scene.connectors):
         if acting.kind[n] == TURN and isinstance(connector, RotationalSpring):
             first, second = ends_of(system.scene, connector)
-            angle = _angle(turns, second) - _angle(turns, first) if isinstance(second, Place) else _angle(turns, first)
+            angle = (
+                _angle(turns, second) - _angle(turns, first)
+                if isinstance(second, Place)
+                else _angle(turns, first)
+            )
             acting.now[n, 1] = angle
 
 

@@ -1,7 +1,7 @@
-"""Expressions of a joint's equations: sums over the coordinate vectors of a scene, which kinds of joints are written in.
+"""Expressions of a joint's equations: sums over the coordinate vectors of a scene, in which joints are written.
 
-A `Vector` is Σ w A x + Σ w b over coordinate vectors x, with constant matrices A and vectors b; a `Scalar` is the same of
-products x·C y, c·x and numbers. w is 1 or a `Signal`, a factor that depends on time. From the tables of an expression
+A `Vector` is Σ w A x + Σ w b over coordinate vectors x, with constant matrices A and vectors b; a `Scalar` is the same
+of products x·C y, c·x and numbers. w is 1 or a `Signal`, a factor that depends on time. From an expression
 follow its values, rates, Jacobian and curvature; see `anctmm.system.rows`.
 """
 
@@ -40,7 +40,9 @@ class Signal:
 
     def __mul__(self, other: "Any") -> "Any":
         if isinstance(other, Signal):
-            raise PropertyError(f"{self.name}: two signals are multiplied; write one history of their product")
+            raise PropertyError(
+                f"{self.name}: two signals are multiplied; write one history of their product"
+            )
         return other * self
 
     __rmul__ = __mul__

@@ -1,6 +1,6 @@
 """Joints: connections of places of bodies with each other or with the ground, and guides along lines."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import hypot
 from typing import TYPE_CHECKING, Any, Protocol, final
@@ -93,6 +93,14 @@ class Joint(JointKind):
         object.__setattr__(self, "ends", found)
         object.__setattr__(self, "grounded", any(map(is_point, found)))
 
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(map(repr, self.ends))})"
+
+    @property
+    def places(self) -> tuple[Written, ...]:
+        """Its places that are of bodies."""
+        return tuple(end for end in self.ends if not is_point(end))
+
     @property
     def attached(self) -> tuple[Any, ...]:
         """What `equations` takes: places, points of the ground, and of guides the body that carries the line."""
@@ -125,7 +133,9 @@ def rotation(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
     return c * np.eye(2) + s * QUARTER_TURN
 
 
-def _same_direction(a: JointPlace, b: JointPlace, angle: Motion | None, free: bool, name: str) -> list[Equation]:
+def _same_direction(
+    a: JointPlace, b: JointPlace, angle: Motion | None, free: bool, name: str
+) -> list[Equation]:
     """The second place is turned against the first one by an angle from the reference, fixed or driven."""
     if free or (a.rigid and b.rigid and angle is not None):
         one, two = a.direction, b.direction
@@ -283,7 +293,9 @@ class Clamp(Joint):
         """The position is fixed, and the direction, or its angle is driven."""
         if len(place.position.start) == 3:
             if self.angle is not None or self.stretch == "free":
-                raise UnsupportedError(f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed")
+                raise UnsupportedError(
+                    f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
+                )
             return [vector - vector.start for vector in (place.position, *place.gradients)]
         name, start = f"clamp {shown(self.end)} angle", place.position.start
         vectors = [place.direction] if self.stretch == "free" else place.gradients
@@ -390,6 +402,12 @@ class Prismatic(_LineGuide):
 Guide = Slider | Prismatic
 #: All kinds of this package. None may be a subclass of another: solvers distinguish them by class.
 JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
+
+
+def built_in(joints: Iterable[Joint]) -> Iterator[Any]:
+    """The joints of this package's kinds among joints: what knows these kinds alone leaves the others out."""
+    return (joint for joint in joints if type(joint) in JOINTS)
+
 
 #: Angle (rad) or position (m) of a drive at t = 0 that counts as none.
 NO_TURN = 1e-12

@@ -148,7 +148,9 @@ class Writer:
                 return TORQUE, self._add(place.direction), -1
             case Force(follower=True):
                 if self.mesh.dim == 3:
-                    raise UnsupportedError(f"{shown(load)} follows its place in space; a dead Force is allowed there")
+                    raise UnsupportedError(
+                        f"{shown(load)} follows its place in space; a dead Force is allowed there"
+                    )
                 return FOLLOWER, self._add(place.position), self._add(place.direction)
             case _:
                 return DEAD, self._add(place.position), -1
@@ -159,7 +161,11 @@ class Writer:
         a = JointPlace(self.mesh, first)
         match connector:
             case Spring():
-                b: Any = JointPlace(self.mesh, second) if isinstance(second, Place) else GroundPlace(self.mesh, second or ())
+                b: Any = (
+                    JointPlace(self.mesh, second)
+                    if isinstance(second, Place)
+                    else GroundPlace(self.mesh, second or ())
+                )
                 return SPRING, self._add(b.position - a.position), -1
             case RotationalSpring():
                 if self.mesh.dim == 3:
@@ -223,10 +229,10 @@ def _own(codes: Ints) -> Ints:
 def forms_of(mesh: Mesh, vectors: Iterable[Vector]) -> Forms:
     """Vectors as kernels want them."""
     start, places, A, b = [0], list[int](), list[Array](), list[Array]()
-    for vector in vectors:
-        places += [x for x, _ in vector.terms]
-        A += list(vector.terms.values())
-        b.append(vector.constants.get(None, np.zeros(mesh.dim)))
+    for one in vectors:
+        places += [x for x, _ in one.terms]
+        A += list(one.terms.values())
+        b.append(one.constants.get(None, np.zeros(mesh.dim)))
         start.append(len(places))
     x = np.array(places, dtype=np.int64)
     return Forms(
@@ -589,7 +595,14 @@ def work_done(
 
 @part
 def power(
-    space: tuple[int, ...], acting: Acting, q: Array, v: Array, values: Array, free: Array, t: float, out: Array
+    space: tuple[int, ...],
+    acting: Acting,
+    q: Array,
+    v: Array,
+    values: Array,
+    free: Array,
+    t: float,
+    out: Array,
 ) -> None:
     """Add to out the power of loads and connectors beside the rate of their energies, and that of damping, W.
 

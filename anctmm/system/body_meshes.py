@@ -358,7 +358,9 @@ def rigid_mesh(body: RigidBody | Beam, joined: Sequence[Array]) -> RigidMesh | S
         start, end = np.array(body.start), np.array(body.end)
         inertia = body.mass * body.length**2 / 12.0
         motion = _mean_motion(body)
-        return RigidMesh(body, body.mass, inertia, 0.5 * (start + end), *motion, _anchors(body.length, joined))
+        return RigidMesh(
+            body, body.mass, inertia, 0.5 * (start + end), *motion, _anchors(body.length, joined)
+        )
     if len(body.center) == 3:
         moments, axes = np.linalg.eigh(np.asarray(body.inertia))
         axes[:, 2] *= np.sign(np.linalg.det(axes))
@@ -371,7 +373,9 @@ def rigid_mesh(body: RigidBody | Beam, joined: Sequence[Array]) -> RigidMesh | S
 
 def _anchors(extent: float, joined: Sequence[Array]) -> tuple[Array, Array] | None:
     """The two places that are farthest apart, none where they are close beside the extent of the body."""
-    pairs = [(float(np.hypot(*(b - a))), k, m) for k, a in enumerate(joined) for m, b in enumerate(joined[:k])]
+    pairs = [
+        (float(np.hypot(*(b - a))), k, m) for k, a in enumerate(joined) for m, b in enumerate(joined[:k])
+    ]
     distance, k, m = max(pairs, default=(0.0, 0, 0))
     return (joined[m], joined[k]) if distance > 0.1 * extent else None
 

@@ -175,7 +175,14 @@ def subtract_elastic(elements: Elements, q: Array, dim: int, f: Array) -> None:
         while done < elements.count[b]:
             some = min(BLOCK, elements.count[b] - done)
             call_element(
-                elements.kernels[b, FORCES], q, q, first + done, some, elements.constants[b], 0.0, elements.buffer
+                elements.kernels[b, FORCES],
+                q,
+                q,
+                first + done,
+                some,
+                elements.constants[b],
+                0.0,
+                elements.buffer,
             )
             take_forces(elements.buffer, elements.vectors[b], dim, first + done, some, f)
             done += some
@@ -277,9 +284,7 @@ def add_mass(elements: Elements, dim: int, factor: float, flat: Array, size: int
 
 
 @part
-def add_tangent(
-    elements: Elements, q: Array, dim: int, factor: float, flat: Array, size: int
-) -> None:
+def add_tangent(elements: Elements, q: Array, dim: int, factor: float, flat: Array, size: int) -> None:
     """Add factor · K, with the damping of `stiffened`, to the matrix."""
     e, slots, out = 0, elements.masses.shape[1] // 2, elements.tangents
     for b in range(len(elements.first)):
@@ -330,5 +335,3 @@ def strain_energy(elements: Elements, q: Array) -> float:
         )  # fmt: skip
         total += elements.buffer[0]
     return total
-
-

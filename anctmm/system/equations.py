@@ -66,9 +66,7 @@ def set_matrix(
     add_mass(tables.elements, len(space), mass, matrix.flat, width)
     if stiffness != 0.0:
         add_tangent(tables.elements, q, len(space), stiffness, matrix.flat, width)
-        add_acting_tangents(
-            space, tables.acting, q, v, loads, free, t, stiffness, rate, matrix.flat, width
-        )
+        add_acting_tangents(space, tables.acting, q, v, loads, free, t, stiffness, rate, matrix.flat, width)
     add_rows(tables.rows, matrix.flat, width, max(mass, 1e-300), stiffness, signals)
 
 

@@ -154,7 +154,7 @@ class JointPlace:
 
     @cached_property
     def gradients(self) -> list[Vector]:
-        """Vectors that turn with it and that a weld holds: r_x, and r_y of a shear element; of a rigid body its axes."""
+        """Vectors that turn with it and that a weld holds: r_x, and r_y of a shear element; axes of a rigid body."""
         return [self._vector(form) for form in self._body.gradients(self._place.key)]  # type: ignore[union-attr]
 
     @cached_property
@@ -163,8 +163,10 @@ class JointPlace:
         return self._vector(self._body.direction(self._place.key))  # type: ignore[union-attr]
 
     def axis(self, k: int) -> Vector:
-        """A vector that turns with the place: unit vector k of the reference fixed in a rigid body; of a beam r_x (k = 0)
-        and in the plane its normal, or the r_y of a shear element (k = 1).
+        """A vector that turns with the place.
+
+        Unit vector k of the reference in a rigid body; of a beam r_x (k = 0), and in the plane its normal, or the r_y
+        of a shear element (k = 1).
         """
         if isinstance(self._body, BeamMesh) and k == len(self.gradients) == 1 and self._mesh.dim == 2:
             return self.gradients[0].normal

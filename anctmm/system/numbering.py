@@ -93,7 +93,9 @@ class Shares:
         self.parent[max(one, two)] = min(one, two)
         return True
 
-    def _reduced(self, equation: Vector) -> tuple[dict[tuple[int, Signal | None], Array], dict[Signal | None, Array]]:
+    def _reduced(
+        self, equation: Vector
+    ) -> tuple[dict[tuple[int, Signal | None], Array], dict[Signal | None, Array]]:
         """Terms over unknown vectors that are not equal, with known ones among the constants."""
         terms: dict[tuple[int, Signal | None], Array] = {}
         constants = {w: np.array(b, dtype=float) for w, b in equation.constants.items()}

@@ -215,7 +215,9 @@ def add_time_parts(rows: Rows, q: Array, v: Array, signals: Array, order: int) -
         for k in range(dim):
             still += rows.c[t, k] * q[a + k, i]
             moving += rows.c[t, k] * v[a + k, i]
-        g[row] += signals[w, 1] * still if order == 1 else signals[w, 2] * still + 2.0 * signals[w, 1] * moving
+        g[row] += (
+            signals[w, 1] * still if order == 1 else signals[w, 2] * still + 2.0 * signals[w, 1] * moving
+        )
     for t in range(len(rows.constants)):
         row, w = rows.constants[t]
         g[row] += signals[w, order] * rows.n[t]

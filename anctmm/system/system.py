@@ -221,7 +221,9 @@ class System:
         x = np.zeros((numbering.blocks, size))
         at = numbering.at
         matrix = Matrix(plan, values, values.reshape(-1), x, x.reshape(-1), at, numbering.padding)
-        damped = elements.damping.any() or acting.numbers[:, 1].any() or acting.law.any() or self._drives_lengths
+        damped = (
+            elements.damping.any() or acting.numbers[:, 1].any() or acting.law.any() or self._drives_lengths
+        )
         return Tables(
             elements, rows, acting, matrix, self._driven(), dead_forces(mesh, self.scene.loads),
             np.array([bool(damped), elements.damping.any()], dtype=np.int64),
@@ -328,7 +330,15 @@ def set_forces(
 
 @part
 def set_reactions(
-    space: tuple[int, ...], tables: Tables, q: Array, v: Array, w: Array, loads: Array, free: Array, t: float, f: Array
+    space: tuple[int, ...],
+    tables: Tables,
+    q: Array,
+    v: Array,
+    w: Array,
+    loads: Array,
+    free: Array,
+    t: float,
+    f: Array,
 ) -> None:
     """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
     elements, driven, dim = tables.elements, tables.driven, len(space)

@@ -125,4 +125,6 @@ def moving_guide() -> at.Scene:
     """A mass that slides along a turning rigid body."""
     body = at.RigidBody("arm", 1.0, 0.1, (0.5, 0), {"o": (0, 0), "end": (1, 0)})
     bead = at.PointMass("b", 0.2, (0.4, 0))
-    return at.Scene("guide", [body, bead], [at.Pin("arm.o"), at.Slider("b.center", (1, 0), "arm")], gravity=DOWN)
+    return at.Scene(
+        "guide", [body, bead], [at.Pin("arm.o"), at.Slider("b.center", (1, 0), "arm")], gravity=DOWN
+    )

@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from tests.spine.scenes import SCENES
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.march import fixed
 from anctmm.system.system import System
+from tests.spine.scenes import SCENES
 
 #: Steps of each integrator, and the difference of positions over the length of the scene that is rounding.
 STEPS: dict[str, tuple[dict[str, Any], float]] = {
