@@ -6,7 +6,9 @@ from anctmm.integrators.modes import Campbell, Modes, campbell, modes
 from anctmm.integrators.statics import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
+from anctmm.model.expressions import signal
 from anctmm.model.initial_motion.rigid_start import consistent_velocities
+from anctmm.model.joints import Joint
 from anctmm.model.scene import (
     Beam,
     Clamp,
@@ -49,6 +51,7 @@ __all__ = [
     "History",
     "HistoryError",
     "Interrupted",
+    "Joint",
     "LineLoad",
     "Material",
     "Modes",
@@ -76,6 +79,7 @@ __all__ = [
     "distance",
     "load",
     "modes",
+    "signal",
     "solve",
     "solve_static",
 ]

@@ -9,10 +9,12 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import NONE, check_memory, couplings_of
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
+from anctmm.errors import UnsupportedError
 from anctmm.integrators import esdirk, generalized_alpha, zhai
 from anctmm.integrators.adaptive import alpha_control, stage_control
 from anctmm.integrators.static_start import started
 from anctmm.integrators.statics import solve_static
+from anctmm.march import fixed
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.needs import refuse
@@ -20,6 +22,7 @@ from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer, uncombined
+from anctmm.system.system import System
 
 __all__ = ["solve", "solve_static"]
 
@@ -58,7 +61,10 @@ def solve(
     Interrupted
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
-    chain = chain_of(scene, discretise(run, options, fixed_step=False), _checked_chain)
+    run = discretise(run, options, fixed_step=False)
+    if checked_scene(scene).own_joints:
+        return _by_rows(scene, run, start)
+    chain = chain_of(scene, run, _checked_chain)
     if start is not None:
         chain = started(chain, start)
     method = once(chain, _method)
@@ -72,6 +78,22 @@ def solve(
             high = esdirk if chain.run.tolerance is None else stage_control
             return high.integrate(chain)
     assert_never(method)
+
+
+def _by_rows(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
+    """Run a scene with joints of a user's own kind, whose equations are constraint rows.
+
+    Raises
+    ------
+    UnsupportedError
+        With a tolerance.
+    """
+    if run.tolerance is not None:
+        raise UnsupportedError(
+            f"tolerance is {run.tolerance!r} for scene {scene.name!r} with {scene.own_joints[0]!r}, a joint of a "
+            f"user's own kind; a fixed dt is needed there"
+        )
+    return fixed.integrate(System(scene, run), start)
 
 
 def _method(chain: Chain) -> Method:

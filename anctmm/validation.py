@@ -133,6 +133,26 @@ def vector(
     return x, y
 
 
+def is_point(value: object) -> bool:
+    """Whether a value is an ordered sequence or an array of two or three numbers."""
+    if not isinstance(value, Sequence | np.ndarray) or isinstance(
+        value, str | bytes | bytearray | memoryview
+    ):
+        return False
+    return len(value) in (2, 3) and all(isinstance(x, Real) and not isinstance(x, bool) for x in value)
+
+
+def point(name: str, value: object, error: type[AnctmmError] = PropertyError) -> tuple[float, ...]:
+    """Return a point of the plane or of space as a tuple of floats, no further than LONGEST from the origin."""
+    if not is_point(value):
+        raise error(f"{name} is {shown(value)}; two finite numbers (x, y) are needed, or three in space")
+    pair: Any = value
+    found = tuple(number(f"{name}, {axis}", x, error) for axis, x in zip("xyz", pair, strict=False))
+    if max(map(abs, found)) > LONGEST:
+        raise error(f"{name} is {shown(value)}; numbers from -{LONGEST:g} to {LONGEST:g} are needed")
+    return found
+
+
 def one_of(name: str, value: object, allowed: Iterable[str]) -> str:
     """Return `value` if it is one of the allowed names.
 

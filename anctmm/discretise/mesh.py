@@ -15,7 +15,7 @@ from anctmm.discretise.node_mesh import NodeMesh, node_mesh
 from anctmm.elements.dispatch import number_of
 from anctmm.elements.kinds import VECTORS, Element, ElementKind, kind_of
 from anctmm.errors import unknown_kind
-from anctmm.model.loads import LOADS
+from anctmm.model.loads import LOADS, varies
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Key
 from anctmm.model.scene import Beam, Force, LineLoad, Load, Scene, Torque
@@ -265,22 +265,3 @@ def constant_forces(scene: Scene) -> list[tuple[str, Key, tuple[float, float]]]:
 def varying_loads(scene: Scene) -> list[Load]:
     """Loads whose generalized force changes: those of time, and what turns with its place: torques and followers."""
     return [load for load in scene.loads if varies(load)]
-
-
-def varies(load: Load) -> bool:
-    """Whether the generalized force of a load changes.
-
-    Raises
-    ------
-    UnknownKindError
-        If no solver knows such a load.
-    """
-    match load:
-        case Force():
-            return load.follower or callable(load.value)
-        case Torque():
-            return True
-        case LineLoad():
-            return callable(load.value)
-        case _:
-            raise unknown_kind("load", load, LOADS)

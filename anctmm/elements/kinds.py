@@ -124,6 +124,11 @@ class ElementKind:
         """First component of the vector that a torque turns."""
         return 2 * self.vectors.index(self.turned)
 
+    @property
+    def turned_vector(self) -> int:
+        """Number of the vector that a torque turns."""
+        return self.vectors.index(self.turned)
+
     @cached_property
     def held(self) -> tuple[str, ...]:
         """Vectors that joints can hold, the place first."""

@@ -21,7 +21,7 @@ from anctmm.integrators.turn_count import TurnCount, new_count, put_angles
 from anctmm.jit.announcing import compiling
 from anctmm.jit.by_address import by_address
 from anctmm.jit.compiling import embedded, kernel, separate
-from anctmm.jit.pacing import paced, part_by_part
+from anctmm.kernels.pacing import paced, part_by_part
 from anctmm.model.bodies import Beam, Body
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import turning_bodies

@@ -1,26 +1,167 @@
 """Joints: connections of places of bodies with each other or with the ground, and guides along lines."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import hypot
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Protocol, final
 
-from anctmm.errors import PropertyError, shown
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import PropertyError, UnsupportedError, shown
 from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
+from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
 from anctmm.model.places import Written, written
 from anctmm.model.velocities import Point
-from anctmm.validation import flag, one_of, text, vector
+from anctmm.validation import flag, is_point, one_of, point, text, vector
 
 #: Whether a clamp or a weld holds the stretch of beams beside their direction.
 STRETCH = ("held", "free")
 Motion = Callable[[Any], tuple[Any, Any, Any]]
 """t (s) → a value, its rate and its acceleration."""
+#: Part of a turn between places below which it is rounding.
+ROUNDING = 1e-12
+
+
+class JointPlace(Protocol):
+    """A place, of a body or of the ground, in a joint's equations."""
+
+    @property
+    def position(self) -> Vector:
+        """Where it is."""
+        ...
+
+    @property
+    def gradients(self) -> list[Vector]:
+        """Vectors that turn with it and that a weld holds."""
+        ...
+
+    @property
+    def direction(self) -> Vector:
+        """The vector that a torque turns."""
+        ...
+
+    @property
+    def rigid(self) -> bool:
+        """Whether it belongs to a rigid body, or to the ground."""
+        ...
+
+    def axis(self, k: int) -> Vector:
+        """Unit vector k of the reference as it turns with the place; of a beam r_x for k = 0."""
+        ...
+
+    def fixed_point(self, point: Any) -> Vector:
+        """A point that is fixed in the rigid body of the place."""
+        ...
+
+
+Equation = Scalar | Vector
+"""Each is zero; a vector stands for its components."""
+
+
+class Joint(JointKind):
+    """Base of all joints, and of kinds of joint of a user's own.
+
+    A kind of one's own gives its places to this constructor and says in `equations` what is zero:
+
+    >>> class RigidLink(Joint):
+    ...     def equations(self, a, b):
+    ...         d = b.position - a.position
+    ...         return [d @ d - float(d.start @ d.start)]
+
+    Parameters
+    ----------
+    *places : place or point
+        A point, of two or three numbers, is one of the ground.
+
+    Raises
+    ------
+    UnknownNameError
+        If one of them is neither a place nor a point.
+    """
+
+    holds_direction, on_line = False, False
+    #: Whether all its places are at one point, and share their position.
+    shares_position = False
+    ends: tuple[Any, ...]
+    #: Whether one of its places is of the ground.
+    grounded: bool
+
+    def __init__(self, *places: Any) -> None:
+        found = tuple(point("joint place (m)", p) if is_point(p) else written(p) for p in places)
+        object.__setattr__(self, "ends", found)
+        object.__setattr__(self, "grounded", any(map(is_point, found)))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(map(repr, self.ends))})"
+
+    @property
+    def places(self) -> tuple[Written, ...]:
+        """Its places that are of bodies."""
+        return tuple(end for end in self.ends if not is_point(end))
+
+    @property
+    def attached(self) -> tuple[Any, ...]:
+        """What `equations` takes: places, points of the ground, and of guides the body that carries the line."""
+        return self.ends
+
+    def equations(self, *places: Any) -> list[Equation]:
+        """What is zero, as sums of vectors of places and of products of them.
+
+        Parameters
+        ----------
+        *places : JointPlace
+            In the order of the constructor.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no equations")
+
+
+def turned(vector: Vector, angle: Motion | None, name: str) -> Vector:
+    """A vector turned by a driven angle."""
+    if angle is None:
+        return vector
+    return vector * Signal(angle, "cos", name) + vector.normal * Signal(angle, "sin", name)
+
+
+def rotation(one: NDArray[Any], two: NDArray[Any]) -> NDArray[Any]:
+    """Matrix that turns the direction of one vector of the plane into that of another."""
+    sizes = float(np.hypot(*one) * np.hypot(*two))
+    c, s = float(one @ two) / sizes, float(one @ (QUARTER_TURN.T @ two)) / sizes
+    if abs(s) < ROUNDING and c > 0.0:
+        return np.eye(2)
+    return c * np.eye(2) + s * QUARTER_TURN
+
+
+def _same_direction(
+    a: JointPlace, b: JointPlace, angle: Motion | None, free: bool, name: str
+) -> list[Equation]:
+    """The second place is turned against the first one by an angle from the reference, fixed or driven."""
+    if free or (a.rigid and b.rigid and angle is not None):
+        one, two = a.direction, b.direction
+        along = turned(one.mapped(rotation(one.start, two.start)), angle, name)
+        return [along.normal @ two]
+    found: list[Equation] = []
+    for k in range(max(len(a.gradients), len(b.gradients))):
+        one, two = (place.gradients[min(k, len(place.gradients) - 1)] for place in (a, b))
+        found.append(two - turned(one.mapped(rotation(one.start, two.start)), angle, name))
+    return found
+
+
+def _in_plane(joint: Any, places: tuple[Any, ...]) -> None:
+    """Refuse what is written for the plane alone.
+
+    Raises
+    ------
+    UnsupportedError
+    """
+    if len(places[0].position.start) != 2:
+        raise UnsupportedError(f"{shown(joint)} is in space; {type(joint).__name__} is for the plane")
 
 
 @final
 @dataclass(frozen=True, init=False)
-class Pin(JointKind):
+class Pin(Joint):
     """Hinge of any number of places, or of one place with the ground.
 
     Parameters
@@ -34,7 +175,7 @@ class Pin(JointKind):
         The places as one argument, as `dataclasses.replace` passes them; then `places` must be empty.
     """
 
-    holds_direction, on_line = False, False
+    holds_direction, on_line, shares_position = False, False, True
     ends: tuple[Written, ...]
     grounded: bool
 
@@ -44,10 +185,16 @@ class Pin(JointKind):
         object.__setattr__(self, "ends", _ends("pin", places, ends))
         object.__setattr__(self, "grounded", flag("pin grounded", grounded) or len(self.ends) == 1)
 
+    def equations(self, *places: Any) -> list[Equation]:
+        """All positions are one, that of the ground if it is grounded."""
+        first = places[0].position
+        held: list[Equation] = [first - first.start] if self.grounded else []
+        return held + [place.position - first for place in places[1:]]
+
 
 @final
 @dataclass(frozen=True, init=False)
-class Weld(JointKind):
+class Weld(Joint):
     """Rigid connection of positions and directions of places, at their angles in the reference configuration.
 
     Parameters
@@ -91,6 +238,16 @@ class Weld(JointKind):
                 f"the second rotates relative to the first"
             )
 
+    def equations(self, *places: Any) -> list[Equation]:
+        """Positions are one; directions are those of the first place, at the angles of the reference."""
+        _in_plane(self, places)
+        first, name = places[0], f"weld of {shown(self.ends)} angle"
+        found: list[Equation] = [first.position - first.position.start] if self.grounded else []
+        for place in places[1:]:
+            found.append(place.position - first.position)
+            found += _same_direction(first, place, self.angle, self.stretch == "free", name)
+        return found
+
     def __repr__(self) -> str:
         # what is absent is not written: texts and keys of scenes without it stay as they are
         angle = f", angle={self.angle!r}" if self.angle is not None else ""
@@ -99,7 +256,7 @@ class Weld(JointKind):
 
 @final
 @dataclass(frozen=True)
-class Clamp(JointKind):
+class Clamp(Joint):
     """A place clamped to the ground, fixed or rotated by a drive (a driven clamp).
 
     Parameters
@@ -132,6 +289,21 @@ class Clamp(JointKind):
         """Always."""
         return True
 
+    def equations(self, place: Any) -> list[Equation]:  # type: ignore[override]
+        """The position is fixed, and the direction, or its angle is driven."""
+        if len(place.position.start) == 3:
+            if self.angle is not None or self.stretch == "free":
+                raise UnsupportedError(
+                    f"{shown(self)} is in space; a fixed clamp that holds the stretch is allowed"
+                )
+            return [vector - vector.start for vector in (place.position, *place.gradients)]
+        name, start = f"clamp {shown(self.end)} angle", place.position.start
+        vectors = [place.direction] if self.stretch == "free" else place.gradients
+        known = [turned(vector.initial, self.angle, name) for vector in vectors]
+        if self.stretch == "free":
+            return [place.position - start, known[0].normal @ vectors[0]]
+        return [place.position - start, *(v - w for v, w in zip(vectors, known, strict=True))]
+
     def __repr__(self) -> str:
         # as that of welds
         return f"Clamp(end={self.end!r}, angle={self.angle!r}{_stretch_text(self)})"
@@ -142,7 +314,7 @@ def _stretch_text(joint: Weld | Clamp) -> str:
 
 
 @dataclass(frozen=True)
-class _LineGuide(JointKind):
+class _LineGuide(Joint):
     """What both kinds of guide are: a place that moves on a straight line; parameters are those of `Slider`."""
 
     on_line = True
@@ -173,6 +345,23 @@ class _LineGuide(JointKind):
     def grounded(self) -> bool:
         """Never: the place moves."""
         return False
+
+    @property
+    def attached(self) -> tuple[Any, ...]:
+        """The place, and the body that carries the line."""
+        return (self.place, (0.0, 0.0) if self.body is None else f"{self.body}.center")
+
+    def equations(self, place: Any, line: Any) -> list[Equation]:  # type: ignore[override]
+        """The place stays on the line, or moves along it as it is driven; a prismatic joint holds the direction."""
+        _in_plane(self, (place,))
+        away = place.position - line.fixed_point(place.position.start)
+        x, y = self.direction
+        along = line.direction.mapped(x * np.eye(2) + y * QUARTER_TURN)
+        found: list[Equation] = [along.normal @ away]
+        if self.position is not None:
+            name = f"{type(self).__name__.lower()} {shown(self.place)} position"
+            found.append(along @ away - Signal(self.position, "value", name))
+        return found + (_same_direction(line, place, None, False, "") if self.holds_direction else [])
 
 
 @final
@@ -211,9 +400,14 @@ class Prismatic(_LineGuide):
 
 
 Guide = Slider | Prismatic
-Joint = Pin | Weld | Clamp | Slider | Prismatic
-#: All kinds. None may be a subclass of another: solvers distinguish them by class.
+#: All kinds of this package. None may be a subclass of another: solvers distinguish them by class.
 JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
+
+
+def built_in(joints: Iterable[Joint]) -> Iterator[Any]:
+    """The joints of this package's kinds among joints: what knows these kinds alone leaves the others out."""
+    return (joint for joint in joints if type(joint) in JOINTS)
+
 
 #: Angle (rad) or position (m) of a drive at t = 0 that counts as none.
 NO_TURN = 1e-12
@@ -229,7 +423,7 @@ def drive_of(joint: Joint) -> tuple[str, Motion, str] | None:
         case Slider() | Prismatic():
             name = f"{type(joint).__name__.lower()} {shown(joint.place)} position"
             return None if joint.position is None else (name, joint.position, "m")
-        case Pin():
+        case _:
             return None
 
 

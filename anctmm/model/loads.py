@@ -167,6 +167,19 @@ def width_of(load: Load) -> int:
             raise unknown_kind("load", load, LOADS)
 
 
+def varies(load: Load) -> bool:
+    """Whether the generalized force of a load changes."""
+    match load:
+        case Force():
+            return load.follower or callable(load.value)
+        case Torque():
+            return True
+        case LineLoad():
+            return callable(load.value)
+        case _:
+            raise unknown_kind("load", load, LOADS)
+
+
 def check_load(scene: Placing, load: Load) -> None:
     """Refuse a load that does not fit the scene, or whose history gives nothing at t = 0.
 

@@ -31,6 +31,7 @@ MECHANISMS = {
     "interior-loads": "loads and connectors between the ends of a beam",
     "follower-forces": "forces that turn with their place",
     "line-loads": "forces along a beam",
+    "own-joints": "joints of a user's own kind",
 }
 #: Between the features of a combination.
 WITH = " + "
@@ -107,7 +108,7 @@ def _of_joints(scene: Scene) -> tuple[tuple[str, object], ...]:
 
 def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
     for joint in scene.joints:
-        if _inside(scene, joint.ends):
+        if _inside(scene, joint.places):
             yield "interior-joints", joint
         match joint:
             case Pin():
@@ -125,6 +126,8 @@ def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
                     yield "driven-guides", joint
                 if joint.body is not None:
                     yield "moving-guides", joint
+            case _ if type(joint) not in JOINTS:
+                yield "own-joints", joint
             case _:
                 raise unknown_kind("joint", joint, JOINTS)
 

@@ -110,7 +110,7 @@ class Scene:
         set_ = object.__setattr__
         set_(self, "name", text("scene name", self.name))
         set_(self, "bodies", _all_of("bodies", self.bodies, BODIES))
-        set_(self, "joints", _all_of("joints", self.joints, JOINTS))
+        set_(self, "joints", _all_of("joints", self.joints, JOINTS, Joint))
         set_(self, "loads", _all_of("loads", self.loads, LOADS))
         set_(self, "gravity", vector("gravity (m/s²)", self.gravity))
         set_(self, "connectors", _all_of("connectors", self.connectors, CONNECTORS))
@@ -123,6 +123,9 @@ class Scene:
         check_joints(self)
         for joint in self.joints:
             check_drive(joint)
+        for joint in self.own_joints:
+            for place in joint.places:
+                self.place(place)
         for connector in self.connectors:
             check_connector(self, connector)
         for load in self.loads:
@@ -131,6 +134,16 @@ class Scene:
     def __getstate__(self) -> dict[str, Any]:
         """What is stored of it: facts that were found are found again."""
         return {name: value for name, value in vars(self).items() if not name.startswith(PREFIX)}
+
+    @property
+    def dim(self) -> int:
+        """Components of a place: 2 in the plane."""
+        return len(self.gravity)
+
+    @cached_property
+    def own_joints(self) -> tuple[Joint, ...]:
+        """Joints of kinds of a user's own."""
+        return tuple(joint for joint in self.joints if type(joint) not in JOINTS)
 
     @cached_property
     def beams(self) -> tuple[Beam, ...]:
@@ -291,8 +304,8 @@ def _places_in_words(body: Body) -> str:
             raise unknown_kind("body", body, BODIES)
 
 
-def _all_of(what: str, things: object, kinds: tuple[type, ...]) -> tuple[Any, ...]:
-    """Things of an ordered iterable, each of exactly one of the kinds."""
+def _all_of(what: str, things: object, kinds: tuple[type, ...], base: type | None = None) -> tuple[Any, ...]:
+    """Things of an ordered iterable, each of exactly one of the kinds, or of a user's own subclass of the base."""
     names = ", ".join(kind.__name__ for kind in kinds)
     needed = f"a list of {names} is needed"
     if isinstance(things, str | bytes | Set | Mapping) or not isinstance(things, Iterable):
@@ -300,7 +313,8 @@ def _all_of(what: str, things: object, kinds: tuple[type, ...]) -> tuple[Any, ..
     found: list[Any] = []
     try:
         for thing in islice(things, MOST + 1):
-            if type(thing) not in kinds:
+            own = base is not None and isinstance(thing, base) and not isinstance(thing, kinds)
+            if type(thing) not in kinds and not own:
                 raise SceneError(
                     f"scene {what} hold {shown(thing)} of type {type(thing).__name__}; allowed are {names}"
                 )

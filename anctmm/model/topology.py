@@ -7,7 +7,18 @@ from typing import Generic, NamedTuple, Protocol, TypeVar
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.connectors import Connector, ends_of
-from anctmm.model.joints import JOINTS, Clamp, Guide, Joint, Pin, Prismatic, Slider, Weld, drive_of
+from anctmm.model.joints import (
+    JOINTS,
+    Clamp,
+    Guide,
+    Joint,
+    Pin,
+    Prismatic,
+    Slider,
+    Weld,
+    built_in,
+    drive_of,
+)
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, Place, Written
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
@@ -143,7 +154,7 @@ def turning_bodies(scene: Graph) -> list[str]:
 def joined_bodies(scene: Graph, connectors: Iterable[Connector]) -> Iterator[tuple[str, str | None]]:
     """Pairs of bodies that joints, or these connectors, join to each other; None is the ground."""
     for joint in scene.joints:
-        first, *others = [scene.place(end).body.name for end in joint.ends]
+        first, *others = [scene.place(end).body.name for end in joint.places]
         yield from ((first, other) for other in others)
         if isinstance(joint, Guide):
             yield first, joint.body
@@ -181,7 +192,7 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
     hinges: list[tuple[End, Weld | Clamp]] = []
     guides: list[tuple[End, Guide]] = []
     named: dict[str, set[End]] = {}
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         ends = [end_of(scene, place) for place in joint.ends]
         for end in ends:
             named.setdefault(end[0], set()).add(end)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.assembly import kinetic_energy, strain_energy
 from anctmm.errors import PropertyError
 from anctmm.jit.compiling import kernel
-from anctmm.jit.pacing import paced, part_by_part
+from anctmm.kernels.pacing import paced, part_by_part
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption

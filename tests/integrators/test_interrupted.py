@@ -89,8 +89,8 @@ def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(integrator, scen
 def test_what_is_kept_of_a_run_with_a_tolerance_is_how_the_whole_run_begins(module, calls, monkeypatch):
     """Ctrl-C pressed between calls of a kernel that take a step each."""
     integrator = {alpha_control: "generalized-alpha", stage_control: "esdirk"}[module]
-    monkeypatch.setattr("anctmm.jit.pacing.FIRST", 1e-9)
-    monkeypatch.setattr("anctmm.jit.pacing.GROWTH", 1)
+    monkeypatch.setattr("anctmm.kernels.pacing.FIRST", 1e-9)
+    monkeypatch.setattr("anctmm.kernels.pacing.GROWTH", 1)
     scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
     options = {"mesh": 1, "tolerance": 1e-4, "integrator": integrator, "t_end": 0.05, "output_dt": 2.5e-4}
     whole = solve(scene, **options)
@@ -117,8 +117,8 @@ def test_what_is_kept_of_a_run_with_a_tolerance_is_how_the_whole_run_begins(modu
 @pytest.mark.parametrize("when", [0.0, 2.4e-3, 9.99e-3])
 def test_the_history_kept_is_that_of_the_whole_run(road, kind, when, monkeypatch):
     """Ctrl-C pressed while a function of the user's is evaluated, at a known time."""
-    monkeypatch.setattr("anctmm.jit.pacing.FIRST", 1e-3)
-    monkeypatch.setattr("anctmm.jit.pacing.GROWTH", 1)
+    monkeypatch.setattr("anctmm.kernels.pacing.FIRST", 1e-3)
+    monkeypatch.setattr("anctmm.kernels.pacing.GROWTH", 1)
     pressed = []
 
     def load(t):

@@ -418,8 +418,8 @@ def test_long_runs_are_computed_in_batches_without_a_seam(kind, monkeypatch):
         found = []
         for seconds in (1e-12, 1.3e-5, 1e3):
             with monkeypatch.context() as patch:
-                patch.setattr("anctmm.jit.pacing.FIRST", seconds)
-                patch.setattr("anctmm.jit.pacing.CALL", seconds)
+                patch.setattr("anctmm.kernels.pacing.FIRST", seconds)
+                patch.setattr("anctmm.kernels.pacing.CALL", seconds)
                 found.append(solve(scene, **(fixed | options)))
         for other in found[1:]:
             assert np.array_equal(found[0].position("bar", 1.0), other.position("bar", 1.0))

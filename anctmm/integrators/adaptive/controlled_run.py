@@ -75,7 +75,7 @@ from anctmm.integrators.singular_positions import advice_at
 from anctmm.integrators.turn_count import begin_count
 from anctmm.jit.compiler.second_process import Parts, Task, side_by_side
 from anctmm.jit.direct import Direct
-from anctmm.jit.pacing import paced
+from anctmm.kernels.pacing import paced
 from anctmm.recursion.accelerations import by_blocks
 from anctmm.recursion.riccati import sweep
 from anctmm.results.checks.divergence import STRETCH_LIMIT

@@ -16,7 +16,7 @@ from anctmm.errors import (
     unknown_kind,
 )
 from anctmm.model.checks.guides import check_guides
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, built_in
 from anctmm.model.places import End, Place, place_text
 from anctmm.model.topology import Graph, Sets
 
@@ -46,7 +46,7 @@ def check_joints(scene: Graph) -> None:
     UnknownKindError
         If a joint holds the direction of a point mass, which has none, or the line of a guide is in no rigid body.
     """
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         _check_ends(scene, joint)
     _check_repeats(scene)
     _check_places(scene)
@@ -95,7 +95,7 @@ def _check_repeats(scene: Graph) -> None:
     """
     places = Sets[End]()
     edges: dict[End, list[tuple[End, Joint]]] = {}
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         ends = [scene.place(name).canonical for name in joint.ends] + [GROUND] * joint.grounded
         there: dict[End, End] = {}
         for end in ends:
@@ -154,13 +154,13 @@ def end_text(end: End) -> str:
 
 def _check_places(scene: Graph) -> None:
     """Ends of one place lie there."""
-    ends = {name: scene.place(name) for joint in scene.joints for name in joint.ends}
+    ends = {name: scene.place(name) for joint in built_in(scene.joints) for name in joint.ends}
     places = Sets[End]()
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         for name in joint.ends[1:]:
             places.unite(ends[joint.ends[0]].canonical, ends[name].canonical)
     before: dict[End, Place] = {}
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         first, *others = (ends[name] for name in joint.ends)
         for other in others:
             _check_meeting(joint, first, other)

@@ -18,7 +18,7 @@ import numpy as np
 from anctmm.errors import JointGapError, StartWarning, shown
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import value_at
-from anctmm.model.joints import Clamp, Guide, Joint, drive_of
+from anctmm.model.joints import Clamp, Guide, Joint, built_in, drive_of
 from anctmm.model.places import Place, Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.topology import Graph, Junction, junctions_of
@@ -100,7 +100,7 @@ def drive_rate(joint: Joint) -> float:
 def _largest_speed(scene: Starting) -> float:
     """Largest speed of bodies and drives at t = 0, m/s."""
     speeds = [b.speed for b in scene.bodies if b.moving]
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         extent = 1.0 if joint.on_line else scene.place(joint.ends[0]).body.extent
         speeds.append(abs(drive_rate(joint)) * extent)
     return max(speeds, default=0.0)

@@ -12,7 +12,7 @@ from anctmm.errors import JointGapError, SceneError, listed, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.initial_motion.least_norm import MANY, least_norm
-from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld, built_in
 from anctmm.model.kept import kept
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -235,7 +235,7 @@ def _rigid_constraints(scene: Scene) -> tuple[list[Row], Array]:
     for body in scene.bodies:
         if isinstance(body, PointMass):
             found.append((of.at(body, body.position)[2], 0.0))
-    for joint in scene.joints:
+    for joint in built_in(scene.joints):
         rows = [of.of(end) for end in joint.ends]
         length = of.extent(*joint.ends)
         found += [(_less(other[k], rows[0][k]), 0.0) for other in rows[1:] for k in (0, 1)]

@@ -150,7 +150,7 @@ def _groups(scene: Scene) -> list[_Group]:
     groups = {names[0]: _Group(names) for names in sets.among(body.name for body in scene.bodies)}
     of = {name: group for group in groups.values() for name in group.bodies}
     for joint in scene.joints:
-        _hold(scene, of[scene.place(joint.ends[0]).body.name], joint)
+        _hold(scene, of[scene.place(joint.places[0]).body.name], joint)
     for connector in acting:
         first, second = ends_of(scene, connector)
         if not isinstance(second, Place):
@@ -171,7 +171,7 @@ def _hold(scene: Scene, group: _Group, joint: Joint) -> None:
             group.lines.append(joint.direction)
             group.held |= joint.position is not None
     elif joint.grounded:
-        if joint.holds_direction:
+        if joint.holds_direction or joint in scene.own_joints:
             group.held = True
         else:
             group.pivots += [_first(scene.place(end)) for end in joint.ends]

@@ -32,6 +32,11 @@ class Reactions:
 
     def __init__(self, solution: Any) -> None:
         joints = solution.scene.joints
+        if solution.scene.own_joints:
+            raise ResultError(
+                f"reactions of scene {solution.scene.name!r} are not known, which has "
+                f"{solution.scene.own_joints[0]!r}: they are of scenes whose joints are all of the package's kinds"
+            )
         self._numbers = {id(joint): k for k, joint in enumerate(joints)}
         self._holders = [list(_holders(solution, joint)) for joint in joints]
         self._together = _together(self._holders)

@@ -1,0 +1,1 @@
+"""How kernels are compiled, stored, announced and interrupted."""

@@ -1,0 +1,82 @@
+"""The decorator of compiled functions, and the directory where numba stores what it compiles.
+
+numba does not see a change in another file than that of a kernel. The directory is therefore named by a hash of all
+sources that kernels consist of and by the versions of Python, numba and this package.
+"""
+
+import hashlib
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+
+#: Packages whose modules hold kernels.
+SOURCES = ("kernels", "elements", "elimination", "system", "march")
+#: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take
+#: no memory, so that no reference to an array needs to be counted: that compiles and runs in half of the time.
+OPTIONS: dict[str, Any] = {
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "_nrt": False,
+    "no_cfunc_wrapper": True,
+}
+
+
+def cache_root() -> Path:
+    """Directory of all stored kernels: `ANCTMM_CACHE`, or one in the user's cache directory."""
+    given = os.environ.get("ANCTMM_CACHE")
+    if given:
+        return Path(given)
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "anctmm"
+
+
+def _directory() -> str:
+    """Directory of the kernels of these sources and versions."""
+    package, digest = Path(__file__).parents[1], hashlib.sha256()
+    digest.update(repr((sys.version, numba.__version__, llvmlite.__version__)).encode())
+    for room in SOURCES:
+        for path in sorted((package / room).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return str(cache_root() / digest.hexdigest()[:16])
+
+
+DIRECTORY = _directory()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function by numba on its first call, and store it on disk.
+
+    The setting of numba's directory is restored: functions of the user's own are stored where he wants them.
+    """
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    try:
+        return numba.njit(function, cache=True, **OPTIONS)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def part(function: Callable[..., Any]) -> Any:
+    """The same for a function that other kernels call, and Python does not."""
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    try:
+        return numba.njit(function, cache=True, no_cpython_wrapper=True, **OPTIONS)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def c_function(signature: Any, function: Callable[..., Any]) -> Any:
+    """Compile a function for callers in C, and store it on disk."""
+    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    try:
+        return numba.cfunc(signature, cache=True, error_model="numpy", fastmath={"contract"})(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """Make a small function part of the kernels that call it."""
+    return numba.njit(function, inline="always", **OPTIONS)

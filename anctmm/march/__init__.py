@@ -1,0 +1,1 @@
+"""Integrators: steps in time, error control and outputs."""

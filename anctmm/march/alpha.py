@@ -1,0 +1,145 @@
+"""Implicit ANC-TMM: generalized-α (Chung & Hulbert 1993) in the index-3 form of Arnold & Brüls (2007).
+
+With M w = f − Jᵀλ and g = 0 at the end of each step, and the means a of w,
+
+    (1 − αm) a_{n+1} + αm a_n = (1 − αf) w_{n+1} + αf w_n
+    q_{n+1} = q_n + h v_n + h² ((½ − β) a_n + β a_{n+1}),    v_{n+1} = v_n + h ((1 − γ) a_n + γ a_{n+1}).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.kernels.options import inlined, kernel, part
+from anctmm.march.newton import Coefficients, iterate
+from anctmm.march.output import Output, count_work, keep, too_large
+from anctmm.march.state import State
+from anctmm.march.turning import count_turns
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.system.system import Inputs, Tables
+
+Array = NDArray[np.float64]
+
+
+class Means(NamedTuple):
+    """Parameters of the method: αm, αf, β, γ, step h (s), steps of the run and between outputs."""
+
+    alpha_m: float
+    alpha_f: float
+    beta: float
+    gamma: float
+    h: float
+    steps: int
+    stride: int
+
+
+def means_of(method: GeneralizedAlpha, h: float, steps: int, stride: int) -> Means:
+    """Parameters of a run."""
+    return Means(method.alpha_m, method.alpha_f, method.beta, method.gamma, h, steps, stride)
+
+
+@inlined
+def coefficients(m):  # type: ignore[no-untyped-def]
+    """Of Newton's iteration."""
+    part_of_w = (1.0 - m.alpha_f) / (1.0 - m.alpha_m)
+    return Coefficients(m.h, 1.0 / (m.beta * m.h * m.h * part_of_w), m.gamma * m.h * part_of_w, 0)
+
+
+@part
+def predict(m: Means, state: State) -> None:
+    """Known parts of q and v at the end of the step, and q, v there if w stays as it is."""
+    c = coefficients(m)
+    r, h = 1.0 / (1.0 - m.alpha_m), m.h
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            a, w = state.a[k, i], state.w[k, i]
+            known = r * (m.alpha_f * w - m.alpha_m * a)
+            base = state.q[k, i] + (h * state.v[k, i] + h * h * ((0.5 - m.beta) * a + m.beta * known))
+            rate = state.v[k, i] + h * ((1.0 - m.gamma) * a + m.gamma * known)
+            state.before[k, i], state.base[k, i], state.rate[k, i] = w, base, rate
+            state.q[k, i], state.v[k, i] = base + w / c.to_w, rate + c.to_v * w
+
+
+@part
+def drag(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
+    """Give driven vectors their positions; w follows, and with it v."""
+    driven = tables.driven
+    for n in range(len(driven.node)):
+        i, a = driven.node[n], driven.component[n]
+        for k in range(driven.b.shape[1]):
+            x = 0.0
+            for t in range(driven.start[n], driven.start[n + 1]):
+                x += signals[driven.signal[t], 0] * driven.b[t, k]
+            state.q[a + k, i] = x
+            state.w[a + k, i] = c.to_w * (x - state.base[a + k, i])
+            state.v[a + k, i] = state.rate[a + k, i] + c.to_v * state.w[a + k, i]
+
+
+@part
+def take_means(m: Means, state: State) -> None:
+    """a at the end of the step."""
+    r = 1.0 / (1.0 - m.alpha_m)
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            w, before, a = state.w[k, i], state.before[k, i], state.a[k, i]
+            state.a[k, i] = r * ((1.0 - m.alpha_f) * w + m.alpha_f * before - m.alpha_m * a)
+
+
+@part
+def step_alpha(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    m: Means,
+    tables: Tables,
+    state: State,
+    signals: Array,
+    loads: Array,
+    free: Array,
+    t: float,
+) -> bool:
+    """One step; False if Newton's iteration fails, with the matrix at hand and with one renewed at each correction."""
+    c = coefficients(m)
+    predict(m, state)
+    drag(tables, c, state, signals)
+    if not iterate(size, space, tables, state, c, False, signals, loads, free, t):
+        for k in range(state.q.shape[0]):
+            for i in range(state.q.shape[1]):
+                w = state.before[k, i]
+                state.w[k, i] = w
+                state.q[k, i], state.v[k, i] = state.base[k, i] + w / c.to_w, state.rate[k, i] + c.to_v * w
+        drag(tables, c, state, signals)
+        if not iterate(size, space, tables, state, c, True, signals, loads, free, t):
+            return False
+    take_means(m, state)
+    return True
+
+
+@kernel
+def advance(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    begin: int,
+    end: int,
+    m: Means,
+    tables: Tables,
+    state: State,
+    inputs: Inputs,
+    out: Output,
+) -> int:
+    """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
+    dim = len(space)
+    for step in range(begin, end):
+        n = step - begin
+        signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
+        if step > 0 and not step_alpha(size, space, m, tables, state, signals, loads, free, t):
+            return step
+        count_work(space, tables, state, step > 0, m.h, signals, loads, free, t, out)
+        count_turns(out.turning, state.q)
+        if step % m.stride == 0 or step == m.steps:
+            if too_large(state.q, dim, STRETCH_LIMIT):
+                return step
+            place = step // m.stride if step % m.stride == 0 else len(out.energy) - 1
+            keep(place, tables, state, dim, out)
+    return -1

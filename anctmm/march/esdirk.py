@@ -1,0 +1,245 @@
+"""Implicit ANC-TMM of fourth order: ESDIRK4(3)6L[2]SA of Kennedy & Carpenter (2003).
+
+With w_j the accelerations of the stages, M w_j = f(Q_j, V_j, t + c_j h) − Jᵀλ_j, and Ā = A²,
+
+    Q_i = q_n + c_i h v_n + h² Σ_j≤i ā_ij w_j,    V_i = v_n + h Σ_j≤i a_ij w_j,    q_{n+1} = Q_6,  v_{n+1} = V_6.
+
+The first stage is the last one of the step before; in all others Newton's matrix is M/(γh)² + K. Rows that change are
+kept in the stages as accelerations, J w = γ, which makes w a smooth function of q, v and t and loses no order; what
+truncation leaves of g and ġ is taken off at the end of a step by the nearest positions and velocities in the metric of
+Newton's matrix (Eich 1993, SIAM J. Numer. Anal. 30). Where that fails, as beside a singular position, the stages of the
+step keep positions, which brings less order. Constant linear rows are kept as positions.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.methods import stages
+from anctmm.kernels.options import inlined, kernel, part
+from anctmm.march.accelerations import take_off
+from anctmm.march.newton import Coefficients, iterate, set_end
+from anctmm.march.output import Output, keep, stage_power, too_large
+from anctmm.march.starting import balance
+from anctmm.march.state import State
+from anctmm.march.turning import count_turns
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.system.rows import set_jacobian, set_rates, set_rows
+from anctmm.system.system import Inputs, System, Tables, place_driven
+
+Array = NDArray[np.float64]
+
+#: Projections at the end of a step at most, and values of rows, of the size of the scene, that are kept and that fail.
+PROJECTIONS, KEPT, VIOLATED = 6, 1e-14, 1e-7
+
+
+class Room(NamedTuple):
+    """What a step keeps beside the state.
+
+    Parameters
+    ----------
+    q, v : ndarray, shape (rows, nodes)
+        At its start.
+    w : ndarray, shape (stages, rows, nodes)
+    power : ndarray, shape (stages, 2)
+        Of all that does work beside energies, and of damping, W.
+    """
+
+    q: Array
+    v: Array
+    w: Array
+    power: Array
+
+
+class Stages(NamedTuple):
+    """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights."""
+
+    A: Array
+    square: Array
+    c: Array
+
+
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, step (s), the method, and the derivative of rows that stages keep."""
+
+    steps: int
+    stride: int
+    h: float
+    method: Stages
+    level: int
+
+
+def method() -> Stages:
+    """Coefficients of the method."""
+    return Stages(*stages())
+
+
+def new_room(system: System) -> Room:
+    """Room for the stages of a scene."""
+    shape, count = (system.mesh.rows, system.mesh.nodes), len(stages().c)
+    return Room(np.zeros(shape), np.zeros(shape), np.zeros((count, *shape)), np.zeros((count, 2)))
+
+
+def stage_times(system: System, begin: int, end: int) -> Array:
+    """Times of the stages, behind the first, of the steps to states begin … end − 1; of state 0 its own time."""
+    c, run = stages().c[1:], system.run
+    steps = np.arange(max(begin, 1), end)
+    before = run.times(steps - 1)[:, None]
+    inner = np.hstack([before + run.exact_dt * c[:-1], run.times(steps)[:, None]]).ravel()
+    return np.concatenate([[0.0], inner]) if begin == 0 else inner
+
+
+@inlined
+def begin_stage(i, h, method, room, state):  # type: ignore[no-untyped-def]
+    """Known parts of q and v in stage i; w is predicted as that of the stage before."""
+    for k in range(state.q.shape[0]):
+        for n in range(state.q.shape[1]):
+            rate, way = 0.0, h * method.c[i] * room.v[k, n]
+            for j in range(i):
+                rate += h * method.A[i, j] * room.w[j, k, n]
+                way += h * h * method.square[i, j] * room.w[j, k, n]
+            state.base[k, n], state.rate[k, n] = room.q[k, n] + way, room.v[k, n] + rate
+            state.w[k, n] = room.w[i - 1, k, n]
+
+
+@part
+def take_stages(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    h: float,
+    method: Stages,
+    level: int,
+    tables: Tables,
+    state: State,
+    room: Room,
+    inputs: Inputs,
+    first: int,
+) -> bool:
+    """Find the stages of a step, whose inputs stand from `first` on; False if Newton's iteration fails in one."""
+    gamma = method.A[1, 1] * h
+    c = Coefficients(h, 1.0 / (gamma * gamma), gamma, level)
+    for i in range(1, len(method.c)):
+        n = first + i - 1
+        signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
+        solved = False
+        for attempt in range(2):
+            if not solved:
+                begin_stage(i, h, method, room, state)
+                set_end(state, c)
+                place_driven(tables.driven, signals, state.q, state.v, state.w)
+                solved = iterate(size, space, tables, state, c, attempt == 1, signals, loads, free, t)
+        if not solved:
+            return False
+        for k in range(state.q.shape[0]):
+            for m in range(state.q.shape[1]):
+                room.w[i, k, m] = state.w[k, m]
+        stage_power(space, tables, state, signals, loads, free, t, room.power[i])
+    return True
+
+
+@part
+def project_end(
+    size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
+) -> bool:
+    """Take g and ġ off by the factored matrix of Newton's iteration; False if g stays."""
+    bound, off = KEPT * state.scale[0], 0.0
+    for _ in range(PROJECTIONS):
+        off = set_rows(tables.rows, state.q, signals)
+        if not off > bound:
+            break
+        take_off(size, space, tables, state, state.q)
+    set_jacobian(tables.rows, state.q, signals)
+    for _ in range(2):
+        set_rates(tables.rows, state.q, state.v, signals)
+        take_off(size, space, tables, state, state.v)
+    return off <= VIOLATED * state.scale[0]
+
+
+@part
+def step_esdirk(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    h: float,
+    method: Stages,
+    level: int,
+    tables: Tables,
+    state: State,
+    room: Room,
+    inputs: Inputs,
+    first: int,
+) -> bool:
+    """One step; False, with the state as before, if it fails."""
+    last = len(method.c) - 1
+    for k in range(state.q.shape[0]):
+        for n in range(state.q.shape[1]):
+            room.q[k, n], room.v[k, n], room.w[0, k, n] = state.q[k, n], state.v[k, n], state.w[k, n]
+    room.power[0, 0], room.power[0, 1] = room.power[last, 0], room.power[last, 1]
+    n = first + last - 1
+    solved = take_stages(size, space, h, method, level, tables, state, room, inputs, first)
+    if solved and level == 2:
+        solved = project_end(size, space, tables, state, inputs.signals[n])
+    if not solved and level == 2:
+        state.counts[2] = 1
+        solved = take_stages(size, space, h, method, 0, tables, state, room, inputs, first)
+        if solved:
+            balance(
+                size, space, tables, state, inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
+            )
+            stage_power(
+                space, tables, state, inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n],
+                room.power[last],
+            )  # fmt: skip
+    if not solved:
+        for k in range(state.q.shape[0]):
+            for m in range(state.q.shape[1]):
+                state.q[k, m], state.v[k, m], state.w[k, m] = room.q[k, m], room.v[k, m], room.w[0, k, m]
+    return solved
+
+
+@inlined
+def add_work(out, h, method, room):  # type: ignore[no-untyped-def]
+    """Count the work of a step by the method's quadrature."""
+    last = len(method.c) - 1
+    for j in range(last + 1):
+        out.work[0] += h * method.A[last, j] * room.power[j, 0]
+        out.work[1] += h * method.A[last, j] * room.power[j, 1]
+
+
+@kernel
+def advance(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    begin: int,
+    end: int,
+    numbers: Numbers,
+    tables: Tables,
+    state: State,
+    room: Room,
+    inputs: Inputs,
+    out: Output,
+) -> int:
+    """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
+    first, width, dim = 0, len(numbers.method.c) - 1, len(space)
+    for step in range(begin, end):
+        if step == 0:
+            stage_power(
+                space, tables, state, inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0],
+                room.power[width],
+            )  # fmt: skip
+            first = 1
+        else:
+            solved = step_esdirk(
+                size, space, numbers.h, numbers.method, numbers.level, tables, state, room, inputs, first
+            )
+            first += width
+            if not solved:
+                return step
+            add_work(out, numbers.h, numbers.method, room)
+        count_turns(out.turning, state.q)
+        if step % numbers.stride == 0 or step == numbers.steps:
+            if too_large(state.q, dim, STRETCH_LIMIT):
+                return step
+            place = step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1
+            keep(place, tables, state, dim, out)
+    return -1

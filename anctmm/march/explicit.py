@@ -1,0 +1,92 @@
+"""Explicit ANC-TMM: Zhai's integrator (Rong 2014, eq. 38) with the mass eliminated by the recursion.
+
+    q_{n+1} = q_n + v_n Δt + (½ + ψ) a_n Δt² − ψ a_{n−1} Δt²
+    v_{n+1} = v_n + (1 + φ) a_n Δt − φ a_{n−1} Δt,     a_{−1} = a_0.
+
+Driven vectors are prescribed at all three levels, and rows that change are kept by projection, so nothing drifts.
+Damping forces are those of the velocities v_n: with ψ = φ = ½ both formulas remain of second order (the second is the
+Adams–Bashforth method).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.kernels.options import kernel
+from anctmm.march.accelerations import factorize_mass, project, solve_accelerations
+from anctmm.march.output import Output, count_work, keep, too_large
+from anctmm.march.state import State
+from anctmm.march.turning import count_turns
+from anctmm.results.checks.divergence import STRETCH_LIMIT
+from anctmm.system.rows import set_jacobian
+from anctmm.system.system import Inputs, Tables, place_driven, set_forces
+
+Array = NDArray[np.float64]
+
+
+class Numbers(NamedTuple):
+    """Last step, steps between outputs, Δt (s), ψ, φ, and 1 where the rows change."""
+
+    steps: int
+    stride: int
+    dt: float
+    psi: float
+    phi: float
+    changing: int
+
+
+@kernel
+def advance(
+    size: tuple[int, ...],
+    space: tuple[int, ...],
+    begin: int,
+    end: int,
+    numbers: Numbers,
+    tables: Tables,
+    state: State,
+    inputs: Inputs,
+    out: Output,
+) -> int:
+    """Steps `begin` … `end` − 1; the step at which the motion diverged or left its rows, or −1."""
+    dim, dt, psi, phi = len(space), numbers.dt, numbers.psi, numbers.phi
+    q, v, w, a = state.q, state.v, state.w, state.a
+    for step in range(begin, end):
+        n = step - begin
+        signals, t = inputs.signals[n], inputs.t[n]
+        for k in range(w.shape[0]):  # `a` is the acceleration of the step before
+            for i in range(w.shape[1]):
+                a[k, i], w[k, i] = w[k, i], 0.0
+        place_driven(tables.driven, signals, q, v, w)
+        if numbers.changing != 0:
+            if not project(size, space, tables, state, signals):
+                return step
+        elif step == 0:
+            set_jacobian(tables.rows, q, signals)
+            factorize_mass(size, space, tables, signals)
+        set_forces(space, tables, q, v, inputs.loads[n], inputs.free[n], t, state.f)
+        solve_accelerations(size, space, tables, state, signals)
+        check = 0.0
+        for k in range(w.shape[0]):
+            check += w[k, 0] + w[k, w.shape[1] - 1]
+        if check - check != 0.0:  # also of no number
+            return step
+        count_work(space, tables, state, step > 0, dt, signals, inputs.loads[n], inputs.free[n], t, out)
+        count_turns(out.turning, q)
+        if step % numbers.stride == 0 or step == numbers.steps:
+            if too_large(q, dim, STRETCH_LIMIT):
+                return step
+            keep(
+                step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1,
+                tables,
+                state,
+                dim,
+                out,
+            )
+        if step < numbers.steps:
+            for k in range(q.shape[0]):
+                for i in range(q.shape[1]):
+                    old = w[k, i] if step == 0 else a[k, i]
+                    q[k, i] += dt * (v[k, i] + dt * ((0.5 + psi) * w[k, i] - psi * old))
+                    v[k, i] += dt * ((1.0 + phi) * w[k, i] - phi * old)
+    return -1

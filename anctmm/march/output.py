@@ -1,0 +1,290 @@
+"""Outputs of a run: what steps keep, and the solution made of it."""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.kernels.announcing import compiling
+from anctmm.kernels.options import part
+from anctmm.march.starting import rests
+from anctmm.march.state import State
+from anctmm.march.turning import Turning, turning_of
+from anctmm.model.rigid_bodies import PointMass
+from anctmm.model.topology import turning_bodies
+from anctmm.results.checks.divergence import checked
+from anctmm.results.fields import HermiteField, RigidField, beam_field
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
+from anctmm.system.acting import connector_energy, power, work_done
+from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
+from anctmm.system.elastic import kinetic_energy, strain_energy, subtract_damping
+from anctmm.system.rows import drive_power
+from anctmm.system.system import System, Tables, set_reactions
+
+Array = NDArray[np.float64]
+
+
+class Output(NamedTuple):
+    """What steps fill, for kernels.
+
+    Parameters
+    ----------
+    series : ndarray, shape (3, outputs, rows, nodes)
+        Coordinates, velocities and accelerations.
+    energy : ndarray, shape (outputs, 4)
+        Kinetic and strain energy, work, and the part of it that damping does, J.
+    work : ndarray, shape (2,)
+        Work until now, and that of damping.
+    angles : ndarray, shape (outputs, turning bodies)
+    turning : Turning
+    memory : ndarray, shape (4, rows, nodes)
+        At the last step: forces of drives on driven vectors, damping forces of materials, and the coordinates of both.
+    power : ndarray, shape (1,)
+        Power of the drives of rows at the last step, W.
+    """
+
+    series: Array
+    energy: Array
+    work: Array
+    angles: Array
+    turning: Turning
+    memory: Array
+    power: Array
+
+
+class Record:
+    """Room for the outputs of a run.
+
+    Parameters
+    ----------
+    system : System
+    t : ndarray, shape (outputs,)
+        Times of all outputs, s; of statics load factors.
+    start : Solution, optional
+        The equilibrium that the motion starts from.
+    """
+
+    def __init__(self, system: System, t: Array, start: Solution | None = None) -> None:
+        self.system, self.t, self.start = system, t, start
+        rows, nodes = system.mesh.rows, system.mesh.nodes
+        turning = turning_of(system)
+        self.out = Output(
+            np.zeros((3, len(t), rows, nodes)), np.zeros((len(t), 4)), np.zeros(2),
+            np.zeros((len(t), len(turning.angle))), turning, np.zeros((4, rows, nodes)), np.zeros(1),
+        )  # fmt: skip
+        self.started: tuple[float, float] = _clocks()
+        self.ended: tuple[float, float] | None = None
+
+    def restart(self) -> None:
+        """Start the clocks."""
+        self.started = _clocks()
+
+    def stop(self) -> None:
+        """Stop the clocks: no more steps are taken."""
+        self.ended = _clocks()
+
+    def fields(self, count: int, static: bool = False) -> dict[str, HermiteField | RigidField]:
+        """Motion of each body at the first outputs."""
+        mesh, found = self.system.mesh, dict[str, HermiteField | RigidField]()
+        counted = dict(zip(turning_bodies(self.system.scene), self.out.angles[:count].T.copy(), strict=False))
+        for name, series in mesh.by_body(self.out.series[: 1 if static else None, :count]).items():
+            body = mesh.bodies[name]
+            turns = self.start is not None and not isinstance(body, MassMesh)
+            turned = self.start.whole_turns.of_nodes(name)[-1:] if turns and self.start is not None else None
+            found[name] = field_of(body, series, None if static else counted.get(name), turned)
+        return found
+
+    def solution(self, count: int, status: Status, state: State | None, steps: int) -> Solution:
+        """The solution with the first outputs, checked."""
+        ended = self.ended or _clocks()
+        cpu, wall = (now - then for now, then in zip(ended, self.started, strict=True))
+        system, out = self.system, self.out
+        q = out.series[0, :count]
+        kinetic, strain, work, damping = out.energy[:count].T.copy()
+        dead = system.tables.dead
+        potential = np.array([np.sum((system.mesh.reference - one) * dead) for one in q]).reshape(-1)
+        counts = (0, 1) if state is None else (int(state.counts[0]), int(state.counts[1]))
+        found = Solution(
+            solver="anctmm",
+            scene=system.scene,
+            run=system.run,
+            t=self.t[:count].copy(),
+            fields=self.fields(count),
+            energy=Energy(kinetic, strain, potential, work, 0.0 - damping),
+            cost=Cost(cpu, wall, steps, *counts),
+            status=status,
+            dofs=system.numbering.unknowns,
+        )
+        return checked(found, rests=rests(system, self.start))
+
+
+def _clocks() -> tuple[float, float]:
+    """Processor and wall time, s, which stand still while a kernel is compiled."""
+    return time.process_time() - compiling.cpu_seconds, time.perf_counter() - compiling.seconds
+
+
+def field_of(
+    mesh: object, series: Array, angle: Array | None, turned: Array | None = None
+) -> HermiteField | RigidField:
+    """Motion of a body from coordinates and rates, (1 or 3, outputs, nodes, vectors, dim)."""
+    q, *rates = series
+    v, a = rates or (None, None)
+    match mesh:
+        case BeamMesh():
+            return beam_field(mesh.kind, mesh.body, q, v, a, turned, angle)
+        case RigidMesh():
+            return _rigid_field(mesh, q, v, a, turned, angle)
+    body = mesh.body  # type: ignore[attr-defined]
+    if isinstance(body, PointMass):
+        q, v, a = (None if x is None else _beside(x, k) for k, x in enumerate((q, v, a)))  # type: ignore[misc]
+        return RigidField(q, {}, v, a, turned, angle)
+    flat = [None if x is None else x.reshape(len(x), 4, -1) for x in (q, v, a)]
+    arms = {key: tuple(np.asarray(body.position_at(key)) - body.center) for key in body.points}
+    return RigidField(flat[0], arms, *flat[1:])  # type: ignore[arg-type]
+
+
+def _beside(x: Array, order: int) -> Array:
+    """Coordinates of a point mass, (outputs, 1, 1, dim), with those of a vector that does not turn."""
+    other = np.zeros_like(x[:, 0, 0])
+    other[:, 0] = 1.0 if order == 0 else 0.0
+    return np.stack([x[:, 0, 0], other], axis=1)
+
+
+def _rigid_field(mesh: RigidMesh, *series: Array | None) -> HermiteField | RigidField:
+    """Motion of a rigid body, or of a bar as of a beam of one element."""
+    q, v, a, turned, angle = series
+    if hasattr(mesh.body, "section"):
+        ends = [mesh.position(k) for k in (0, 1)]
+        angle_of = float(mesh.body.angle)
+        c, s = np.cos(angle_of), np.sin(angle_of)
+        along = {k: A @ np.array([[c, -s], [s, c]]) for k, A in mesh.direction().items()}
+        parts = [
+            np.stack([_at(x, ends[0]), _at(x, along), _at(x, ends[1]), _at(x, along)], axis=1)
+            if x is not None
+            else None
+            for x in (q, v, a)
+        ]
+        shaped = [None if x is None else x.reshape(len(x), 2, 2, 2) for x in parts]
+        return HermiteField(shaped[0], mesh.body.length, shaped[1], shaped[2], turned, angle)  # type: ignore[arg-type]
+    center, turn = mesh.point(mesh.center), mesh.direction()
+    parts = [None if x is None else np.stack([_at(x, center), _at(x, turn)], axis=1) for x in (q, v, a)]
+    arms = {key: mesh.body.arm(key) for key in mesh.body.points}
+    return RigidField(parts[0], arms, parts[1], parts[2], turned, angle)  # type: ignore[arg-type]
+
+
+def _at(x: Array, form: dict[int, Array]) -> Array:
+    """A vector of a body of one node from its coordinates, (outputs, 1, vectors, dim)."""
+    return np.asarray(sum(x[:, 0, k] @ A.T for k, A in form.items()))
+
+
+@part
+def keep(place: int, tables: Tables, state: State, dim: int, out: Output) -> None:
+    """Keep the state as an output."""
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            out.series[0, place, k, i] = state.q[k, i]
+            out.series[1, place, k, i] = state.v[k, i]
+            out.series[2, place, k, i] = state.w[k, i]
+    out.energy[place, 0] = kinetic_energy(tables.elements, state.v, dim, state.scratch)
+    out.energy[place, 1] = strain_energy(tables.elements, state.q) + connector_energy(tables.acting)
+    out.energy[place, 2], out.energy[place, 3] = out.work[0], out.work[1]
+    for n in range(len(out.turning.angle)):
+        out.angles[place, n] = out.turning.angle[n]
+
+
+@part
+def count_work(
+    space: tuple[int, ...],
+    tables: Tables,
+    state: State,
+    moving: bool,
+    dt: float,
+    signals: Array,
+    loads: Array,
+    free: Array,
+    t: float,
+    out: Output,
+) -> None:
+    """Count the work of a step that ends at the state, by the trapezoidal rule; none yet unless `moving`."""
+    work_done(space, tables.acting, moving, state.q, loads, free, out.work)
+    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
+        now = drive_power(tables.rows, state.q, signals)
+        if moving:
+            out.work[0] += 0.5 * dt * (now + out.power[0])
+        out.power[0] = now
+    driven, dim = tables.driven, len(space)
+    if len(driven.node) > 0:
+        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
+        for n in range(len(driven.node)):
+            i, a = driven.node[n], driven.component[n]
+            for k in range(a, a + dim):
+                if moving:
+                    mean = 0.5 * (state.scratch[k, i] + out.memory[0, k, i])
+                    out.work[0] += mean * (state.q[k, i] - out.memory[2, k, i])
+                out.memory[0, k, i], out.memory[2, k, i] = state.scratch[k, i], state.q[k, i]
+    if tables.damped[1] != 0:
+        _damping_work(dim, tables, state, moving, out)
+
+
+@part
+def stage_power(
+    space: tuple[int, ...],
+    tables: Tables,
+    state: State,
+    signals: Array,
+    loads: Array,
+    free: Array,
+    t: float,
+    out: Array,
+) -> None:
+    """Power at a state of all that does work beside energies, and of damping, W, in out, (2,)."""
+    out[0] = out[1] = 0.0
+    power(space, tables.acting, state.q, state.v, loads, free, t, out)
+    if signals.shape[0] > 1 and len(tables.rows.at) > 0:
+        out[0] += drive_power(tables.rows, state.q, signals)
+    driven, dim = tables.driven, len(space)
+    if len(driven.node) > 0:
+        set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)
+        for n in range(len(driven.node)):
+            i, a = driven.node[n], driven.component[n]
+            for k in range(a, a + dim):
+                out[0] += state.scratch[k, i] * state.v[k, i]
+    if tables.damped[1] != 0:
+        state.scratch[:] = 0.0
+        subtract_damping(tables.elements, state.q, state.v, dim, state.scratch)
+        lost = 0.0
+        for k in range(state.q.shape[0]):
+            for i in range(state.q.shape[1]):
+                lost += state.scratch[k, i] * state.v[k, i]
+        out[0] += lost
+        out[1] += lost
+
+
+@part
+def _damping_work(dim: int, tables: Tables, state: State, moving: bool, out: Output) -> None:
+    """Count the work of damping forces of materials: their mean times the displacement.
+
+    The power lost, integrated in time, would count a motion that dies out within a step many times over.
+    """
+    state.scratch[:] = 0.0
+    subtract_damping(tables.elements, state.q, state.v, dim, state.scratch)
+    for k in range(state.q.shape[0]):
+        for i in range(state.q.shape[1]):
+            if moving:
+                mean = 0.5 * (state.scratch[k, i] + out.memory[1, k, i])
+                done = mean * (state.q[k, i] - out.memory[3, k, i])
+                out.work[0] += done
+                out.work[1] += done
+            out.memory[1, k, i], out.memory[3, k, i] = state.scratch[k, i], state.q[k, i]
+
+
+@part
+def too_large(q: Array, dim: int, limit: float) -> bool:
+    """Whether a gradient is larger than the limit, or not a number."""
+    for k in range(dim, q.shape[0]):
+        for i in range(q.shape[1]):
+            if not abs(q[k, i]) <= limit:
+                return True
+    return False

@@ -1,0 +1,61 @@
+"""What the steps of all integrators work on."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.system.system import System
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class State(NamedTuple):
+    """Coordinates of all nodes and what belongs to them, for kernels; each (rows, nodes).
+
+    Parameters
+    ----------
+    q, v, w : ndarray
+        Coordinates, velocities and accelerations: w satisfies the equations of motion.
+    a : ndarray
+        Accelerations of the formulas of generalized-α, which are means of w.
+    base, rate, before : ndarray
+        Of an implicit step: coordinates and velocities at its end without the part of w, and w at its start.
+    f : ndarray
+        Forces, and then the residual.
+    scratch : ndarray
+    counts : ndarray of int, shape (4,)
+        Newton corrections and factorizations; whether the matrix is to be renewed; corrections of the last solution.
+    sizes : ndarray, shape (ITERATIONS,)
+        Corrections of the last solution: positions over `scale`, gradients as they are.
+    scale : ndarray, shape (2,)
+        Length that corrections of positions are compared with, m, and the bound of the last correction.
+    """
+
+    q: Array
+    v: Array
+    w: Array
+    a: Array
+    base: Array
+    rate: Array
+    before: Array
+    f: Array
+    scratch: Array
+    counts: Ints
+    sizes: Array
+    scale: Array
+
+
+#: Newton corrections in a step at most.
+ITERATIONS = 30
+
+
+def new_state(system: System, q: Array, v: Array) -> State:
+    """The state that a run starts from."""
+    zeros = [np.zeros_like(q) for _ in range(7)]
+    tolerance = float(system.run.newton_tolerance)
+    return State(
+        q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.zeros(ITERATIONS),
+        np.array([system.scene.length, tolerance]),
+    )  # fmt: skip

@@ -1,0 +1,276 @@
+"""Expressions of a joint's equations: sums over the coordinate vectors of a scene, in which joints are written.
+
+A `Vector` is Σ w A x + Σ w b over coordinate vectors x, with constant matrices A and vectors b; a `Scalar` is the same
+of products x·C y, c·x and numbers. w is 1 or a `Signal`, a factor that depends on time. From an expression
+follow its values, rates, Jacobian and curvature; see `anctmm.system.rows`.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import PropertyError, shown
+
+Array = NDArray[np.float64]
+#: Rotates a vector of the plane by +90°.
+QUARTER_TURN = np.array([[0.0, -1.0], [1.0, 0.0]])
+QUARTER_TURN.setflags(write=False)
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A factor that depends on time: a history's value, or the cosine or sine of it.
+
+    Parameters
+    ----------
+    history : callable
+        t (s) → value, rate and acceleration.
+    shape : str
+        "value", "cos" or "sin".
+    name : str
+        What the history drives, for messages.
+    """
+
+    history: Callable[[Any], tuple[Any, Any, Any]]
+    shape: str = "value"
+    name: str = "signal"
+
+    def __mul__(self, other: "Any") -> "Any":
+        if isinstance(other, Signal):
+            raise PropertyError(
+                f"{self.name}: two signals are multiplied; write one history of their product"
+            )
+        return other * self
+
+    __rmul__ = __mul__
+
+    def at(self, values: Array) -> Array:
+        """Value, rate and acceleration, (3, n), from those of the history, (3, n)."""
+        x, rate, acceleration = values
+        if self.shape == "value":
+            return np.array([x, rate, acceleration])
+        c, s = np.cos(x), np.sin(x)
+        if self.shape == "cos":
+            return np.array([c, -s * rate, -s * acceleration - c * rate**2])
+        return np.array([s, c * rate, c * acceleration - s * rate**2])
+
+
+def signal(history: Callable[[Any], tuple[Any, Any, Any]], name: str = "signal") -> Signal:
+    """A factor in a joint's equations that depends on time: t (s) → value, rate and acceleration.
+
+    Raises
+    ------
+    PropertyError
+        If the history cannot be called.
+    """
+    if not callable(history):
+        raise PropertyError(f"{name} history is {shown(history)}; a callable t -> (x, x', x'') is needed")
+    return Signal(history, "value", name)
+
+
+Key = tuple[int, Signal | None]
+Pair = tuple[int, int, Signal | None]
+
+
+def _sum(one: Mapping[Any, Any], two: Mapping[Any, Any], factor: float = 1.0) -> dict[Any, Any]:
+    found = dict(one)
+    for key, value in two.items():
+        found[key] = found[key] + factor * value if key in found else factor * value
+    return found
+
+
+def _both(one: Signal | None, two: Signal | None) -> Signal | None:
+    if one is not None and two is not None:
+        raise PropertyError(f"{one.name} and {two.name} are multiplied; one signal in a product is allowed")
+    return two if one is None else one
+
+
+@dataclass(frozen=True)
+class Vector:
+    """Σ w A x + Σ w b.
+
+    Parameters
+    ----------
+    at : ndarray, shape (vectors, dim)
+        All coordinate vectors of the scene at the start.
+    terms : mapping of (vector, signal) to ndarray, shape (dim, dim)
+        A, by number of x and signal; None is the signal that is always 1.
+    constants : mapping of signal to ndarray, shape (dim,)
+        b.
+    """
+
+    at: Array
+    terms: Mapping[Key, Array] = field(default_factory=dict)
+    constants: Mapping[Signal | None, Array] = field(default_factory=dict)
+
+    @property
+    def start(self) -> Array:
+        """Value at the start, (dim,)."""
+        found = np.zeros(self.at.shape[1])
+        for (x, w), A in self.terms.items():
+            found += _initial(w) * (A @ self.at[x])
+        for w, b in self.constants.items():
+            found += _initial(w) * b
+        return found
+
+    @property
+    def initial(self) -> "Vector":
+        """The value at the start, as a vector that does not change."""
+        return Vector(self.at, {}, {None: self.start})
+
+    def mapped(self, matrix: Array) -> "Vector":
+        """The vector multiplied by a constant matrix, (dim, dim)."""
+        matrix = np.asarray(matrix, dtype=float)
+        return Vector(
+            self.at,
+            {key: matrix @ A for key, A in self.terms.items()},
+            {w: matrix @ b for w, b in self.constants.items()},
+        )
+
+    @property
+    def normal(self) -> "Vector":
+        """In the plane the vector rotated by +90°."""
+        if self.at.shape[1] != 2:
+            raise PropertyError("a vector of space has no normal; `mapped` takes a matrix")
+        return self.mapped(QUARTER_TURN)
+
+    def __add__(self, other: Any) -> "Vector":
+        two = self._vector(other)
+        return Vector(self.at, _sum(self.terms, two.terms), _sum(self.constants, two.constants))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "Vector":
+        return self * -1.0
+
+    def __sub__(self, other: Any) -> "Vector":
+        return self + -self._vector(other)
+
+    def __rsub__(self, other: Any) -> "Vector":
+        return -self + other
+
+    def __mul__(self, factor: Any) -> "Vector":
+        if isinstance(factor, Signal):
+            return Vector(
+                self.at,
+                {(x, _both(w, factor)): A for (x, w), A in self.terms.items()},
+                {_both(w, factor): b for w, b in self.constants.items()},
+            )
+        return self.mapped(float(factor) * np.eye(self.at.shape[1]))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, factor: float) -> "Vector":
+        return self * (1.0 / factor)
+
+    def __matmul__(self, other: Any) -> "Scalar":
+        """The dot product."""
+        two = self._vector(other)
+        pairs: dict[Pair, Array] = {}
+        linear: dict[Key, Array] = {}
+        constants: dict[Signal | None, Any] = {}
+        for (x, w), A in self.terms.items():
+            for (y, u), B in two.terms.items():
+                pairs = _sum(pairs, {(x, y, _both(w, u)): A.T @ B})
+            for u, b in two.constants.items():
+                linear = _sum(linear, {(x, _both(w, u)): A.T @ b})
+        for w, a in self.constants.items():
+            for (y, u), B in two.terms.items():
+                linear = _sum(linear, {(y, _both(w, u)): B.T @ a})
+            for u, b in two.constants.items():
+                constants = _sum(constants, {_both(w, u): float(a @ b)})
+        return Scalar(self.at, pairs, linear, constants)
+
+    __rmatmul__ = __matmul__
+
+    def components(self) -> list["Scalar"]:
+        """The components, one by one."""
+        return [self @ axis for axis in np.eye(self.at.shape[1])]
+
+    def _vector(self, other: Any) -> "Vector":
+        if isinstance(other, Vector):
+            return other
+        return Vector(self.at, {}, {None: _constant(other, self.at.shape[1])})
+
+
+@dataclass(frozen=True)
+class Scalar:
+    """Σ w x·C y + Σ w c·x + Σ w n: one equation of a joint says that it is zero.
+
+    Parameters
+    ----------
+    at : ndarray, shape (vectors, dim)
+        As of `Vector`.
+    pairs : mapping of (vector, vector, signal) to ndarray, shape (dim, dim)
+        C.
+    terms : mapping of (vector, signal) to ndarray, shape (dim,)
+        c.
+    constants : mapping of signal to float
+        n.
+    """
+
+    at: Array
+    pairs: Mapping[Pair, Array] = field(default_factory=dict)
+    terms: Mapping[Key, Array] = field(default_factory=dict)
+    constants: Mapping[Signal | None, float] = field(default_factory=dict)
+
+    @property
+    def start(self) -> float:
+        """Value at the start."""
+        found = sum(_initial(w) * n for w, n in self.constants.items())
+        found += sum(_initial(w) * (c @ self.at[x]) for (x, w), c in self.terms.items())
+        return float(
+            found + sum(_initial(w) * (self.at[x] @ C @ self.at[y]) for (x, y, w), C in self.pairs.items())
+        )
+
+    def __add__(self, other: Any) -> "Scalar":
+        two = self._scalar(other)
+        return Scalar(self.at, *(_sum(a, b) for a, b in zip(self._parts, two._parts, strict=True)))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> "Scalar":
+        return self * -1.0
+
+    def __sub__(self, other: Any) -> "Scalar":
+        return self + -self._scalar(other)
+
+    def __rsub__(self, other: Any) -> "Scalar":
+        return -self + other
+
+    def __mul__(self, factor: Any) -> "Scalar":
+        if isinstance(factor, Signal):
+            return Scalar(
+                self.at,
+                {(x, y, _both(w, factor)): C for (x, y, w), C in self.pairs.items()},
+                {(x, _both(w, factor)): c for (x, w), c in self.terms.items()},
+                {_both(w, factor): n for w, n in self.constants.items()},
+            )
+        number = float(factor)
+        return Scalar(self.at, *({k: number * v for k, v in part.items()} for part in self._parts))
+
+    __rmul__ = __mul__
+
+    @property
+    def _parts(self) -> tuple[Mapping[Any, Any], ...]:
+        return self.pairs, self.terms, self.constants
+
+    def _scalar(self, other: Any) -> "Scalar":
+        if isinstance(other, Scalar):
+            return other
+        known = isinstance(other, Signal)
+        return Scalar(self.at, {}, {}, {other if known else None: 1.0 if known else float(other)})
+
+
+def _initial(w: Signal | None) -> float:
+    return 1.0 if w is None else float(w.at(np.array(w.history(0.0), dtype=float)[:, None])[0, 0])
+
+
+def _constant(value: Any, dim: int) -> Array:
+    found = np.asarray(value, dtype=float)
+    if found.shape != (dim,):
+        raise PropertyError(f"{shown(value)} stands beside a vector; {dim} numbers are needed")
+    return found

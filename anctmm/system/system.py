@@ -1,0 +1,357 @@
+"""All equations of a scene as tables for kernels: from the mesh over the numbering to elements, rows, loads, matrix."""
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.elimination.order import Plan
+from anctmm.errors import shown
+from anctmm.kernels.options import inlined, part
+from anctmm.model.connectors import Connector, free_name, free_of, name_of
+from anctmm.model.drives import tabulate
+from anctmm.model.expressions import Signal
+from anctmm.model.joints import Equation
+from anctmm.model.loads import load_text, varies, width_of
+from anctmm.model.scene import Scene
+from anctmm.system.acting import Acting, Writer, add_connectors, add_loads, dead_forces
+from anctmm.system.body_meshes import RigidMesh, SpatialMesh
+from anctmm.system.elastic import (
+    Elements,
+    elements_of,
+    subtract_damping,
+    subtract_elastic,
+    subtract_element,
+    subtract_rigid_inertia,
+    vector_masses,
+)
+from anctmm.system.mesh import GroundPlace, JointPlace, Mesh
+from anctmm.system.numbering import Numbering
+from anctmm.system.rows import Rows, add_row_forces, rows_of
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Matrix(NamedTuple):
+    """The matrix and the unknowns, for kernels.
+
+    Parameters
+    ----------
+    plan : Plan
+    values, flat : ndarray, shape (blocks + entries, rows, rows), and the same as a vector
+        The matrix, or its factors.
+    x, unknowns : ndarray, shape (blocks, rows), and the same as a vector
+        Right-hand side and solution.
+    at : ndarray of int, shape (slots, nodes)
+        Place of each vector in the unknowns, −1 of a known one.
+    padding : ndarray of int
+        Unknowns of no meaning.
+    """
+
+    plan: Plan
+    values: Array
+    flat: Array
+    x: Array
+    unknowns: Array
+    at: Ints
+    padding: Ints
+
+
+class Driven(NamedTuple):
+    """Vectors that drives prescribe, for kernels: Σ w b.
+
+    Parameters
+    ----------
+    node, component : ndarray of int, shape (n,)
+    start : ndarray of int, shape (n + 1,)
+        Where the terms of each begin.
+    signal : ndarray of int, shape (terms,)
+    b : ndarray, shape (terms, dim)
+    beam, element : ndarray of int, shape (k,)
+        Elements next to driven nodes: their beam, and their first node.
+    """
+
+    node: Ints
+    component: Ints
+    start: Ints
+    signal: Ints
+    b: Array
+    beam: Ints
+    element: Ints
+
+
+class Tables(NamedTuple):
+    """What kernels need of a scene.
+
+    Parameters
+    ----------
+    elements, rows, acting, matrix, driven
+    dead : ndarray, shape (rows of nodes, nodes)
+        Gravity and constant forces, N.
+    damped : ndarray of int, shape (2,)
+        Whether forces depend on velocities, and whether those of materials do.
+    """
+
+    elements: Elements
+    rows: Rows
+    acting: Acting
+    matrix: Matrix
+    driven: Driven
+    dead: Array
+    damped: Ints
+
+
+class Inputs(NamedTuple):
+    """What is given at each of n times.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        s.
+    signals : ndarray, shape (n, signals, 3)
+        Value, rate and acceleration of each; number 0 is always 1.
+    loads : ndarray, shape (n, loads, dim)
+        Values of the loads that vary.
+    free : ndarray, shape (n, connectors, 2)
+        Free lengths and angles, and their rates.
+    """
+
+    t: Array
+    signals: Array
+    loads: Array
+    free: Array
+
+
+class System:
+    """The equations of a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation
+    """
+
+    def __init__(self, scene: Scene, run: Discretisation) -> None:
+        self.scene, self.run = scene, run
+        self.mesh = Mesh(scene, run)
+        self.loads = [load for load in scene.loads if varies(load)]
+        self._writer = Writer(self.mesh, self.loads, scene.connectors)
+        self.numbering = Numbering(self.mesh, self._equations(), self._writer.coupled)
+        self.signals = self._signals()
+
+    def _equations(self) -> list[tuple[str, Sequence[Equation]]]:
+        """What joints and rigid bodies say, each with what it holds in words."""
+        mesh, found = self.mesh, list[tuple[str, Sequence[Equation]]]()
+        for joint in self.scene.joints:
+            places = [
+                GroundPlace(mesh, end)
+                if not isinstance(end, str) and not isinstance(end[0], str)
+                else JointPlace(mesh, self.scene.place(end))
+                for end in joint.attached
+            ]
+            found.append((shown(joint), joint.equations(*places)))
+        for name, body in mesh.bodies.items():
+            if isinstance(body, RigidMesh | SpatialMesh):
+                axes = [mesh.expression(name, form) for form in body.gradients()]
+                products = [(a, b) for n, a in enumerate(axes) for b in axes[: n + 1]]
+                rows = [0.5 * (a @ b - float(a.start @ b.start)) for a, b in products]
+                found.append((f"the shape of rigid body {name!r}", rows))
+        return found
+
+    def _signals(self) -> list[Signal]:
+        """All signals, in the order in which they are met."""
+        found: dict[Signal, None] = {}
+        for known in self.numbering.shares.known.values():
+            found |= dict.fromkeys(w for w in known if w is not None)
+        for row in self.numbering.rows:
+            e = row.equation
+            keys = [key[-1] for key in (*e.pairs, *e.terms)] + list(e.constants)
+            found |= dict.fromkeys(w for w in keys if w is not None)
+        return list(found)
+
+    def inputs(self, t: Array) -> Inputs:
+        """What histories give at times t, (n,).
+
+        Raises
+        ------
+        PropertyError
+            If one of them raises, or gives something else than finite numbers.
+        """
+        count, dim = len(t), self.mesh.dim
+        signals = np.zeros((count, 1 + len(self.signals), 3))
+        signals[:, 0, 0] = 1.0
+        tables: dict[int, Array] = {}
+        for n, w in enumerate(self.signals):
+            if id(w.history) not in tables:
+                tables[id(w.history)] = tabulate(w.name, w.history, t, 3).T
+            signals[:, n + 1] = w.at(tables[id(w.history)]).T
+        loads = np.zeros((count, len(self.loads), dim))
+        for n, load in enumerate(self.loads):
+            width = width_of(load) if dim == 2 else dim
+            if callable(load.value):
+                loads[:, n, :width] = tabulate(load_text(load), load.value, t, width)
+            else:
+                loads[:, n, :width] = load.value
+        free = np.zeros((count, len(self.scene.connectors), 2))
+        for n, connector in enumerate(self.scene.connectors):
+            free[:, n] = self._free(connector, n, t)
+        return Inputs(t, signals, loads, free)
+
+    def _free(self, connector: Connector, n: int, t: Array) -> Array:
+        """Free measure of a connector and its rate at times t, (n, 2)."""
+        free = connector.length if hasattr(connector, "length") else connector.angle  # type: ignore[union-attr]
+        if callable(free):
+            return tabulate(f"{name_of(connector)} {free_name(connector)}", free, t, 2)
+        reference = float(self.tables.acting.placed[n])
+        return np.tile(free_of(connector, reference, 0.0), (len(t), 1))
+
+    @cached_property
+    def tables(self) -> Tables:
+        """Tables for kernels."""
+        numbering, mesh = self.numbering, self.mesh
+        elements = elements_of(numbering)
+        rows = rows_of(numbering, self.signals, vector_masses(numbering))
+        acting = self._writer.tables(numbering)
+        plan, size = numbering.plan, mesh.rows
+        values = np.zeros((numbering.blocks + len(plan.row), size, size))
+        x = np.zeros((numbering.blocks, size))
+        at = numbering.at
+        matrix = Matrix(plan, values, values.reshape(-1), x, x.reshape(-1), at, numbering.padding)
+        damped = (
+            elements.damping.any() or acting.numbers[:, 1].any() or acting.law.any() or self._drives_lengths
+        )
+        return Tables(
+            elements, rows, acting, matrix, self._driven(), dead_forces(mesh, self.scene.loads),
+            np.array([bool(damped), elements.damping.any()], dtype=np.int64),
+        )  # fmt: skip
+
+    @property
+    def _drives_lengths(self) -> bool:
+        return any(
+            callable(c.length if hasattr(c, "length") else c.angle)  # type: ignore[union-attr]
+            for c in self.scene.connectors
+        )
+
+    def _driven(self) -> Driven:
+        """Vectors that change with drives."""
+        mesh, shares = self.mesh, self.numbering.shares
+        number: dict[Signal | None, int] = {None: 0, **{w: k + 1 for k, w in enumerate(self.signals)}}
+        places, start, signals, b = list[int](), [0], list[int](), list[Array]()
+        for x in sorted(shares.parent.keys() | shares.known.keys()):
+            known = shares.value(x)
+            if known is not None and set(known) - {None}:
+                places.append(x)
+                signals += [number[w] for w in known]
+                b += list(known.values())
+                start.append(len(signals))
+        at = np.array(places, dtype=np.int64)
+        return Driven(
+            at // mesh.slots, at % mesh.slots * mesh.dim, np.array(start, dtype=np.int64),
+            np.array(signals, dtype=np.int64), np.array(b, dtype=float).reshape(-1, mesh.dim),
+            *self._elements_at({int(x) for x in at // mesh.slots}),
+        )  # fmt: skip
+
+    def _elements_at(self, nodes: set[int]) -> tuple[Ints, Ints]:
+        """Beams and first nodes of the elements next to nodes."""
+        found = list[tuple[int, int]]()
+        for b, beam in enumerate(self.mesh.beams):
+            first = self.mesh.first[beam.body.name]
+            at = {n - 1 for n in nodes} | nodes
+            found += [(b, node) for node in sorted(at) if first <= node < first + beam.elements]
+        pairs = np.array(found, dtype=np.int64).reshape(-1, 2)
+        return pairs[:, 0].copy(), pairs[:, 1].copy()
+
+    def start(self) -> tuple[Array, Array]:
+        """Coordinates and velocities at t = 0, (rows, nodes), as bodies state them, with vectors that are one equal."""
+        mesh, shares, root = self.mesh, self.numbering.shares, self.numbering.root
+        q, v = mesh.vectors_of(mesh.reference)[root], mesh.vectors_of(mesh.initial_velocity)[root]
+        for x in shares.parent.keys() | shares.known.keys():
+            known = shares.value(x)
+            if known is not None:
+                now = {w: np.zeros(3) if w is None else _at_zero(w) for w in known}
+                q[x] = sum((1.0 if w is None else now[w][0]) * b for w, b in known.items())
+                v[x] = sum(now[w][1] * b for w, b in known.items())
+        return mesh.flat_of(q), mesh.flat_of(v)
+
+    @cached_property
+    def changing(self) -> bool:
+        """Whether the Jacobian of the rows changes: with coordinates or in time."""
+        rows = self.tables.rows
+        return bool(len(rows.pairs) or rows.terms[:, 3].any())
+
+    @property
+    def space(self) -> tuple[int, ...]:
+        """As many zeros as vectors have components: a constant for the compiler."""
+        return (0,) * self.mesh.dim
+
+    @property
+    def size(self) -> tuple[int, ...]:
+        """As many zeros as a block has rows."""
+        return (0,) * self.mesh.rows
+
+
+def _at_zero(w: Signal) -> Array:
+    return w.at(tabulate(w.name, w.history, np.zeros(1), 3).T)[:, 0]
+
+
+@inlined
+def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
+    """Give driven vectors their positions, velocities and accelerations."""
+    for n in range(len(driven.node)):
+        i, a = driven.node[n], driven.component[n]
+        for k in range(driven.b.shape[1]):
+            x, rate, acceleration = 0.0, 0.0, 0.0
+            for t in range(driven.start[n], driven.start[n + 1]):
+                b = driven.b[t, k]
+                x += signals[driven.signal[t], 0] * b
+                rate += signals[driven.signal[t], 1] * b
+                acceleration += signals[driven.signal[t], 2] * b
+            q[a + k, i], v[a + k, i], w[a + k, i] = x, rate, acceleration
+
+
+@part
+def set_forces(
+    space: tuple[int, ...], tables: Tables, q: Array, v: Array, loads: Array, free: Array, t: float, f: Array
+) -> None:
+    """All forces at q and v but inertia and those of the rows, (rows, nodes)."""
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            f[k, i] = tables.dead[k, i]
+    add_loads(space, tables.acting, q, loads, f)
+    add_connectors(space, tables.acting, q, v, free, t, f)
+    if tables.damped[1] != 0:
+        subtract_damping(tables.elements, q, v, len(space), f)
+    subtract_elastic(tables.elements, q, len(space), f)
+
+
+@part
+def set_reactions(
+    space: tuple[int, ...],
+    tables: Tables,
+    q: Array,
+    v: Array,
+    w: Array,
+    loads: Array,
+    free: Array,
+    t: float,
+    f: Array,
+) -> None:
+    """Make f the forces that drives exert on driven vectors; elsewhere it means nothing."""
+    elements, driven, dim = tables.elements, tables.driven, len(space)
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            f[k, i] = tables.dead[k, i]
+    add_loads(space, tables.acting, q, loads, f)
+    add_connectors(space, tables.acting, q, v, free, t, f)
+    for n in range(len(driven.beam)):
+        b, i = driven.beam[n], driven.element[n]
+        subtract_element(elements, b, i, q, v, w, dim, f)
+    subtract_rigid_inertia(elements, w, f)
+    add_row_forces(tables.rows, f)
+    for k in range(f.shape[0]):
+        for i in range(f.shape[1]):
+            f[k, i] = -f[k, i]
