@@ -92,7 +92,8 @@ def solve(size: tuple[int, ...], plan: Plan, values: Array, x: Array) -> None:
     """Solve with a factored matrix; x, (blocks, rows), the right-hand side, is overwritten by the solution."""
     start, row, _, _ = plan
     blocks = len(start) - 1
-    y, z = vector(size), vector(size)
+    y: Array = vector(size)
+    z: Array = vector(size)
     for j in range(blocks):
         for i in range(len(size)):
             y[i] = x[j, i]

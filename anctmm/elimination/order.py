@@ -104,8 +104,8 @@ def plan_of(order: Sequence[int], columns: Sequence[set[int]]) -> tuple[Plan, In
             i += [one] * (a + 1)
             j += column[: a + 1]
             first.append(len(i))
-    tables = [np.asarray(t, dtype=np.int64) for t in (start, row, first)]
-    plan = Plan(*tables, np.empty(0, np.int64))
+    start, begins = (np.asarray(t, dtype=np.int64) for t in (start, first))
+    plan = Plan(start, row, begins, np.empty(0, np.int64))
     return plan._replace(target=numbers_of(plan, np.array(i), np.array(j))), position
 
 

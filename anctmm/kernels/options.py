@@ -14,6 +14,9 @@ from typing import Any
 import llvmlite
 import numba
 
+_settings: Any = numba.config
+_njit: Any = numba.njit
+
 #: Packages whose modules hold kernels.
 SOURCES = ("kernels", "elements", "elimination", "system", "march")
 #: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take
@@ -52,31 +55,31 @@ def kernel(function: Callable[..., Any]) -> Any:
 
     The setting of numba's directory is restored: functions of the user's own are stored where he wants them.
     """
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
     try:
-        return numba.njit(function, cache=True, **OPTIONS)
+        return _njit(function, cache=True, **OPTIONS)
     finally:
-        numba.config.CACHE_DIR = before
+        _settings.CACHE_DIR = before
 
 
 def part(function: Callable[..., Any]) -> Any:
     """The same for a function that other kernels call, and Python does not."""
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
     try:
-        return numba.njit(function, cache=True, no_cpython_wrapper=True, **OPTIONS)
+        return _njit(function, cache=True, no_cpython_wrapper=True, **OPTIONS)
     finally:
-        numba.config.CACHE_DIR = before
+        _settings.CACHE_DIR = before
 
 
 def c_function(signature: Any, function: Callable[..., Any]) -> Any:
     """Compile a function for callers in C, and store it on disk."""
-    before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, DIRECTORY
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
     try:
         return numba.cfunc(signature, cache=True, error_model="numpy", fastmath={"contract"})(function)
     finally:
-        numba.config.CACHE_DIR = before
+        _settings.CACHE_DIR = before
 
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a small function part of the kernels that call it."""
-    return numba.njit(function, inline="always", **OPTIONS)
+    return _njit(function, inline="always", **OPTIONS)

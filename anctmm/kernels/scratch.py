@@ -29,8 +29,7 @@ def _on_stack(context: Any, builder: Any, kind: Any, shape: tuple[int, ...]) -> 
     return array._getvalue()
 
 
-@intrinsic
-def vector(typingctx: Any, size: Any) -> Any:
+def _vector(typingctx: Any, size: Any) -> Any:
     """An array on the stack with as many numbers as the tuple `size` has, not set to zero."""
     kind = types.Array(types.float64, 1, "C")
 
@@ -40,8 +39,7 @@ def vector(typingctx: Any, size: Any) -> Any:
     return kind(size), generate
 
 
-@intrinsic
-def matrix(typingctx: Any, size: Any, width: Any) -> Any:
+def _matrix(typingctx: Any, size: Any, width: Any) -> Any:
     """The same with as many rows as `size` has entries, and as many columns as `width` has."""
     kind = types.Array(types.float64, 2, "C")
 
@@ -51,8 +49,7 @@ def matrix(typingctx: Any, size: Any, width: Any) -> Any:
     return kind(size, width), generate
 
 
-@intrinsic
-def call_element(
+def _call_element(
     typingctx: Any,
     address: Any,
     q: Any,
@@ -87,8 +84,7 @@ def call_element(
     return types.void(address, q, v, types.intp, types.intp, constants, types.float64, out), generate
 
 
-@intrinsic
-def call_address(typingctx: Any, address: Any, elongation: Any, rate: Any, t: Any) -> Any:
+def _call_address(typingctx: Any, address: Any, elongation: Any, rate: Any, t: Any) -> Any:
     """Value of a compiled function of three numbers at an address."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
@@ -97,3 +93,10 @@ def call_address(typingctx: Any, address: Any, elongation: Any, rate: Any, t: An
         return builder.call(builder.inttoptr(arguments[0], function.as_pointer()), arguments[1:])
 
     return types.float64(types.int64, types.float64, types.float64, types.float64), generate
+
+
+#: To type checkers they are functions of their first argument, the context of the compiler, too.
+vector: Any = intrinsic(_vector)
+matrix: Any = intrinsic(_matrix)
+call_element: Any = intrinsic(_call_element)
+call_address: Any = intrinsic(_call_address)

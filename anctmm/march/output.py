@@ -1,7 +1,7 @@
 """Outputs of a run: what steps keep, and the solution made of it."""
 
 import time
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -138,11 +138,11 @@ def field_of(
             return _rigid_field(mesh, q, v, a, turned, angle)
     body = mesh.body  # type: ignore[attr-defined]
     if isinstance(body, PointMass):
-        q, v, a = (None if x is None else _beside(x, k) for k, x in enumerate((q, v, a)))  # type: ignore[misc]
-        return RigidField(q, {}, v, a, turned, angle)
-    flat = [None if x is None else x.reshape(len(x), 4, -1) for x in (q, v, a)]
+        whole: Any = [None if x is None else _beside(x, k) for k, x in enumerate((q, v, a))]
+        return RigidField(whole[0], {}, whole[1], whole[2], turned, angle)
+    flat: Any = [None if x is None else x.reshape(len(x), 4, -1) for x in (q, v, a)]
     arms = {key: tuple(np.asarray(body.position_at(key)) - body.center) for key in body.points}
-    return RigidField(flat[0], arms, *flat[1:])  # type: ignore[arg-type]
+    return RigidField(flat[0], arms, *flat[1:])
 
 
 def _beside(x: Array, order: int) -> Array:

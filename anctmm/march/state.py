@@ -1,6 +1,6 @@
 """What the steps of all integrators work on."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,9 +53,9 @@ ITERATIONS = 30
 
 def new_state(system: System, q: Array, v: Array) -> State:
     """The state that a run starts from."""
-    zeros = [np.zeros_like(q) for _ in range(7)]
+    zeros: Any = [np.zeros_like(q) for _ in range(7)]
     tolerance = float(system.run.newton_tolerance)
-    return State(
+    return State(  # type: ignore[call-arg]
         q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.zeros(ITERATIONS),
         np.array([system.scene.length, tolerance]),
     )  # fmt: skip

@@ -280,12 +280,12 @@ class Clamp(Joint):
         _check_callable(f"clamp {shown(self.end)} angle", self.angle, "(θ, θ', θ'')")
 
     @property
-    def ends(self) -> tuple[Written, ...]:
+    def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
         """The one place it holds."""
         return (self.end,)
 
     @property
-    def grounded(self) -> bool:
+    def grounded(self) -> bool:  # type: ignore[override]
         """Always."""
         return True
 
@@ -337,12 +337,12 @@ class _LineGuide(Joint):
         _check_guide(self)  # type: ignore[arg-type]  # only the two kinds below are made
 
     @property
-    def ends(self) -> tuple[Written, ...]:
+    def ends(self) -> tuple[Written, ...]:  # type: ignore[override]
         """The one place it guides."""
         return (self.place,)
 
     @property
-    def grounded(self) -> bool:
+    def grounded(self) -> bool:  # type: ignore[override]
         """Never: the place moves."""
         return False
 

@@ -128,8 +128,6 @@ def _joints(scene: Scene) -> Iterator[tuple[str, object]]:
                     yield "moving-guides", joint
             case _ if type(joint) not in JOINTS:
                 yield "own-joints", joint
-            case _:
-                raise unknown_kind("joint", joint, JOINTS)
 
 
 def _connectors(scene: Scene) -> Iterator[tuple[str, object]]:

@@ -207,11 +207,12 @@ class Writer:
         for n, (kind, _, turns) in enumerate(self.loads):
             if kind == FOLLOWER:
                 rest[n] = self.vectors[turns].start / np.sqrt((self.vectors[turns].start ** 2).sum())
-        loads, ends = (np.array(t, dtype=np.int64).reshape(-1, 3) for t in (self.loads, self.ends))
+        loads: Any = np.array(self.loads, dtype=np.int64).reshape(-1, 3)
+        ends: Any = np.array(self.ends, dtype=np.int64).reshape(-1, 3)
         count, springs = len(loads), len(ends)
         numbers = [(c.stiffness, c.damping, c.preload) for c in self.connectors]
         addresses = [0 if law is None else law.address for law in self.laws]
-        return Acting(
+        return Acting(  # type: ignore[call-arg]
             forms_of(self.mesh, self.vectors), *loads.T.copy(), rest, *ends.T.copy(),
             np.array(numbers, dtype=float).reshape(-1, 3), np.array(addresses, dtype=np.int64),
             np.array([self._unit(n) for n in range(springs)], dtype=float), np.array(start, dtype=np.int64),

@@ -333,7 +333,7 @@ class SpatialMesh:
     def mass_matrix(self) -> Array:
         """Diagonal mass matrix of both nodes, (12, 12): second moments ½ tr J − J_k of the axes."""
         second = 0.5 * self.moments.sum() - self.moments
-        return np.kron(np.diag([self.body.mass, *second]), np.eye(3))
+        return np.asarray(np.kron(np.diag([self.body.mass, *second]), np.eye(3)), dtype=np.float64)
 
 
 BodyMesh = BeamMesh | MassMesh | RigidMesh | SpatialMesh

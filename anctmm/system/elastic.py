@@ -27,7 +27,7 @@ class Elements(NamedTuple):
 
     Parameters
     ----------
-    first, count : ndarray of int, shape (beams,)
+    first, number : ndarray of int, shape (beams,)
         First node of each beam, and number of its elements.
     kernels : ndarray of int, shape (beams, 4)
         Addresses of its kernels: forces, damping forces (0 without damping), tangents, energy.
@@ -51,7 +51,7 @@ class Elements(NamedTuple):
     """
 
     first: Ints
-    count: Ints
+    number: Ints
     kernels: Ints
     vectors: Ints
     constants: Array
@@ -172,8 +172,8 @@ def subtract_elastic(elements: Elements, q: Array, dim: int, f: Array) -> None:
     """Subtract the elastic forces, the gradient of the strain energy, from f, (rows, nodes)."""
     for b in range(len(elements.first)):
         done, first = 0, elements.first[b]
-        while done < elements.count[b]:
-            some = min(BLOCK, elements.count[b] - done)
+        while done < elements.number[b]:
+            some = min(BLOCK, elements.number[b] - done)
             call_element(
                 elements.kernels[b, FORCES],
                 q,
@@ -194,8 +194,8 @@ def subtract_damping(elements: Elements, q: Array, v: Array, dim: int, f: Array)
     for b in range(len(elements.first)):
         if elements.damping[b] > 0.0:
             done, first = 0, elements.first[b]
-            while done < elements.count[b]:
-                some = min(BLOCK, elements.count[b] - done)
+            while done < elements.number[b]:
+                some = min(BLOCK, elements.number[b] - done)
                 call_element(
                     elements.kernels[b, DAMPING], q, v, first + done, some, elements.constants[b],
                     elements.damping[b], elements.buffer,
@@ -208,7 +208,7 @@ def subtract_damping(elements: Elements, q: Array, v: Array, dim: int, f: Array)
 def subtract_inertia(elements: Elements, w: Array, dim: int, f: Array) -> None:
     """Subtract M w from f."""
     for b in range(len(elements.first)):
-        _row_inertia(elements.masses[b], w, elements.first[b], elements.count[b], dim, f)
+        _row_inertia(elements.masses[b], w, elements.first[b], elements.number[b], dim, f)
     subtract_rigid_inertia(elements, w, f)
 
 
@@ -246,7 +246,7 @@ def subtract_element(
 ) -> None:
     """Subtract elastic, damping and inertia forces of the element of beam b behind node i."""
     out, constants, vectors = elements.buffer, elements.constants[b], elements.vectors[b]
-    one = min(elements.count[b], 1)  # no literal, for which kernels would be compiled again
+    one = min(elements.number[b], 1)  # no literal, for which kernels would be compiled again
     call_element(elements.kernels[b, FORCES], q, q, i, one, constants, 0.0, out)
     take_forces(out, vectors, dim, i, one, f)
     if elements.damping[b] > 0.0:
@@ -261,7 +261,7 @@ def add_mass(elements: Elements, dim: int, factor: float, flat: Array, size: int
     e = 0
     for b in range(len(elements.first)):
         vectors = elements.masses.shape[1]
-        for _ in range(elements.count[b]):
+        for _ in range(elements.number[b]):
             p = 0
             for k in range(vectors):
                 for m in range(k + 1):
@@ -289,8 +289,8 @@ def add_tangent(elements: Elements, q: Array, dim: int, factor: float, flat: Arr
     e, slots, out = 0, elements.masses.shape[1] // 2, elements.tangents
     for b in range(len(elements.first)):
         done, first = 0, elements.first[b]
-        while done < elements.count[b]:
-            some = min(TANGENT_BLOCK, elements.count[b] - done)
+        while done < elements.number[b]:
+            some = min(TANGENT_BLOCK, elements.number[b] - done)
             vectors = elements.vectors[b]
             call_element(elements.kernels[b, TANGENTS], q, q, first + done, some, elements.stiff[b], 0.0, out)
             for j in range(some):
@@ -330,7 +330,7 @@ def strain_energy(elements: Elements, q: Array) -> float:
     total = 0.0
     for b in range(len(elements.first)):
         call_element(
-            elements.kernels[b, ENERGY], q, q, elements.first[b], elements.count[b], elements.constants[b], 0.0,
+            elements.kernels[b, ENERGY], q, q, elements.first[b], elements.number[b], elements.constants[b], 0.0,
             elements.buffer,
         )  # fmt: skip
         total += elements.buffer[0]

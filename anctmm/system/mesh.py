@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.model.bodies import Beam
-from anctmm.model.expressions import Vector
+from anctmm.model.expressions import Key, Vector
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Scene
@@ -113,7 +113,7 @@ class Mesh:
 
     def expression(self, body: str, form: Form, at: Array | None = None) -> Vector:
         """A vector of a body as one of expressions."""
-        terms = {(self.number(body, k), None): A for k, A in form.items()}
+        terms: dict[Key, Array] = {(self.number(body, k), None): A for k, A in form.items()}
         return Vector(self._start if at is None else at, terms)
 
     @cached_property

@@ -169,8 +169,8 @@ class System:
             found |= dict.fromkeys(w for w in known if w is not None)
         for row in self.numbering.rows:
             e = row.equation
-            keys = [key[-1] for key in (*e.pairs, *e.terms)] + list(e.constants)
-            found |= dict.fromkeys(w for w in keys if w is not None)
+            used = [*(w for _, _, w in e.pairs), *(w for _, w in e.terms), *e.constants]
+            found |= dict.fromkeys(w for w in used if w is not None)
         return list(found)
 
     def inputs(self, t: Array) -> Inputs:

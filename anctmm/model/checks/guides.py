@@ -99,7 +99,7 @@ def _check_directions(scene: Graph, junction: Junction) -> None:
         (scene.place(g.place).end, g) for g in junction.guides if g.holds_direction
     ]
     for end, joint in clamped + guided:
-        body = None if isinstance(joint, Clamp) else joint.body  # type: ignore[union-attr]
+        body = None if isinstance(joint, Clamp) else joint.body  # type: ignore[attr-defined]
         other = holds.setdefault((turning.of(end), body), joint)
         if other is not joint:
             driven = any(isinstance(j, Clamp) and j.angle is not None for j in (joint, other))

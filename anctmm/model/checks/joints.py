@@ -83,8 +83,7 @@ def fewest_ends(joint: Joint) -> int:
             return 1
         case Weld():
             return 2
-        case _:
-            raise unknown_kind("joint", joint, JOINTS)
+    raise unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
 
 
 def _check_repeats(scene: Graph) -> None:

@@ -158,7 +158,7 @@ class _System:
                     free = x[:, None] * of_place[0, 0] + y[:, None] * of_place[0, 1]
                     return np.stack([free, *(np.broadcast_to(row, free.shape) for row in rows)], axis=1)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
         return np.array(rows).reshape(1, -1, 3 * places)
 
     def _direction(self, guide: Slider | Prismatic) -> Array:
