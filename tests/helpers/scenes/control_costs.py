@@ -19,6 +19,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
+from pareto_front import cost_at
 from scipy.stats import gmean
 from user_cases import FOLDER
 
@@ -26,7 +27,6 @@ import anctmm as at
 from reference.exact.andrews import andrews_squeezer
 from studies import gallery, scenes
 from studies.engine.fronts import robust as robust_errors
-from pareto_front import cost_at
 
 GALLERY = Path(gallery.__file__).parent / "scenes"
 FOUR_BAR = {"crank": 2, "coupler": 8, "follower": 2}
