@@ -2,6 +2,7 @@
 
 from typing import Any, assert_never
 
+from anctmm import equilibria, small_motions
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.kept_chains import chain_of, once
@@ -9,12 +10,12 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import NONE, check_memory, couplings_of
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
-from anctmm.errors import UnsupportedError
-from anctmm.integrators import esdirk, generalized_alpha, zhai
+from anctmm.integrators import esdirk, generalized_alpha, statics, zhai
+from anctmm.integrators import modes as modes_of_chains
 from anctmm.integrators.adaptive import alpha_control, stage_control
 from anctmm.integrators.static_start import started
-from anctmm.integrators.statics import solve_static
-from anctmm.march import fixed
+from anctmm.march.verified import integrate as march
+from anctmm.march.verified import verified
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.needs import refuse
@@ -23,8 +24,9 @@ from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer, uncombined
 from anctmm.system.system import System
+from anctmm.validation import flag
 
-__all__ = ["solve", "solve_static"]
+__all__ = ["modes", "solve", "solve_static"]
 
 #: Bytes that a run takes for each coordinate, by integrator: as measured, and 8 more for each of 8 vectors of stages.
 BYTES = {Zhai.name: 150.0, GeneralizedAlpha.name: 240.0, Esdirk.name: 304.0}
@@ -33,7 +35,12 @@ OFFER = Offer(lacks=uncombined() | LACKING, extras=frozenset({Esdirk.name}))
 
 @accounted
 def solve(
-    scene: Scene, run: Discretisation | None = None, *, start: Solution | None = None, **options: Any
+    scene: Scene,
+    run: Discretisation | None = None,
+    *,
+    start: Solution | None = None,
+    verify: bool = False,
+    **options: Any,
 ) -> Solution:
     """Simulate a scene by ANC-TMM.
 
@@ -46,6 +53,9 @@ def solve(
         An equilibrium of `solve_static` of the same bodies and joints, mesh and elements: the motion starts there,
         preloaded. Loads, gravity and connectors may be others, as where a load is let go. The undeformed scene
         without it.
+    verify : bool
+        Whether to run again, with half the step or a tenth of the tolerance, and give the error of time stepping as
+        `Solution.error_estimate`. The cost of the solution is without that run.
 
     Returns
     -------
@@ -62,8 +72,15 @@ def solve(
         A KeyboardInterrupt with the history until then, if Ctrl-C is pressed while steps are taken.
     """
     run = discretise(run, options, fixed_step=False)
+    found = _solved(scene, run, start)
+    if flag("verify", verify):
+        return verified(lambda finer: _solved(scene, finer, start), found)
+    return found
+
+
+def _solved(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
     if checked_scene(scene).own_joints:
-        return _by_rows(scene, run, start)
+        return march(System(scene, run), start)
     chain = chain_of(scene, run, _checked_chain)
     if start is not None:
         chain = started(chain, start)
@@ -80,20 +97,16 @@ def solve(
     assert_never(method)
 
 
-def _by_rows(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
-    """Run a scene with joints of a user's own kind, whose equations are constraint rows.
+def solve_static(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+    """Equilibria of a scene: see `anctmm.integrators.statics.solve_static`."""
+    found = equilibria if checked_scene(scene).own_joints else statics
+    return found.solve_static(scene, run, **options)
 
-    Raises
-    ------
-    UnsupportedError
-        With a tolerance.
-    """
-    if run.tolerance is not None:
-        raise UnsupportedError(
-            f"tolerance is {run.tolerance!r} for scene {scene.name!r} with {scene.own_joints[0]!r}, a joint of a "
-            f"user's own kind; a fixed dt is needed there"
-        )
-    return fixed.integrate(System(scene, run), start)
+
+def modes(scene: Scene, run: Discretisation | None = None, **options: Any) -> Any:
+    """Natural modes of a scene: see `anctmm.integrators.modes.modes`."""
+    found = small_motions if checked_scene(scene).own_joints else modes_of_chains
+    return found.modes(scene, run, **options)
 
 
 def _method(chain: Chain) -> Method:

@@ -54,6 +54,7 @@ SLOW = {
     "questions": ["gallery", "new_solver", "questions", "trade"],
     "recursion": ["driven_hinges", "kept_motions", "work_of_drives"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
+    "spine": ["agreement", "control", "own_joints", "small_motions"],
     "statics": ["static_start", "statics"],
     "adaptive": ["adaptive", "driven_mechanisms", "first_step", "free_turns", "held_structures", "impacts",
                  "stage_control", "stage_outputs", "step_choice"],
@@ -79,7 +80,7 @@ INTERPRETED = {
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
-    "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
+    "small_motions", "own_joints", "control", "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
     "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "free_turns",
     "kept_motions", "explicit", "laws", "inputs", "pictures", "histories", "gallery", "whole_turns", "balanced",
     "exact", "contracts",

@@ -170,6 +170,19 @@ def stages() -> Stages:
     return Stages(A, A @ A, np.array([0.0, 1 / 2, 83 / 250, 31 / 50, 17 / 20, 1.0]))
 
 
+#: Weights b̂ of third order embedded in `Esdirk` (same source).
+_EMBEDDED = (
+    "4586570599/29645900160", "0", "178811875/945068544", "814220225/1159782912", "-3700637/11593932", "61727/225920"
+)  # fmt: skip
+
+
+def error_weights() -> NDArray[np.float64]:
+    """Weights b − b̂ of accelerations of stages, for errors of positions over h² and velocities over h, (2, stages)."""
+    A = stages().A
+    less = A[-1] - np.array([float(Fraction(b)) for b in _EMBEDDED])
+    return np.stack([less @ A, less])
+
+
 Method = Zhai | GeneralizedAlpha | Esdirk
 #: Methods by name, as a discretisation names them. A new one is a class here, and a case in `anctmm.solve`.
 METHODS: dict[str, type[Method]] = {m.name: m for m in (Zhai, GeneralizedAlpha, Esdirk)}

@@ -138,7 +138,7 @@ def advance(
         count_work(space, tables, state, step > 0, m.h, signals, loads, free, t, out)
         count_turns(out.turning, state.q)
         if step % m.stride == 0 or step == m.steps:
-            if too_large(state.q, dim, STRETCH_LIMIT):
+            if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
                 return step
             place = step // m.stride if step % m.stride == 0 else len(out.energy) - 1
             keep(place, tables, state, dim, out)

@@ -60,7 +60,12 @@ def failed_step(system: System, state: State, step: int, when: float, before: Ar
 
 def _newton(system: System, state: State, step: int, when: float) -> tuple[str, str]:
     """What happened in Newton's iteration, and what to try."""
-    advice = f"; a smaller dt than {system.run.exact_dt:g} s, steps controlled by `tolerance`, or another mesh may help"
+    fixed = system.run.tolerance is None
+    advice = (
+        f"; a smaller dt than {system.run.exact_dt:g} s, steps controlled by `tolerance`, or another mesh may help"
+        if fixed
+        else "; a larger tolerance, stated breaks of histories, or another mesh may help"
+    )
     if not state.sizes.any():
         return f"gradients grew beyond {STRETCH_LIMIT:g} by t = {when:.6g} s (step {step})", advice
     sizes = in_short(state.sizes)

@@ -34,6 +34,10 @@ Array = NDArray[np.float64]
 PROJECTIONS, KEPT, VIOLATED = 6, 1e-14, 1e-7
 
 
+#: For kernels no literal, for which others would be compiled once more.
+NONE = np.int64(0)
+
+
 class Room(NamedTuple):
     """What a step keeps beside the state.
 
@@ -181,7 +185,7 @@ def step_esdirk(
         solved = project_end(size, space, tables, state, inputs.signals[n])
     if not solved and level == 2:
         state.counts[2] = 1
-        solved = take_stages(size, space, h, method, 0, tables, state, room, inputs, first)
+        solved = take_stages(size, space, h, method, NONE, tables, state, room, inputs, first)
         if solved:
             balance(
                 size, space, tables, state, inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
@@ -220,14 +224,14 @@ def advance(
     out: Output,
 ) -> int:
     """States `begin` … `end` − 1, each found by a step from the one before; the one that failed, or −1."""
-    first, width, dim = 0, len(numbers.method.c) - 1, len(space)
+    first, width, dim = NONE, len(numbers.method.c) - 1, len(space)
     for step in range(begin, end):
         if step == 0:
             stage_power(
                 space, tables, state, inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0],
                 room.power[width],
             )  # fmt: skip
-            first = 1
+            first += 1
         else:
             solved = step_esdirk(
                 size, space, numbers.h, numbers.method, numbers.level, tables, state, room, inputs, first
@@ -238,7 +242,7 @@ def advance(
             add_work(out, numbers.h, numbers.method, room)
         count_turns(out.turning, state.q)
         if step % numbers.stride == 0 or step == numbers.steps:
-            if too_large(state.q, dim, STRETCH_LIMIT):
+            if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
                 return step
             place = step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1
             keep(place, tables, state, dim, out)

@@ -74,7 +74,7 @@ def advance(
         count_work(space, tables, state, step > 0, dt, signals, inputs.loads[n], inputs.free[n], t, out)
         count_turns(out.turning, q)
         if step % numbers.stride == 0 or step == numbers.steps:
-            if too_large(q, dim, STRETCH_LIMIT):
+            if too_large(tables.elements, q, dim, STRETCH_LIMIT):
                 return step
             keep(
                 step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1,

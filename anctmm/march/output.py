@@ -19,7 +19,7 @@ from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from anctmm.system.acting import connector_energy, power, work_done
 from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
-from anctmm.system.elastic import kinetic_energy, strain_energy, subtract_damping
+from anctmm.system.elastic import Elements, kinetic_energy, strain_energy, subtract_damping
 from anctmm.system.rows import drive_power
 from anctmm.system.system import System, Tables, set_reactions
 
@@ -281,10 +281,12 @@ def _damping_work(dim: int, tables: Tables, state: State, moving: bool, out: Out
 
 
 @part
-def too_large(q: Array, dim: int, limit: float) -> bool:
-    """Whether a gradient is larger than the limit, or not a number."""
-    for k in range(dim, q.shape[0]):
-        for i in range(q.shape[1]):
-            if not abs(q[k, i]) <= limit:
-                return True
+def too_large(elements: Elements, q: Array, dim: int, limit: float) -> bool:
+    """Whether a gradient of a beam is larger than the limit, or not a number."""
+    for b in range(len(elements.first)):
+        first = elements.first[b]
+        for k in range(dim, elements.vectors[b] * dim):
+            for i in range(first, first + elements.number[b] + 1):
+                if not abs(q[k, i]) <= limit:
+                    return True
     return False

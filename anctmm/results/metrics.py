@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.errors import SolverError, reason, shown
 from anctmm.model.bodies import distance
-from anctmm.model.scene import Probe
+from anctmm.model.scene import Beam, PointMass, Probe, Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 
@@ -145,6 +145,36 @@ def compare(solution: Solution, reference: Solution, probes: Sequence[Probe]) ->
         statuses=(solution.status, reference.status),
         common=int(mine.size),
     )
+
+
+def error_between(solution: Solution, finer: Solution) -> float:
+    """Error of a run beside a finer one of the same scene and mesh, in the measure of `compare`, of the whole motion.
+
+    The largest RMS in time of |u − u_finer|, over all ends of beams, centres and points of bodies, over the largest
+    |u_finer| of them all. NaN where less than two output times are common.
+    """
+    mine, theirs = common_times(solution.t, finer.t)
+    if mine.size < 2:
+        return float("nan")
+    errors, largest = [0.0], 0.0
+    for probe in _places(solution.scene):
+        u, v = solution.displacement(probe)[mine], finer.displacement(probe)[theirs]
+        errors.append(float(np.sqrt(np.mean(np.square(u - v).sum(axis=-1)))))
+        largest = worst([largest, float(np.linalg.norm(v, axis=-1).max())])
+    return worst(errors) / largest if largest > 0.0 else worst(errors)
+
+
+def _places(scene: Scene) -> list[Probe]:
+    """Ends of all beams, and all points of other bodies."""
+    found = list[Probe]()
+    for body in scene.bodies:
+        if isinstance(body, Beam):
+            found += [(body.name, 0.0), (body.name, 1.0)]
+        elif isinstance(body, PointMass):
+            found.append(f"{body.name}.center")
+        else:
+            found += [f"{body.name}.{key}" for key in ("center", *body.points)]
+    return found
 
 
 def _check_place(solution: Solution, reference: Solution, probe: Probe) -> None:

@@ -136,6 +136,8 @@ class Solution:
         Of statics: whether each equilibrium is stable. None where that is not known, and of motions.
     static : bool
         Whether it holds equilibria under growing parts of the load.
+    error_estimate : float, optional
+        Error of time stepping, of a run with `verify=True`: see `anctmm.results.metrics.error_between`.
     """
 
     solver: str
@@ -149,15 +151,17 @@ class Solution:
     dofs: int = 0
     stable: NDArray[np.bool_] | None = None
     static: bool = False
+    error_estimate: float | None = None
 
     def __repr__(self) -> str:
         """The scene, the solver, the mesh and what came out, in a few lines."""
         unit = "load factors" if self.static else "s"
         span = f"{self.t[0]:g} … {self.t[-1]:g} {unit}" if len(self.t) else "none"
+        error = "" if self.error_estimate is None else f"; error of time stepping {self.error_estimate:.2g}"
         return (
             f"Solution of scene {self.scene.name!r} by {self.solver!r}: {self.status}\n"
             f"  bodies   {listed(self.fields) if self.fields else 'none'}\n"
-            f"  outputs  {len(self.t)}, {span}; {self.dofs} coordinates\n"
+            f"  outputs  {len(self.t)}, {span}; {self.dofs} coordinates{error}\n"
             f"  cost     {self.cost.cpu_s:.3g} s CPU, {self.cost.steps} steps, "
             f"{self.cost.newton_iterations} Newton corrections"
         )

@@ -1,0 +1,42 @@
+"""A run by the kind of steps that is asked for, and the error of time stepping beside a finer run."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.march import control, fixed
+from anctmm.results.metrics import error_between
+from anctmm.results.solution import Solution
+from anctmm.system.system import System
+
+#: Parts of the tolerance and of steps in the finer run.
+TOLERANCE, STEP = 0.1, 0.5
+
+
+def integrate(system: System, start: Solution | None = None) -> Solution:
+    """Run a system from its start, or from an equilibrium, with fixed steps or with a tolerance."""
+    steps = fixed if system.run.tolerance is None else control
+    return steps.integrate(system, start)
+
+
+def verified(solve: Callable[[Discretisation], Solution], solution: Solution) -> Solution:
+    """A solution with the error of time stepping: its difference to a finer run.
+
+    With a tolerance that has more outputs, too, as steps end there. Of a fixed step by Richardson's extrapolation: at
+    order p the finer run has 2⁻ᵖ of the error.
+
+    Parameters
+    ----------
+    solve : callable
+        Discretisation → solution of the same scene.
+    solution : Solution
+        By that with its own discretisation.
+    """
+    run, factor = solution.run, 1.0
+    assert run is not None  # every run of ANC-TMM has one
+    if run.tolerance is not None:
+        finer = replace(run, tolerance=TOLERANCE * run.tolerance, output_dt=STEP * run.exact_dt)
+    else:
+        finer = replace(run, dt=STEP * run.dt, output_dt=run.dt if run.output_dt is None else run.output_dt)
+        factor = 1.0 / (1.0 - STEP**run.method.order)
+    return replace(solution, error_estimate=factor * error_between(solution, solve(finer)))

@@ -1,0 +1,152 @@
+"""Frequencies of a steadily rotating scene as functions of its speed (Campbell 1924)."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import Discretisation
+from anctmm.errors import DiscretisationError, reason, shown
+from anctmm.model.scene import Scene, checked_scene
+from anctmm.results.export.mode_pictures import plot_campbell
+from anctmm.small_motions.modal import grows
+from anctmm.small_motions.modes import modes
+from anctmm.validation import number, whole
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+#: Speeds at most, and multiples of the speed that a picture shows.
+MOST, ORDERS = 10_000, (1, 2, 3, 4, 5, 6)
+
+
+@dataclass(frozen=True)
+class Campbell:
+    """Frequencies over speeds.
+
+    Parameters
+    ----------
+    name : str
+        Of the scene.
+    speeds : ndarray, shape (n,)
+        rad/s, ascending.
+    frequencies : ndarray, shape (n, count)
+        Hz, in the rotating frame; in the order of `Modes` at each speed.
+    damping : ndarray, shape (n, count)
+        Ratios to the critical damping; negative where a motion grows.
+    growth_rates : ndarray, shape (n, count)
+        1/s; positive where a motion grows.
+    """
+
+    name: str
+    speeds: Array
+    frequencies: Array
+    damping: Array
+    growth_rates: Array
+
+    @property
+    def unstable(self) -> NDArray[np.bool_]:
+        """Which modes grow, (n, count)."""
+        return grows(self.damping)
+
+    def resonances(self, order: int = 1) -> list[tuple[float, float]]:
+        """Where a frequency is a multiple, `order`, of the speed, which excites it.
+
+        Returns
+        -------
+        list of (float, float)
+            Speeds (rad/s) and frequencies (Hz), interpolated linearly between the given speeds.
+
+        Raises
+        ------
+        DiscretisationError
+            If the order is no whole number from 1 on.
+        """
+        order = whole("order", order, MOST, DiscretisationError)
+        over = self.frequencies - order * self.speeds[:, None] / (2.0 * np.pi)
+        found = []
+        for k, n in zip(*np.nonzero(over[:-1] * over[1:] < 0.0), strict=True):
+            share = over[k, n] / (over[k, n] - over[k + 1, n])
+            speed = float(self.speeds[k] + share * (self.speeds[k + 1] - self.speeds[k]))
+            found.append((speed, order * speed / (2.0 * np.pi)))
+        return sorted(found)
+
+    def plot(self, orders: Sequence[int] = ORDERS) -> "Figure":
+        """The Campbell diagram, with lines of multiples of the speed; unstable motions are marked by crosses.
+
+        Raises
+        ------
+        ResultError
+            If matplotlib is not installed.
+        """
+        return plot_campbell(self.speeds, self.frequencies, self.unstable, orders, self.name)
+
+    def __repr__(self) -> str:
+        """Frequencies, a line a speed."""
+        lines = [
+            f"  {speed:10.4g} rad/s  {'  '.join(f'{f:10.5g}' for f in row[:6])} Hz{'  unstable' if grow.any() else ''}"
+            for speed, row, grow in zip(self.speeds, self.frequencies, self.unstable, strict=True)
+        ]
+        more = [f"  … {len(lines) - 20} more"] if len(lines) > 20 else []
+        return "\n".join([f"Campbell diagram of scene {self.name!r}:", *lines[:20], *more])
+
+
+def campbell(
+    scene: Scene | Callable[[float], Scene],
+    speeds: Iterable[float],
+    run: Discretisation | None = None,
+    *,
+    count: int | None = None,
+    **options: Any,
+) -> Campbell:
+    """Frequencies of a steadily rotating scene at several speeds.
+
+    Parameters
+    ----------
+    scene : Scene or callable
+        As for `spin` of `modes`; or a function speed (rad/s) → scene, if the scene depends on the speed.
+    speeds : iterable of float
+        rad/s.
+    run, count, **options
+        As of `modes`.
+
+    Raises
+    ------
+    DiscretisationError
+        If the speeds are no numbers, or of what `modes` raises.
+    SolverError
+        If at a speed no steady state is found.
+    """
+    wanted, found = _speeds(speeds), []
+    for speed in wanted:
+        turning = _scene_at(scene, speed) if callable(scene) else checked_scene(scene)
+        found.append(modes(turning, run, count=count, spin=speed, **options))
+    frequencies, damping, rates = (
+        np.array([getattr(m, what) for m in found]) for what in ("frequencies", "damping", "growth_rates")
+    )
+    return Campbell(turning.name, np.array(wanted), frequencies, damping, rates)
+
+
+def _scene_at(scene: Callable[[float], Scene], speed: float) -> Scene:
+    try:
+        found = scene(speed)
+    except Exception as error:  # a function of the user's own
+        raise DiscretisationError(
+            f"scene is {shown(scene)}, which raises {reason(error)} at a speed of {speed!r} rad/s; a scene is needed"
+        ) from error
+    return checked_scene(found)
+
+
+def _speeds(given: object) -> list[float]:
+    needed = f"a list of one to {MOST} numbers (rad/s) is needed"
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+        raise DiscretisationError(f"speeds is {shown(given)}; {needed}")
+    some = {number("a speed (rad/s)", speed, DiscretisationError) for speed in islice(given, MOST + 1)}
+    if not 0 < len(some) <= MOST:
+        raise DiscretisationError(f"speeds are {len(some)} numbers; {needed}")
+    return sorted(some)

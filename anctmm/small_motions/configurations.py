@@ -1,0 +1,148 @@
+"""Configurations about which motions are linearised: the last output of a solution, or that of a steady spin."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.errors import DiscretisationError, SolverError, shown
+from anctmm.model.connectors import RotationalSpring, ends_of
+from anctmm.model.places import Place
+from anctmm.results.fields import HermiteField
+from anctmm.results.solution import Solution
+from anctmm.small_motions.linearised import SmallMotions
+from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
+from anctmm.system.mesh import Mesh
+from anctmm.system.system import System
+
+Array = NDArray[np.float64]
+
+#: Parts of the square of the spin by which the steady state is approached, and Newton's corrections in each; size of
+#: the last correction, of the scene's length.
+PARTS, ITERATIONS, CONVERGED = 4, 25, 1e-11
+#: What two scenes must share to be the same.
+PARTS_OF_SCENES = ("bodies", "joints", "loads", "gravity", "connectors")
+#: Statuses of motions whose last output is no state of the scene.
+LOST = ("diverged", "failed")
+
+
+def steady_state(problem: SmallMotions) -> SmallMotions:
+    """Small motions about the steady spin f(q) = Ω² M (q − centre), by Newton's iteration by parts of Ω².
+
+    A part where it does not converge, near the square of a frequency, is left out.
+
+    Raises
+    ------
+    SolverError
+        If no steady state is found.
+    """
+    spin, found = problem.spin, 0.0
+    for part in np.arange(1, PARTS + 1) / PARTS:
+        if (steady := _steady(problem, np.sqrt(part) * spin)) is not None:
+            problem, found = steady, part
+    if found < 1.0:
+        raise SolverError(
+            f"no steady state of scene {problem.system.scene.name!r} at a spin of {spin!r} rad/s was found beyond "
+            f"{np.sqrt(found) * spin:.6g} rad/s; a finer mesh or another spin may help"
+        )
+    return problem
+
+
+def _steady(problem: SmallMotions, spin: float) -> SmallMotions | None:
+    """The steady state at a spin near that of another; None if Newton's iteration does not end."""
+    system = problem.system
+    multiplier = system.tables.rows.multiplier
+    before, problem = multiplier.copy(), problem.at(problem.q, spin)
+    for _ in range(ITERATIONS):
+        step, forces = problem.correction()
+        if not np.isfinite(step).all():
+            break
+        problem = problem.at(problem.q + problem.spread(step), spin)
+        multiplier += forces
+        if np.abs(step).max() < CONVERGED * max(system.scene.length, 1.0):
+            return problem
+    multiplier[:] = before
+    return None
+
+
+def checked(system: System, about: object) -> Solution:
+    """What was given as a solution to be linearised.
+
+    Raises
+    ------
+    DiscretisationError
+        If it is no solution of the scene, its mesh and elements.
+    """
+    scene = system.scene
+    if not isinstance(about, Solution) or not len(about.t):
+        raise DiscretisationError(
+            f"about is {shown(about)}; a solution of scene {scene.name!r} with an output is needed"
+        )
+    if others := [part for part in PARTS_OF_SCENES if getattr(about.scene, part) != getattr(scene, part)]:
+        raise DiscretisationError(
+            f"about is a solution of a scene {about.scene.name!r} with other {' and '.join(others)} than scene "
+            f"{scene.name!r}; one of the same scene is needed (functions are the same where they are one object)"
+        )
+    for beam in system.mesh.beams:
+        field, name = about.fields[beam.body.name], beam.body.name
+        if not isinstance(field, HermiteField) or field.coordinates.shape[1:3] != (beam.nodes, beam.vectors):
+            raise DiscretisationError(
+                f"about has another mesh or element of body {name!r}; {beam.elements} of kind {beam.kind.name!r} are "
+                f"needed"
+            )
+    if about.status.code in LOST and not about.static:
+        raise DiscretisationError(
+            f"about is a run that ended with {about.status.code!r} ({about.status.message}); a complete run is "
+            f"needed: its last output is no state of scene {scene.name!r}"
+        )
+    if about.static and not about.status.ok and about.t[-1] < 1.0:
+        raise DiscretisationError(
+            f"about ended at {about.t[-1]:.3g} of the load of scene {scene.name!r} ({about.status}); an "
+            f"equilibrium is needed"
+        )
+    return about
+
+
+def last_of(mesh: Mesh, about: Solution) -> Array:
+    """Coordinates of the last output of a solution, (rows, nodes)."""
+    found = dict[str, Array]()
+    for name, body in mesh.bodies.items():
+        field: Any = about.fields[name]
+        match body:
+            case BeamMesh():
+                found[name] = field.coordinates[-1]
+            case MassMesh():
+                found[name] = field.coordinates[-1, None, :1]
+            case RigidMesh():
+                found[name] = _rigid(body, field)
+            case _:
+                found[name] = field.coordinates[-1].reshape(2, 2, 3)
+    return mesh.flat(found)
+
+
+def _rigid(body: RigidMesh, field: Any) -> Array:
+    """Coordinates of a rigid body, (1, 2, 2), from its centre of mass and direction, or from the ends of a bar."""
+    q = field.coordinates[-1]
+    if isinstance(
+        field, HermiteField
+    ):  # from the direction of the bar that of what is (1, 0) in the reference
+        (x, y), (c, s) = q[0, 1], np.subtract(body.body.end, body.body.start) / body.body.length
+        center, (c, s) = 0.5 * (q[0, 0] + q[1, 0]), (c * x + s * y, c * y - s * x)
+    else:
+        center, (c, s) = q
+    turn = np.array([[c, -s], [s, c]])
+    if body.anchors is None:
+        return np.array([[center, turn[:, 0]]])
+    return np.array([[center + turn @ (point - body.center) for point in body.anchors]])
+
+
+def count_turns(system: System, about: Solution) -> None:
+    """Set the angles of rotational springs from which whole turns are counted."""
+    for n, connector in enumerate(system.scene.connectors):
+        if isinstance(connector, RotationalSpring):
+            one, two = ends_of(system.scene, connector)
+            angles = [
+                about.whole_turns.angle(place.body.name, place.key)[-1] if isinstance(place, Place) else 0.0
+                for place in (one, two)
+            ]
+            system.tables.acting.now[n, 1] = angles[0] if two is None else angles[1] - angles[0]
