@@ -84,7 +84,7 @@ def run(options: Options, runner: Runner) -> Result:
         ),
         pictures=(_picture(case.name, frame, reference),) if (frame["error"] > 0.0).any() else (),
         answers=(_answer(case, cheapest, findings),), shown=("cheapest", "beams"),
-        good=frame["status"].eq("ok").any(),
+        good=bool(frame["status"].eq("ok").any()),
     )  # fmt: skip
 
 

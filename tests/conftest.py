@@ -80,10 +80,10 @@ INTERPRETED = {
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
 LONGEST = (
-    "small_motions", "own_joints", "control", "wound_springs", "implicit", "esdirk", "stage_constraints", "stage_control", "second_process", "agreement",
-    "exact_mechanisms", "adaptive", "growth", "returning", "dae_mechanisms", "transfer", "free_turns",
-    "kept_motions", "explicit", "laws", "inputs", "pictures", "histories", "gallery", "whole_turns", "balanced",
-    "exact", "contracts",
+    "small_motions", "own_joints", "control", "wound_springs", "implicit", "esdirk", "stage_constraints",
+    "stage_control", "second_process", "agreement", "exact_mechanisms", "adaptive", "growth", "returning",
+    "dae_mechanisms", "transfer", "free_turns", "kept_motions", "explicit", "laws", "inputs", "pictures",
+    "histories", "gallery", "whole_turns", "balanced", "exact", "contracts",
 )  # fmt: skip
 
 

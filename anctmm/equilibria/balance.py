@@ -283,6 +283,8 @@ class Tangent:
         A = balance.matrix(at, factor, shift)
         rows = A.shape[0] > n
         #: K + μ M and J, sparse.
+        self.K: Any
+        self.J: Any
         self.K, self.J = (A[:n, :n], A[n:, :n]) if rows else (A, sparse.csc_matrix((0, n)))
         self._matrix = A
         if rows:

@@ -31,6 +31,7 @@ from anctmm.results.ended_early import Interrupted, interruption_of_load
 from anctmm.results.load_work import with_load_work
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
+from anctmm.system.body_meshes import BeamMesh
 from anctmm.system.system import System
 from anctmm.validation import one_of
 
@@ -258,9 +259,9 @@ def inverted(balance: Balance, at: Configuration) -> bool:
     """Whether an element is turned inside out: the energy of some has minima there, too."""
     mesh = balance.mesh
     return mesh.dim == 2 and any(
-        inside_out(q[None], mesh.bodies[name].element.l).any()
+        inside_out(q[None], body.element.l).any()
         for name, q in mesh.by_body(at.q).items()
-        if mesh.bodies[name].elements
+        if isinstance(body := mesh.bodies[name], BeamMesh)
     )
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import PropertyError, UnsupportedError, shown
+from anctmm.errors import PropertyError, UnsupportedError, shown, unknown_kind
 from anctmm.model.accepted import JointKind, PairLike
 from anctmm.model.drives import Angle, breaks_of, value_at
 from anctmm.model.expressions import QUARTER_TURN, Scalar, Signal, Vector
@@ -402,6 +402,11 @@ class Prismatic(_LineGuide):
 Guide = Slider | Prismatic
 #: All kinds of this package. None may be a subclass of another: solvers distinguish them by class.
 JOINTS = (Pin, Weld, Clamp, Slider, Prismatic)
+
+
+def unknown_joint(joint: Joint) -> Exception:
+    """What to raise for a joint of a kind that somebody does not know."""
+    return unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
 
 
 def built_in(joints: Iterable[Joint]) -> Iterator[Any]:

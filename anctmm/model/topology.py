@@ -8,7 +8,6 @@ from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.connectors import Connector, ends_of
 from anctmm.model.joints import (
-    JOINTS,
     Clamp,
     Guide,
     Joint,
@@ -18,6 +17,7 @@ from anctmm.model.joints import (
     Weld,
     built_in,
     drive_of,
+    unknown_joint,
 )
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, Place, Written
@@ -214,7 +214,7 @@ def junctions_of(scene: Graph) -> tuple[Junction, ...]:
             case Slider() | Prismatic():
                 guides.append((first, joint))
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
     grounded = {places.of(end) for end in held}
     clamped = {directions.of(end): clamp for end, clamp in clamps}
     ends = [end for body in scene.bodies for end in _ends_of(body, named.get(body.name, set()))]

@@ -109,8 +109,8 @@ class _Free:
 
     def reduced(self, A: Any) -> Array:
         """A matrix of all coordinates as one of the free motions."""
-        found = self.Z.T @ (A @ self.Z)
-        return np.asarray(found.toarray() if sparse.issparse(found) else found)
+        found: Any = self.Z.T @ (A @ self.Z)
+        return np.asarray(found.toarray() if sparse.issparse(found) else found)  # type: ignore[attr-defined]
 
     def spread(self, x: Any) -> Any:
         """Displacements of all coordinates."""
@@ -144,6 +144,8 @@ def _shifted(motions: _Free, count: int, shift: float) -> tuple[Any, Any]:
                 f"the stiffness of scene {problem.system.scene.name!r} has no digit that can be trusted: no multiple "
                 f"of the mass makes it positive; bodies or springs of more similar stiffness are needed"
             )
+    squares: Any
+    x: Any
     if not problem.symmetric:
         squares, x = _unsymmetric(motions, count, shift)
     elif motions.dense:
@@ -192,7 +194,7 @@ def _softest(motions: _Free, count: int, shift: float, known: Array) -> tuple[Ar
     return squares, shapes
 
 
-def _unsymmetric(motions: _Free, count: int, shift: float) -> tuple[Complex, Complex]:
+def _unsymmetric(motions: _Free, count: int, shift: float) -> tuple[Any, Any]:
     """Squares of a stiffness that is not symmetric: two that have become one are a pair that grows and decays."""
     problem = motions.problem
     if motions.dense:
@@ -205,7 +207,7 @@ def _unsymmetric(motions: _Free, count: int, shift: float) -> tuple[Complex, Com
     return 1.0 / inverse[order] - shift, x[:, order]
 
 
-def _largest(motions: _Free, product: Product, size: int, count: int) -> tuple[Complex, Complex]:
+def _largest(motions: _Free, product: Product, size: int, count: int) -> tuple[Any, Any]:
     """Largest eigenvalues of a product, and their vectors."""
     operator = iterative.LinearOperator((size, size), matvec=product, dtype=float)
     start = product(np.random.default_rng(0).standard_normal(size))

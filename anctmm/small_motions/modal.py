@@ -100,9 +100,7 @@ class Modes:
             return beam_field(kind_of(self.run.of(self.scene)[name][1]), body, q)
         if isinstance(body, PointMass):
             return field_of(MassMesh(body), q[None], None)
-        return RigidField(
-            q[:, 0], {key: np.subtract(body.position_at(key), body.center) for key in body.points}
-        )
+        return RigidField(q[:, 0], {key: body.arm(key) for key in body.points})
 
     def motion(self, mode: int = 1, amplitude: float | None = None) -> Solution:
         """One period of a mode, as a solution: to be animated, drawn or written.

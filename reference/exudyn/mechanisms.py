@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
 from anctmm.model.bodies import Body
 from anctmm.model.drives import value_at
-from anctmm.model.joints import JOINTS, Guide, Joint, drive_of
+from anctmm.model.joints import Guide, Joint, drive_of, unknown_joint
 from anctmm.model.needs import MECHANISMS
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER, PointMass, RigidBody
@@ -75,7 +74,7 @@ def add_joint(model: Model, joint: Joint) -> None:
             else:
                 _guide_in_body(model, joint, places[0], body)
         case _:
-            raise unknown_kind("joint", joint, JOINTS)
+            raise unknown_joint(joint)
 
 
 def _pinned(model: Model, joint: Pin | Weld, places: list[Place]) -> None:

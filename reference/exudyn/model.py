@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import UnsupportedError, unknown_kind
+from anctmm.errors import UnsupportedError
 from anctmm.model.drives import Angle, Quintic, value_at
-from anctmm.model.joints import JOINTS, Guide
+from anctmm.model.joints import Guide, unknown_joint
 from anctmm.model.needs import not_offered
 from anctmm.model.places import Written
 from anctmm.model.scene import (
@@ -304,7 +304,7 @@ class Model:
             case Slider() | Prismatic():
                 raise not_offered(joint)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
 
     def _fix(self, node: Any, coordinates: range) -> None:
         self.held.setdefault(node, set()).update(coordinates)

@@ -17,7 +17,7 @@ from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds
 from anctmm.errors import DiscretisationError, UnsupportedError, shown, unknown_kind, unknown_option
 from anctmm.model.drives import tabulate
-from anctmm.model.joints import JOINTS
+from anctmm.model.joints import unknown_joint
 from anctmm.model.loads import LOADS, load_text, width_of
 from anctmm.model.needs import not_offered, refuse
 from anctmm.model.scene import (
@@ -230,7 +230,7 @@ def _check_explicit(scene: Scene, run: Discretisation) -> None:
             case Slider() | Prismatic():
                 raise not_offered(joint)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
 
 
 def _common_settings(exu: Any, model: Model, solver: str) -> Any:

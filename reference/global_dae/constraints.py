@@ -15,9 +15,9 @@ from scipy import sparse
 
 from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.mesh import BodyMesh
-from anctmm.errors import DiscretisationError, unknown_kind
+from anctmm.errors import DiscretisationError
 from anctmm.jit.compiling import inlined
-from anctmm.model.joints import JOINTS
+from anctmm.model.joints import unknown_joint
 from anctmm.model.needs import not_offered
 from anctmm.model.scene import Clamp, Pin, Prismatic, Scene, Slider, Weld
 from reference.global_dae.lu import Factors, Matrix, factorise, solve_factored
@@ -102,7 +102,7 @@ def constraint_rows(scene: Scene, bodies: Bodies) -> list[Row]:
             case Slider() | Prismatic():
                 raise not_offered(joint)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
     return rows
 
 

@@ -21,7 +21,7 @@ from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds, optional_beside
 from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, unknown_kind, unknown_option
 from anctmm.model.bodies import beam_of
-from anctmm.model.joints import JOINTS
+from anctmm.model.joints import unknown_joint
 from anctmm.model.loads import LOADS
 from anctmm.model.needs import MECHANISMS, not_offered, refuse
 from anctmm.model.scene import (
@@ -385,7 +385,7 @@ def _model(scene: Scene, run: Discretisation) -> ModuleType:
             case Slider() | Prismatic():
                 raise not_offered(joint)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
     for load in scene.loads:
         match load:
             case Force() | Torque():

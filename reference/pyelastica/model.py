@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import unknown_kind
-from anctmm.model.joints import JOINTS
+from anctmm.model.joints import unknown_joint
 from anctmm.model.loads import LOADS
 from anctmm.model.needs import not_offered
 from anctmm.model.scene import (
@@ -104,7 +104,7 @@ def _hold_of(joint: Joint) -> str:
         case Slider() | Prismatic():
             raise not_offered(joint)
         case _:
-            raise unknown_kind("joint", joint, JOINTS)
+            raise unknown_joint(joint)
 
 
 @dataclass

@@ -18,6 +18,7 @@ from anctmm.results.metrics import compare
 from anctmm.results.solution import Solution
 from anctmm.solvers import registry
 from anctmm.validation import one_of
+from studies.cases import assumptions_of
 from studies.scenes import BaseScene, moving_scenes
 
 #: Elements of each beam by the element, of the cantilever and of the four-bar: shear elements converge slowly.
@@ -181,7 +182,7 @@ def run(options: Any, runner: Any) -> Any:
     return Result(
         "agreement", "Do the solvers agree?",
         "The same scene, element, mesh and step by every solver: do they compute the same motion?",
-        sentences, tuple(dict.fromkeys(a for b in moving_scenes() for a in b.assumptions)),
+        sentences, tuple(dict.fromkeys(a for b in moving_scenes() for a in assumptions_of(b))),
         (
             Table("matrix", "Agreement of the solvers", square.reset_index(), NOTES),
             Table("pairs", "Agreement by scene and element", pairs, NOTES),

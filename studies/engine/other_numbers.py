@@ -10,7 +10,7 @@ import numpy as np
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import BODIES, Body
 from anctmm.model.connectors import CONNECTORS, Connector
-from anctmm.model.joints import JOINTS, Joint
+from anctmm.model.joints import Joint, unknown_joint
 from anctmm.model.loads import LOADS, Load
 from anctmm.model.scene import (
     Beam,
@@ -198,7 +198,7 @@ class Change:
                 position = self._history(joint.position, self.metre, 2)
                 return replace(joint, direction=self._vector(joint.direction), position=position)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
 
     def _load(self, load: Load) -> Load:
         match load:

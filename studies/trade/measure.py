@@ -64,8 +64,8 @@ def solve_all(grid: Grid, runner: Runner) -> tuple[pd.DataFrame, pd.DataFrame]:
         todo = [
             (f, t) for f in alive for t in _on_mesh(grid, f, k) if rates[f] * t.work <= MOST_S[runner.quick]
         ]
-        for trial in dict.fromkeys(_place(f, t) for f, t in todo):
-            fine[trial] = fine.get(trial) or _fine(grid, trial, runner)
+        for spot in dict.fromkeys(_place(f, t) for f, t in todo):
+            fine[spot] = fine.get(spot) or _fine(grid, spot, runner)
         runner.heading = f"{grid.levels.case.name}, mesh {k + 1}: "
         for place, solution in runner.each(t for _, t in todo):
             family, trial = todo[place]

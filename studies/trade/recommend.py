@@ -149,8 +149,10 @@ def read(folder: Path) -> Measured:
 
 def of_result(result: Result) -> Measured:
     """The tables of a trade that was measured just now."""
-    frames = (result.table(name).frame for name in ("points", "histories", "references"))
-    return Measured(*frames, origin="measured now")
+    points, histories, references = (
+        result.table(name).frame for name in ("points", "histories", "references")
+    )
+    return Measured(points, histories, references, "measured now")
 
 
 def measured_now(case: Case, options: Options, runner: Runner) -> Measured:

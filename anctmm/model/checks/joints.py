@@ -13,10 +13,9 @@ from anctmm.errors import (
     SceneError,
     UnknownKindError,
     shown,
-    unknown_kind,
 )
 from anctmm.model.checks.guides import check_guides
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld, built_in
+from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, built_in, unknown_joint
 from anctmm.model.places import End, Place, place_text
 from anctmm.model.topology import Graph, Sets
 
@@ -83,7 +82,7 @@ def fewest_ends(joint: Joint) -> int:
             return 1
         case Weld():
             return 2
-    raise unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
+    raise unknown_joint(joint)
 
 
 def _check_repeats(scene: Graph) -> None:

@@ -12,7 +12,7 @@ from anctmm.errors import JointGapError, SceneError, listed, shown, unknown_kind
 from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.initial_motion.least_norm import MANY, least_norm
-from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld, built_in
+from anctmm.model.joints import Clamp, Guide, Pin, Prismatic, Slider, Weld, built_in, unknown_joint
 from anctmm.model.kept import kept
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
@@ -252,5 +252,5 @@ def _rigid_constraints(scene: Scene) -> tuple[list[Row], Array]:
             case Slider() | Prismatic():
                 found += of.guided(joint)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)
+                raise unknown_joint(joint)
     return [row for row, _ in found], np.array([rate for _, rate in found])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.errors import unknown_kind
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import CONNECTORS, Connector, RotationalSpring, Spring
-from anctmm.model.joints import JOINTS, Clamp, Guide, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import Clamp, Guide, Pin, Weld
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 
 Array = NDArray[np.float64]
@@ -85,10 +85,8 @@ def supports_of(scene: Any) -> list[Support]:
                 kind = "clamp"
             case Pin() | Weld():
                 kind = "pin"
-            case Slider() | Prismatic():
+            case _:  # guides are drawn elsewhere; of a user's own kind nothing is known
                 continue
-            case _:
-                raise unknown_kind("joint", joint, JOINTS)
         if joint.grounded:
             found.append(Support(kind, scene.place(joint.ends[0]).position))
     grounds = (c.ground for c in scene.connectors if isinstance(c, Spring))

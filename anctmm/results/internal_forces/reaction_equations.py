@@ -25,8 +25,7 @@ from anctmm.discretise.singular_positions.dependence import (
     independent,
     settled,
 )
-from anctmm.errors import unknown_kind
-from anctmm.model.joints import JOINTS, Clamp, Joint, Pin, Prismatic, Slider, Weld
+from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, unknown_joint
 from anctmm.model.places import Place
 from anctmm.results.internal_forces.actions import turn_since_placed
 from anctmm.results.internal_forces.rigid import holding, inertia_of
@@ -158,7 +157,7 @@ class _System:
                     free = x[:, None] * of_place[0, 0] + y[:, None] * of_place[0, 1]
                     return np.stack([free, *(np.broadcast_to(row, free.shape) for row in rows)], axis=1)
             case _:
-                raise unknown_kind("joint", joint, JOINTS)  # type: ignore[arg-type]
+                raise unknown_joint(joint)
         return np.array(rows).reshape(1, -1, 3 * places)
 
     def _direction(self, guide: Slider | Prismatic) -> Array:

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import DiscretisationError, shown, unknown_kind
-from anctmm.model.joints import JOINTS, Guide, Joint, drive_of
+from anctmm.errors import DiscretisationError, shown
+from anctmm.model.joints import Guide, Joint, drive_of, unknown_joint
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import RigidBody
 from anctmm.model.scene import Clamp, Pin, Prismatic, Slider, Weld
@@ -70,7 +70,7 @@ def _of_joint(layout: Layout, joint: Joint) -> Iterator[Constraint]:
                 body = layout.scene.body(joint.body)
                 yield from _aligned(layout, joint, Place(body, "center"), places[0], None)
         case _:
-            raise unknown_kind("joint", joint, JOINTS)
+            raise unknown_joint(joint)
 
 
 def _drive(joint: Joint) -> Drive | None:
