@@ -96,6 +96,12 @@ class Joint(JointKind):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({', '.join(map(repr, self.ends))})"
 
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.ends))
+
     @property
     def places(self) -> tuple[Written, ...]:
         """Its places that are of bodies."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from anctmm.elements.kinds import kind_of
 from anctmm.jit.by_address import by_address
 from anctmm.model.drives import table_of
-from anctmm.model.joints import Clamp
+from anctmm.model.joints import Clamp, built_in
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, place_text
 from anctmm.model.scene import Scene
@@ -141,7 +141,7 @@ Named = tuple[list[End], list[End], list[End], list[End]]
 def _of_joints(scene: Scene) -> Named:
     """Positions that the joints of a mechanism keep, each by itself."""
     held, joined = list[End](), list[End]()
-    for joint, (first, *others) in zip(scene.joints, joined_places(scene), strict=True):
+    for joint, (first, *others) in zip(built_in(scene.joints), joined_places(scene), strict=True):
         if joint.grounded:
             held.append(first.end)
         joined += [end for other in others for end in (first.end, other.end)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from anctmm.model.bodies import Beam
 from anctmm.model.drives import table_of
-from anctmm.model.joints import Guide, Joint, drive_of
+from anctmm.model.joints import Guide, Joint, built_in, drive_of
 from anctmm.model.kept import kept
 from anctmm.model.needs import features_of
 from anctmm.model.places import Place
@@ -61,7 +61,7 @@ def mechanism_findings(
 @kept
 def _directed(scene: Scene) -> tuple[tuple[Joint, tuple[Place, ...]], ...]:
     """Joints that hold more than positions, and the places that each joins."""
-    joints = zip(scene.joints, joined_places(scene), strict=True)
+    joints = zip(built_in(scene.joints), joined_places(scene), strict=True)
     return tuple(
         (joint, places) for joint, places in joints if isinstance(joint, Guide) or joint.holds_direction
     )

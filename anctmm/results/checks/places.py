@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.model.bodies import Beam
+from anctmm.model.joints import built_in
 from anctmm.model.kept import alike, kept
 from anctmm.model.places import End, Place
 from anctmm.model.rigid_bodies import CENTER
@@ -42,8 +43,8 @@ def names_of(scene: Scene) -> tuple[End, ...]:
 
 @kept
 def joined_places(scene: Scene) -> tuple[tuple[Place, ...], ...]:
-    """Places that each joint joins."""
-    return tuple(tuple(map(scene.place, joint.ends)) for joint in scene.joints)
+    """Places that each joint of the package's kinds joins."""
+    return tuple(tuple(map(scene.place, joint.ends)) for joint in built_in(scene.joints))
 
 
 def places_of(solution: Solution) -> Places | None:
