@@ -1,8 +1,8 @@
 """The ANC-TMM solver: (scene, discretisation) → solution."""
 
+from functools import wraps
 from typing import Any, assert_never
 
-from anctmm import equilibria, small_motions
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.discretise.kept_chains import chain_of, once
@@ -14,16 +14,14 @@ from anctmm.integrators import esdirk, generalized_alpha, statics, zhai
 from anctmm.integrators import modes as modes_of_chains
 from anctmm.integrators.adaptive import alpha_control, stage_control
 from anctmm.integrators.static_start import started
-from anctmm.march.verified import integrate as march
-from anctmm.march.verified import verified
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
+from anctmm.results.verification import verified
 from anctmm.solvers.capabilities import Offer, uncombined
-from anctmm.system.system import System
 from anctmm.validation import flag
 
 __all__ = ["modes", "solve", "solve_static"]
@@ -80,7 +78,10 @@ def solve(
 
 def _solved(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
     if checked_scene(scene).own_joints:
-        return march(System(scene, run), start)
+        from anctmm.march.integrate import integrate  # it loads the compiler
+        from anctmm.system.system import System
+
+        return integrate(System(scene, run), start)
     chain = chain_of(scene, run, _checked_chain)
     if start is not None:
         chain = started(chain, start)
@@ -97,16 +98,24 @@ def _solved(scene: Scene, run: Discretisation, start: Solution | None) -> Soluti
     assert_never(method)
 
 
-def solve_static(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+@wraps(statics.solve_static)
+def solve_static(scene: Scene, *arguments: Any, **options: Any) -> Solution:
     """Equilibria of a scene: see `anctmm.integrators.statics.solve_static`."""
-    found = equilibria if checked_scene(scene).own_joints else statics
-    return found.solve_static(scene, run, **options)
+    if checked_scene(scene).own_joints:
+        from anctmm.equilibria import solve_static as by_rows
+
+        return by_rows(scene, *arguments, **options)
+    return statics.solve_static(scene, *arguments, **options)
 
 
-def modes(scene: Scene, run: Discretisation | None = None, **options: Any) -> Any:
+@wraps(modes_of_chains.modes)
+def modes(scene: Scene, *arguments: Any, **options: Any) -> Any:
     """Natural modes of a scene: see `anctmm.integrators.modes.modes`."""
-    found = small_motions if checked_scene(scene).own_joints else modes_of_chains
-    return found.modes(scene, run, **options)
+    if checked_scene(scene).own_joints:
+        from anctmm.small_motions import modes as by_rows
+
+        return by_rows(scene, *arguments, **options)
+    return modes_of_chains.modes(scene, *arguments, **options)
 
 
 def _method(chain: Chain) -> Method:

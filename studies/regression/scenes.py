@@ -3,11 +3,12 @@
 import re
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import MISSING, dataclass, field, fields
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, shown
+from anctmm.errors import AnctmmError, reason, shown
 from anctmm.model.scene import Probe, Scene
 from anctmm.validation import one_of
 from studies.user_files import defined_in
@@ -55,9 +56,9 @@ class Static:
 
     def __post_init__(self) -> None:
         one_of("path of a Static", self.path, PATHS)
-        if type(self.load_steps) is not int or self.load_steps < 1:
+        if type(self.load_steps) is not int or not 1 <= self.load_steps <= MOST:
             raise CheckError(
-                f"load_steps is {shown(self.load_steps)}; a whole number of at least 1 is needed"
+                f"load_steps is {shown(self.load_steps)}; a whole number from 1 to {MOST} is needed"
             )
         checked = self.discretisation
         for name in ("mesh", "element", "quadrature", "newton_tolerance"):
@@ -232,11 +233,20 @@ class Watch:
                 )
 
 
+#: Probes and solvers of a watch at most: an infinite iterable is refused.
+MOST = 1000
+
+
 def _several(what: str, value: object) -> tuple[Any, ...]:
     """At least one thing of an ordered iterable."""
     unordered = isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable)
-    found = () if unordered else tuple(value)  # type: ignore[arg-type]
-    if not found:
+    try:
+        found = () if unordered else tuple(islice(value, MOST + 1))  # type: ignore[arg-type]
+    except Exception as error:  # an iterable of the user's own
+        raise CheckError(
+            f"{what} {shown(value)}, which raises {reason(error)}; a list of at least one is needed"
+        ) from error
+    if not 0 < len(found) <= MOST:
         raise CheckError(f"{what} {shown(value)}; a list of at least one is needed")
     return found
 

@@ -99,7 +99,7 @@ def parts(thing):
 
 def test_every_public_class_is_here():
     public = {getattr(at, name) for name in at.__all__ if inspect.isclass(getattr(at, name))}
-    assert {type(thing) for thing in THINGS} == public
+    assert {type(thing) for thing in THINGS} == public - {at.Joint}  # a base, of which kinds are made
 
 
 @pytest.mark.parametrize("way", WAYS)

@@ -530,7 +530,7 @@ def test_functions_without_a_hash_are_swept():
     made = scene(loads=[at.Force("a.end", Unhashable())])
     cases = [Trial(made, "global-dae", (1,), dt=5e-3, t_end=0.01, output_dt=5e-3) for _ in range(2)]
     outcomes = Runner().sweep([*cases, cases[0]])
-    assert [o.solution.status.code for o in outcomes] == ["ok", "ok"]
+    assert {o.solution.status.code for o in outcomes} == {"ok"}
     found = exudyn_cable.solve(made, mesh=1, dt=5e-3, t_end=0.01)
     assert found.status.ok
 

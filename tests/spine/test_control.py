@@ -5,7 +5,8 @@ import pytest
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march.verified import integrate, verified
+from anctmm.march.integrate import integrate
+from anctmm.results.verification import verified
 from anctmm.system.system import System
 
 MASS, STIFFNESS = 2.0, 200.0

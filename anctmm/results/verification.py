@@ -1,22 +1,14 @@
-"""A run by the kind of steps that is asked for, and the error of time stepping beside a finer run."""
+"""The error of time stepping of a run, beside a finer run."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march import control, fixed
 from anctmm.results.metrics import error_between
 from anctmm.results.solution import Solution
-from anctmm.system.system import System
 
 #: Parts of the tolerance and of steps in the finer run.
 TOLERANCE, STEP = 0.1, 0.5
-
-
-def integrate(system: System, start: Solution | None = None) -> Solution:
-    """Run a system from its start, or from an equilibrium, with fixed steps or with a tolerance."""
-    steps = fixed if system.run.tolerance is None else control
-    return steps.integrate(system, start)
 
 
 def verified(solve: Callable[[Discretisation], Solution], solution: Solution) -> Solution:
