@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.march.accelerations import VIOLATED
 from anctmm.march.stability import largest_step
 from anctmm.march.state import State
 from anctmm.model.connectors import name_of
@@ -14,8 +15,8 @@ from anctmm.system.system import System
 
 Array = NDArray[np.float64]
 
-#: Value of a row, of the scene's length, that is not kept; nodes up to which the stable step is examined.
-VIOLATED, EXAMINED = 1e-7, 5_000
+#: Nodes up to which the stable step is examined.
+EXAMINED = 5_000
 
 
 def failed_step(system: System, state: State, step: int, when: float, before: Array | None = None) -> Status:

@@ -55,7 +55,6 @@ def highest_frequency(system: System, q: Array, damping: bool = False) -> float:
         _stiffness(system, q, damping)[places][:, places],
         _matrix(system, q, 1.0, 0.0, 0.0)[places][:, places],
     )
-    _matrix(system, q, 1.0, 0.0, 0.0)
     factorize_matrix(system.size, system.tables)
     matrix = system.tables.matrix
 
