@@ -51,7 +51,7 @@ SLOW = {
     "modes": ["growth", "modes_of_motions"],
     "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
                      "random_scenes"],
-    "questions": ["gallery", "new_solver", "questions", "trade"],
+    "questions": ["gallery", "question_new_solver", "questions", "trade"],
     "recursion": ["driven_hinges", "kept_motions", "work_of_drives"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
     "spine": ["agreement", "control", "own_joints", "small_motions"],
