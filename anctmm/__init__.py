@@ -2,7 +2,7 @@
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
-from anctmm.integrators.modes import Campbell, Modes, campbell
+from anctmm.equilibria import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.expressions import signal
@@ -32,7 +32,8 @@ from anctmm.results.ended_early import HistoryError, Interrupted
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Solution, load
 from anctmm.results.status import Status
-from anctmm.solve import modes, solve, solve_static
+from anctmm.small_motions import Campbell, Modes, campbell, modes
+from anctmm.solve import solve
 
 __all__ = [
     "Beam",
