@@ -2,7 +2,6 @@
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
-from anctmm.equilibria import solve_static
 from anctmm.model.case import Case
 from anctmm.model.drives import History, Pulse, Quintic
 from anctmm.model.expressions import signal
@@ -32,8 +31,8 @@ from anctmm.results.ended_early import HistoryError, Interrupted
 from anctmm.results.metrics import Comparison, compare
 from anctmm.results.solution import Cost, Energy, Solution, load
 from anctmm.results.status import Status
-from anctmm.small_motions import Campbell, Modes, campbell, modes
-from anctmm.solve import solve
+from anctmm.small_motions import Campbell, Modes, campbell
+from anctmm.solve import modes, solve, solve_static
 
 __all__ = [
     "Beam",

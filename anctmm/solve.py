@@ -7,6 +7,7 @@ from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
+from anctmm.equilibria import solve_static
 from anctmm.march.integrate import integrate
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
@@ -15,11 +16,12 @@ from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.results.verification import verified
+from anctmm.small_motions import modes
 from anctmm.solvers.capabilities import Offer, uncombined
 from anctmm.system.system import System
 from anctmm.validation import flag
 
-__all__ = ["solve"]
+__all__ = ["modes", "solve", "solve_static"]
 
 #: Bytes that a run takes for each coordinate, by integrator: as measured, and 8 more for each of 8 vectors of stages.
 BYTES = {Zhai.name: 300.0, GeneralizedAlpha.name: 300.0, Esdirk.name: 400.0}

@@ -395,7 +395,8 @@ def free_measure(acting, n, free):  # type: ignore[no-untyped-def]
 def force_of(acting, n, x, rate, t):  # type: ignore[no-untyped-def]
     """Force of connector n at an elongation x and its rate."""
     if acting.law[n] != 0:
-        return call_address(acting.law[n], x, rate, t)
+        preload = 0.0 if acting.part[0] == 1.0 else call_address(acting.law[n], 0.0, 0.0, t)
+        return call_address(acting.law[n], x, rate, t) - (1.0 - acting.part[0]) * preload
     return acting.numbers[n, 0] * x + acting.numbers[n, 1] * rate + acting.part[0] * acting.numbers[n, 2]
 
 

@@ -193,12 +193,13 @@ class Numbering:
         """Multipliers of an equation of vectors stand beside a vector of coefficient ±1, where there is room.
 
         The pivot of such a block is safe whatever the matrix of the vector is. All others have blocks of their own,
-        which are eliminated after all vectors of their rows.
+        which are eliminated after all vectors of their rows, and those that these vectors are equal to by such rows.
         """
         dim, size = self.mesh.dim, self.mesh.rows
         self._block_of = {x: b for b, found in enumerate(self._blocks) for x in found}
         room = [size - dim * len(found) for found in self._blocks]
         self._beside: dict[int, tuple[int, int]] = {}
+        self._hosted: dict[int, list[int]] = {}
         self._late: list[list[int]] = []
         groups: dict[int, list[int]] = {}
         for k, row in enumerate(self.rows):
@@ -211,6 +212,7 @@ class Numbering:
                 continue
             block = self._block_of[host]
             taken.add(host)
+            self._hosted[host] = members
             for k in members:
                 self._beside[k] = block, size - room[block]
                 room[block] -= 1
@@ -274,13 +276,24 @@ class Numbering:
                     yield from ((a, b) for a in used for b in used if a < b)
         late = {k: len(self._blocks) + b for b, members in enumerate(self._late) for k in members}
         for k, row in enumerate(self.rows):
-            own_block = late[k] if k in late else self._beside[k][0]
             used = {block[x] for x in row.vectors} - {-1}
-            yield from ((own_block, b) for b in used)
+            if k in late:
+                yield from ((late[k], b) for b in {block[x] for x in self._tied(row)} - {-1})
+            else:
+                yield from ((self._beside[k][0], b) for b in used)
             yield from ((a, b) for a in used for b in used if a < b and self.curved(row))
         for group in coupled:
             used = {block[x] for x in group} - {-1}
             yield from ((a, b) for a in used for b in used if a < b)
+
+    def _tied(self, row: Row) -> set[int]:
+        """Vectors of a row, and those that rows whose multipliers stand beside them tie them to."""
+        found, new = set[int](), {self.shares.root(x) for x in row.vectors}
+        while new:
+            found |= new
+            rows = [self.rows[k] for x in new for k in self._hosted.get(x, ())]
+            new = {self.shares.root(x) for other in rows for x in other.vectors} - found
+        return found
 
     @staticmethod
     def curved(row: Row) -> bool:
