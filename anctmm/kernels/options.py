@@ -71,6 +71,18 @@ def part(function: Callable[..., Any]) -> Any:
         _settings.CACHE_DIR = before
 
 
+def thin(function: Callable[..., Any]) -> Any:
+    """The same for a function that does little but pass tables on: it becomes part of its callers.
+
+    A call copies all arrays of its tables, which takes longer than what it does.
+    """
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
+    try:
+        return _njit(function, cache=True, forceinline=True, **OPTIONS)
+    finally:
+        _settings.CACHE_DIR = before
+
+
 def c_function(signature: Any, function: Callable[..., Any]) -> Any:
     """Compile a function for callers in C, and store it on disk."""
     before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.factor import factorize, solve
-from anctmm.kernels.options import part
+from anctmm.kernels.options import part, thin
 from anctmm.march.state import State
 from anctmm.system.elastic import add_mass, subtract_inertia
 from anctmm.system.matrix import add_rows, clear, gather, scatter
@@ -35,7 +35,7 @@ def factorize_mass(size: tuple[int, ...], space: tuple[int, ...], tables: Tables
     return factorize(size, matrix.plan, matrix.values)
 
 
-@part
+@thin
 def solve_accelerations(
     size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, signals: Array
 ) -> None:
@@ -44,7 +44,8 @@ def solve_accelerations(
     On entry w holds the accelerations of driven vectors, and zero elsewhere; f is used up.
     """
     rows, matrix, dim = tables.rows, tables.matrix, len(space)
-    subtract_inertia(tables.elements, state.w, dim, state.f)
+    if len(tables.driven.node) > 0:
+        subtract_inertia(tables.elements, state.w, dim, state.f)
     gather(matrix.at, state.f, dim, matrix.unknowns)
     multiply(rows, state.w)
     add_time_parts(rows, state.q, state.v, signals, 2)
@@ -57,7 +58,7 @@ def solve_accelerations(
             state.w[k, i] += state.scratch[k, i]
 
 
-@part
+@thin
 def set_row_sides(tables: Tables, factor: float) -> None:
     """Right-hand sides of the rows: factor g − δ λ, λ as known."""
     rows = tables.rows
@@ -65,7 +66,7 @@ def set_row_sides(tables: Tables, factor: float) -> None:
         tables.matrix.unknowns[rows.at[r]] = factor * rows.g[r] - rows.compliance[r] * rows.multiplier[r]
 
 
-@part
+@thin
 def take_multipliers(tables: Tables) -> None:
     """Multipliers of a solution."""
     rows = tables.rows

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.kernels.options import inlined, kernel, part
+from anctmm.kernels.options import inlined, kernel, thin
 from anctmm.march.newton import Coefficients, iterate
 from anctmm.march.output import Output, count_work, keep, too_large
 from anctmm.march.state import State
@@ -47,7 +47,7 @@ def coefficients(m):  # type: ignore[no-untyped-def]
     return Coefficients(m.h, 1.0 / (m.beta * m.h * m.h * part_of_w), m.gamma * m.h * part_of_w, 0)
 
 
-@part
+@thin
 def predict(m: Means, state: State) -> None:
     """Known parts of q and v at the end of the step, and q, v there if w stays as it is."""
     c = coefficients(m)
@@ -62,7 +62,7 @@ def predict(m: Means, state: State) -> None:
             state.q[k, i], state.v[k, i] = base + w / c.to_w, rate + c.to_v * w
 
 
-@part
+@thin
 def drag(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
     """Give driven vectors their positions; w follows, and with it v."""
     driven = tables.driven
@@ -77,7 +77,7 @@ def drag(tables: Tables, c: Coefficients, state: State, signals: Array) -> None:
             state.v[a + k, i] = state.rate[a + k, i] + c.to_v * state.w[a + k, i]
 
 
-@part
+@thin
 def take_means(m: Means, state: State) -> None:
     """a at the end of the step."""
     r = 1.0 / (1.0 - m.alpha_m)
@@ -87,7 +87,7 @@ def take_means(m: Means, state: State) -> None:
             state.a[k, i] = r * ((1.0 - m.alpha_f) * w + m.alpha_f * before - m.alpha_m * a)
 
 
-@part
+@thin
 def step_alpha(
     size: tuple[int, ...],
     space: tuple[int, ...],

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.factor import solve
-from anctmm.kernels.options import inlined, part
+from anctmm.kernels.options import inlined, part, thin
 from anctmm.march.state import State
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
 from anctmm.system.matrix import scatter
@@ -103,7 +103,7 @@ def iterate(
     return False
 
 
-@part
+@thin
 def renew(size, space, tables, state, c, signals, loads, free, t):  # type: ignore[no-untyped-def]
     """Form and factor the matrix; the residual in the unknowns is left as it is."""
     set_matrix(size, space, tables, state.q, state.v, signals, loads, free, t, c.to_w, 1.0, c.to_v * c.to_w)
@@ -112,7 +112,7 @@ def renew(size, space, tables, state, c, signals, loads, free, t):  # type: igno
     state.counts[2] = 0
 
 
-@part
+@thin
 def set_row_sides(tables, state, c, signals, off):  # type: ignore[no-untyped-def]
     """Right-hand sides of the rows: −g, or what their second derivative lacks; the largest value that counts."""
     rows = tables.rows
@@ -128,7 +128,7 @@ def set_row_sides(tables, state, c, signals, off):  # type: ignore[no-untyped-de
     return off
 
 
-@part
+@thin
 def correct(state, c, dim, length):  # type: ignore[no-untyped-def]
     """Add the correction to q, v and w; its largest component, positions over the length, or infinity."""
     largest, odd = 0.0, 0.0

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.kernels.announcing import compiling
-from anctmm.kernels.options import part
+from anctmm.kernels.options import part, thin
 from anctmm.march.starting import rests
 from anctmm.march.state import State
 from anctmm.march.turning import Turning, turning_of
@@ -194,7 +194,7 @@ def keep(place: int, tables: Tables, state: State, dim: int, out: Output) -> Non
         out.angles[place, n] = out.turning.angle[n]
 
 
-@part
+@thin
 def count_work(
     space: tuple[int, ...],
     tables: Tables,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.kernels.options import part
+from anctmm.kernels.options import thin
 from anctmm.model.bodies import Beam
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import CENTER
@@ -45,7 +45,7 @@ def turning_of(system: System) -> Turning:
     return Turning(forms_of(system.mesh, vectors), np.zeros(count), np.zeros((count, system.mesh.dim)))
 
 
-@part
+@thin
 def count_turns(turning: Turning, q: Array) -> None:
     """Count the angles at the next step, between which directions turn by less than half a turn."""
     forms = turning.forms

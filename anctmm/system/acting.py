@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import UnsupportedError, shown
-from anctmm.kernels.options import inlined, part
+from anctmm.kernels.options import inlined, part, thin
 from anctmm.kernels.scratch import call_address, matrix, vector
 from anctmm.model.connectors import Connector, RotationalSpring, Spring, ends_of, name_of
 from anctmm.model.expressions import Vector
@@ -553,7 +553,7 @@ def _connector_stiffness(space, acting, n, q, v, free, t, factor, rate_factor, o
             other[i, j] += k * b[i] * b[j]
 
 
-@part
+@thin
 def connector_energy(acting: Acting) -> float:
     """Energy of all connectors at the last evaluation, J."""
     total = 0.0

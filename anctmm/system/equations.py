@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.factor import factorize
-from anctmm.kernels.options import kernel
+from anctmm.kernels.options import kernel, thin
 from anctmm.system.acting import add_acting_tangents
 from anctmm.system.elastic import add_mass, add_tangent, subtract_inertia
 from anctmm.system.matrix import add_rows, clear, gather
@@ -14,7 +14,7 @@ from anctmm.system.system import Tables, set_forces
 Array = NDArray[np.float64]
 
 
-@kernel
+@thin
 def set_residual(
     space: tuple[int, ...],
     tables: Tables,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elimination.order import Plan
 from anctmm.errors import shown
-from anctmm.kernels.options import inlined, part
+from anctmm.kernels.options import inlined, part, thin
 from anctmm.model.connectors import Connector, free_name, free_of, name_of
 from anctmm.model.drives import tabulate
 from anctmm.model.expressions import Signal
@@ -313,7 +313,7 @@ def place_driven(driven, signals, q, v, w):  # type: ignore[no-untyped-def]
             q[a + k, i], v[a + k, i], w[a + k, i] = x, rate, acceleration
 
 
-@part
+@thin
 def set_forces(
     space: tuple[int, ...], tables: Tables, q: Array, v: Array, loads: Array, free: Array, t: float, f: Array
 ) -> None:
