@@ -1,6 +1,6 @@
 """Integrators and their parameters.
 
-A method is data only: the steps are in `anctmm.integrators`.
+A method is data only: the steps are in `anctmm.march`.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError
-from anctmm.jit.by_address import by_address
 from anctmm.validation import number, within
 
 
@@ -124,7 +123,7 @@ class Esdirk:
 
     ESDIRK4(3)6L[2]SA of Kennedy & Carpenter (2003, doi:10.1016/S0168-9274(02)00138-1, table of the implicit part):
     L-stable, all stages with one matrix; the first is the end of the last step. See
-    `anctmm.integrators.esdirk`. It has no parameters.
+    `anctmm.march.esdirk`. It has no parameters.
     """
 
     name: ClassVar[str] = "esdirk"
@@ -137,7 +136,6 @@ class Esdirk:
         return Coefficients(part, 0.0, 0.0, 1.0, 1.0, 1.0 / part**2, 1.0, 0.0)
 
 
-@by_address
 class Stages(NamedTuple):
     """Runge-Kutta coefficients: matrix A, its square, and nodes c; the last row of A is the weights.
 

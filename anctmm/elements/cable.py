@@ -1,6 +1,6 @@
 """The gradient-deficient Euler-Bernoulli cable, readable; `cable_kernel` is its fast twin.
 
-Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/recursion/method.md, section 1; to
+Coordinates q, shape (4, 2): rows r_I, r'_I, r_O, r'_O. Strains (anctmm/elimination/method.md, section 1; to
 rounding those of Exudyn's ObjectANCFCable2D, Gerstmayr & Irschik 2008): ε = |r'| − 1, κ = (r' × r'')/|r'|².
 No rotary inertia.
 """

@@ -35,7 +35,7 @@ from anctmm.elements.thin_beam import (
     bending_stiffness,
     curvature_of,
 )
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.kernels.options import inlined
 
 Array = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ def _points(quadrature: str) -> tuple[Array, Array]:
     return np.array([len(wa), len(wb)]), np.concatenate([axial.ravel(), bending.ravel()])
 
 
-@kernel
+@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -135,7 +135,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@kernel
+@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -278,7 +278,7 @@ def _on_nodes(out, count, l):  # type: ignore[no-untyped-def]  # noqa: E741
             out[(2 + i) * BLOCK + j], out[(8 + i) * BLOCK + j] = mean + h, mean - h
 
 
-@kernel
+@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
@@ -306,7 +306,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@kernel
+@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l, r'_I and r'_O, then by the nodal vectors.
 

@@ -5,7 +5,7 @@ lie at constant distances, so that the compiler sees that stores do not overlap 
 instruction.
 """
 
-from anctmm.jit.compiling import inlined
+from anctmm.kernels.options import inlined
 
 #: Elements handled at once, and those of them that one instruction handles, at most.
 BLOCK, LANES = 64, 8

@@ -3,7 +3,7 @@
 García-Vallejo, Mayo, Escalona & Domínguez (2004), Nonlinear Dynamics 35: every Green strain is a quadratic form of the
 coordinates, so the elastic force is K(q) q with K(q) = K₁ + K₂(q), K₂ linear in the products q_k·q_l; all
 integrals are constants of the element. With shape functions times I₂ they are scalars over the six rows of q.
-Corrected (anctmm/recursion/method.md, section 2): S_xy = S_x^T S_y, and the shear term is the gradient of its energy.
+Corrected (anctmm/elimination/method.md, section 2): S_xy = S_x^T S_y, and the shear term is the gradient of its energy.
 """
 
 from dataclasses import dataclass

@@ -11,7 +11,7 @@ A new kind needs an entry in `KINDS`, and of what it does not share with another
 - kernels, a module such as `cable_kernel`;
 - a vector of its nodes, in `VECTORS`;
 - where its axis is a polynomial of another degree, its field in `anctmm.results.fields`;
-- where it has no strain, its node in `anctmm.discretise.node_mesh`.
+- where it has no strain, its node in `anctmm.system.body_meshes`.
 
 A solver that stands beside ANC-TMM names the kinds it takes (`check_kinds`): a new kind is refused by all of them until
 they do.
@@ -208,11 +208,6 @@ def flexible() -> tuple[str, ...]:
 def optional_beside(taken: Iterable[str]) -> frozenset[str]:
     """Names of the kinds that a solver may lack, and does if it takes these alone."""
     return frozenset(name for name, kind in KINDS.items() if kind.optional) - set(taken)
-
-
-def wholly_held() -> tuple[str, ...]:
-    """Names of those that deform of which joints hold all vectors."""
-    return tuple(name for name in flexible() if KINDS[name].held == KINDS[name].vectors)
 
 
 def with_statics() -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from anctmm.elements.thin_beam import (
     bending_stiffness,
     curvature_of,
 )
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.kernels.options import inlined
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def constants(e: QuinticElement) -> Array:
     return np.array([e.l, e.EA, e.EI, e.stressed * e.EA, e.stressed * e.EI])
 
 
-@kernel
+@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -105,7 +105,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@kernel
+@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -175,7 +175,7 @@ def _add(out, j, l, W, at, px, py):  # type: ignore[no-untyped-def]  # noqa: E74
     out[11 * BLOCK + j] += l * W[at + 4] * py
 
 
-@kernel
+@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, EA, EI = constants[0], constants[1], constants[2]  # noqa: E741
@@ -195,7 +195,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@kernel
+@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by the five vectors, then by the nodal ones.
 

@@ -1,4 +1,4 @@
-"""Shape functions and their exact integrals, shared by the elements (anctmm/recursion/method.md, section 1).
+"""Shape functions and their exact integrals, shared by the elements (anctmm/elimination/method.md, section 1).
 
 An element of length l has nodes I and O; ξ = x/l. Its coordinates are the rows of q, each a vector in the plane.
 """

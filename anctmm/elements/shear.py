@@ -2,7 +2,7 @@
 
 Coordinates q, shape (6, 2): rows r_I, r_x,I, r_y,I, r_O, r_x,O, r_y,O. With the centre line c (Hermite) and the
 director d (linear), r(x, y) = c + y d. All Green strains are the dot products of the three vectors
-X = [c', d', d], and the energy per length is a quadratic form of them: anctmm/recursion/method.md, section 1.
+X = [c', d', d], and the energy per length is a quadratic form of them: anctmm/elimination/method.md, section 1.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 """Compiled twin of `shear`: the same numbers for a block of elements, laid out so that the compiler vectorises.
 
 Coordinates are stored by component, q[k, node]: k = 0, 1 position, 2, 3 r_x, 4, 5 r_y. Blocks have at most
-BLOCK elements, their forces in rows, see `force_blocks`. Nothing is allocated. Notation: anctmm/recursion/method.md,
+BLOCK elements, their forces in rows, see `force_blocks`. Nothing is allocated. Notation: anctmm/elimination/method.md,
 section 1.
 """
 
@@ -18,7 +18,7 @@ from anctmm.elements.tangent_blocks import (
     place,
     placement,
 )
-from anctmm.jit.compiling import inlined, kernel, vectorized
+from anctmm.kernels.options import inlined
 
 Array = NDArray[np.float64]
 
@@ -93,7 +93,7 @@ def _weighted(k, f, c):  # type: ignore[no-untyped-def]
     return P0[k] * f[0][c] + P1[k] * f[1][c] + P2[k] * f[2][c] + P3[k] * f[3][c] + P4[k] * f[4][c]
 
 
-@vectorized
+@inlined
 def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Elastic forces of a block of elements on their nodes.
 
@@ -144,7 +144,7 @@ def forces(q: Array, first: int, count: int, constants: Array, out: Array) -> No
         done = start + some
 
 
-@kernel
+@inlined
 def damping_forces(
     q: Array, v: Array, first: int, count: int, constants: Array, damping: float, out: Array
 ) -> None:
@@ -211,7 +211,7 @@ def _vectors(n, j, x, y, A, B, C, r):  # type: ignore[no-untyped-def]
     )
 
 
-@kernel
+@inlined
 def energy(q: Array, first: int, count: int, constants: Array) -> float:
     """Strain energy of a row of elements, J."""
     l, LA, LI, LJ = constants[0], constants[1], constants[2], constants[3]  # noqa: E741
@@ -233,7 +233,7 @@ def energy(q: Array, first: int, count: int, constants: Array) -> float:
     return total
 
 
-@kernel
+@inlined
 def tangents(q: Array, first: int, count: int, constants: Array, out: Array) -> None:
     """Hessians of the energy of a block of elements, by u = (r_O − r_I)/l and the gradients, then by the nodal vectors.
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.jit.compiling import inlined, kernel
+from anctmm.kernels.options import inlined
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -58,7 +58,7 @@ def placement(blocks: Sequence[tuple[int, int, str, int, int]]) -> Ints:
         Nodal vectors k ≥ m; whether the sum is "symmetric", "full" or to be "transposed"; its first row; the power p of
         its factor: ±1 for ±v, ±2 for ±v², v = 1/l.
     """
-    index = getattr(lower, "py_func", lower)  # as a module is imported nothing is to be compiled
+    index = lower.py_func  # as a module is imported nothing is to be compiled
     entries = []
     for k, m, form, source, power in blocks:
         for r in range(2):
@@ -68,7 +68,7 @@ def placement(blocks: Sequence[tuple[int, int, str, int, int]]) -> Ints:
     return np.array(entries, dtype=np.int64)
 
 
-@kernel
+@inlined
 def place(table: Ints, v: float, count: int, out: Array) -> None:
     """Make the result of the sums, for so many elements."""
     for t in range(len(table)):

@@ -6,7 +6,7 @@ coordinates. Arguments: b = r', c = r''; g and h: rates of these.
 
 from math import sqrt
 
-from anctmm.jit.compiling import inlined
+from anctmm.kernels.options import inlined
 
 
 @inlined

@@ -10,8 +10,6 @@ from functools import wraps
 from threading import Lock
 from typing import Any, TypeVar
 
-from numpy.typing import NDArray
-
 T = TypeVar("T")
 Facts = dict[Any, Any]
 
@@ -110,32 +108,3 @@ def _facts(scene: Any) -> Facts:
                 _structures.clear()
             found = _structures.setdefault(key, {})
     return found
-
-
-def of_arrays(find: Callable[..., T]) -> Callable[..., T]:
-    """Make a function of arrays evaluate equal small ones only once; its results are read-only."""
-    known: dict[Any, T] = {}
-    _tables.append(known)
-
-    @wraps(find)
-    def get(*arrays: NDArray[Any]) -> T:
-        if sum(array.size for array in arrays) > NUMBERS:
-            return find(*arrays)
-        key = tuple((array.shape, array.dtype.str, array.tobytes()) for array in arrays)
-        found = known.get(key)
-        if found is None:
-            found = find(*arrays)
-            with _lock:
-                if len(known) >= STRUCTURES:
-                    known.clear()
-                known[key] = found
-        return found
-
-    return get
-
-
-def forget_structures() -> None:
-    """Keep nothing of the scenes before: what changes code in a running process needs it."""
-    with _lock:
-        for table in _tables:
-            table.clear()

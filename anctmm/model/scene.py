@@ -257,29 +257,6 @@ def scene_that_does_not_start(**parts: Any) -> Scene:
     return found
 
 
-def unchecked_scene(
-    name: str,
-    bodies: Iterable[Body],
-    joints: Iterable[Joint],
-    loads: Iterable[Load],
-    gravity: Point,
-    connectors: Iterable[Connector],
-) -> Scene:
-    """A scene that says what one that was checked says, in another way: nothing is checked, and no warning repeated."""
-    found, members = object.__new__(Scene), tuple(bodies)
-    for what, value in {
-        "name": name,
-        "bodies": members,
-        "joints": tuple(joints),
-        "loads": tuple(loads),
-        "gravity": gravity,
-        "connectors": tuple(connectors),
-        "_by_name": {body.name: body for body in members},
-    }.items():
-        object.__setattr__(found, what, value)
-    return found
-
-
 def checked_scene(scene: object) -> Scene:
     """Return a scene, or refuse what is none.
 

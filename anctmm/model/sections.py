@@ -1,6 +1,6 @@
 """Cross-sections: area and even moments about the neutral axis, odd moments zero.
 
-See anctmm/recursion/method.md, section 1.
+See anctmm/elimination/method.md, section 1.
 """
 
 from dataclasses import dataclass, field

@@ -7,7 +7,7 @@ from math import isnan
 from time import process_time
 from typing import ParamSpec
 
-from anctmm.jit.announcing import compiling
+from anctmm.kernels.announcing import compiling
 from anctmm.results.solution import Cost, Solution
 
 P = ParamSpec("P")

@@ -6,9 +6,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.mesh import varying_loads
 from anctmm.errors import unknown_kind
-from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, tabulated
+from anctmm.model.loads import LOADS, Force, LineLoad, Load, Torque, tabulated, varies
 from anctmm.results.solution import Solution
 
 Array = NDArray[np.float64]
@@ -37,7 +36,7 @@ def with_load_work(found: Solution) -> Solution:
     if follows or any(c.law is not None for c in scene.connectors):
         work[1:] = np.nan
     else:
-        for load in varying_loads(scene):
+        for load in filter(varies, scene.loads):
             work += _work(found, load)
     return replace(found, energy=replace(found.energy, work=work))
 

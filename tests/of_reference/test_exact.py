@@ -208,7 +208,7 @@ def test_integration_matrix_is_exact_for_polynomials():
 
 
 def section_energy(cross, material, p, d, q):
-    """Energy per length of method.md (anctmm/recursion), section 1: integrated over the section by A, I, J."""
+    """Energy per length of method.md (anctmm/elimination), section 1: integrated over the section by A, I, J."""
     (lame, G), A, I, J = material.lame, cross.area, cross.second_moment, cross.fourth_moment  # noqa: E741
     a0, a1, a2, e = 0.5 * (p @ p - 1.0), p @ q, 0.5 * q @ q, 0.5 * (d @ d - 1.0)
     xx = A * a0**2 + I * (a1**2 + 2.0 * a0 * a2) + J * a2**2

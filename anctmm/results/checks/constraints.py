@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elements.kinds import kind_of
-from anctmm.jit.by_address import by_address
 from anctmm.model.drives import table_of
 from anctmm.model.joints import Clamp, built_in
 from anctmm.model.kept import alike, kept
@@ -39,7 +38,6 @@ STRAINED = 1e-6
 ROUNDINGS = 1e3
 
 
-@by_address
 class Constraints(NamedTuple):
     """What the joints of a scene keep, of places numbered as in `Places`: of mechanisms positions alone.
 

@@ -12,19 +12,13 @@ Gauss' principle of least constraint (J. reine angew. Math. 4, 1829, 232-235), b
 free are no forces.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from anctmm.discretise.singular_positions.dependence import (
-    MOTIONS,
-    STEPS,
-    independent,
-    settled,
-)
 from anctmm.model.joints import Clamp, Joint, Pin, Prismatic, Slider, Weld, unknown_joint
 from anctmm.model.places import Place
 from anctmm.results.internal_forces.actions import turn_since_placed
@@ -37,6 +31,10 @@ Array = NDArray[np.float64]
 NONE, UNKNOWN = 1e-10, 1e-6
 #: Unknowns from which on matrices are sparse.
 MANY = 60
+#: Smallest eigenvalue of J Jᵀ, of the largest, above which no equation depends on others. Rounding makes 1e-16 of none.
+CLEAR = 1e-12
+#: States drawn at random to find what is not determined; repeated steps, and the change that counts as none.
+MOTIONS, STEPS, SETTLED = 8, 8, 1e-8
 
 
 class JointForces(NamedTuple):
@@ -277,8 +275,7 @@ def _redundant(A: "scipy.sparse.csr_array", scale: Array, right: Array) -> tuple
     """The same where something is not determined; None where sparse factors cannot tell what.
 
     The equations of `_sparse` with −ν² in the place of 0, and repeated for what is left, ν² small: what they determine
-    is the same, and the rest is of any size. States that A does not see are drawn at random, as motions are for
-    `anctmm.discretise.singular_positions.dependence.blocking_stress`, and scaled so.
+    is the same, and the rest is of any size. States that A does not see are drawn at random, always the same ones.
     """
     inverse = (scale.max() / scale) ** 2
     size = scipy.sparse.linalg.norm(A, 1) * scipy.sparse.linalg.norm(A, np.inf)
@@ -311,3 +308,44 @@ def _least_squares(matrix: Array, right: Array, rank: int) -> Array:
     found = np.zeros(matrix.shape[1])
     found[chosen[:rank]] = scipy.linalg.solve_triangular(R[:rank, :rank], (Q.T @ right[order])[:rank])
     return found
+
+
+def settled(part: Callable[[Array], Array], x: Array) -> Array | None:
+    """What is left of x if the same part of it is taken away again and again; None if there is no end of it."""
+    size = float(np.abs(x).max())
+    for _ in range(STEPS):
+        taken = part(x)
+        x = x - taken
+        if np.abs(taken).max() <= SETTLED * size:
+            return x
+    return None
+
+
+def independent(J: "scipy.sparse.csr_array") -> bool:
+    """Whether no equation of J u = 0 depends on others, by far.
+
+    Parameters
+    ----------
+    J : csr_array, shape (equations, unknowns)
+        With entries of like sizes.
+
+    Returns
+    -------
+    bool
+        False also where J Jᵀ is too near to singular to tell: a singular value decomposition of J can tell more.
+    """
+    count, unknowns = J.shape
+    if count > unknowns:
+        return False
+    S = (J @ J.T).tocsc()
+    try:
+        factors = scipy.sparse.linalg.splu(
+            S, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
+    except RuntimeError:  # a pivot of zero
+        return False
+    inverse = scipy.sparse.linalg.LinearOperator(
+        S.shape, matvec=factors.solve, rmatvec=factors.solve, dtype=float
+    )
+    least = 1.0 / float(scipy.sparse.linalg.onenormest(inverse)) if count > 1 else float(abs(S[0, 0]))
+    return least > CLEAR * float(scipy.sparse.linalg.norm(S, 1))

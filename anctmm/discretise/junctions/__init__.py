@@ -1,1 +1,0 @@
-"""Junctions: beams divided at joints, vertices of the graph, constraints."""

@@ -1,1 +1,0 @@
-"""Loads, connectors and driven clamps, and their histories in time."""

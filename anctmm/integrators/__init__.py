@@ -1,1 +1,0 @@
-"""Time integration, statics, natural modes, stability limits, and the output of runs."""

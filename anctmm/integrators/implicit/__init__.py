@@ -1,1 +1,0 @@
-"""Parts that implicit methods share: system, steps, Newton's iteration, start, continuation and failure of a run."""

@@ -1,1 +1,0 @@
-"""Compilation and storage of kernels."""

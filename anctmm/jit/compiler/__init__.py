@@ -1,1 +1,0 @@
-"""Settings and extensions of numba for kernels."""

@@ -1,1 +1,0 @@
-"""The transfer-matrix method: transfer equations, Riccati recursion, accelerations, constraints."""

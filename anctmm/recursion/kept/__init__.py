@@ -1,1 +1,0 @@
-"""The system of kept unknowns: of loops, of constraints, and of connectors between distant nodes."""
