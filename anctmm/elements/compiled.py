@@ -12,7 +12,7 @@ from numba import carray, types
 
 from anctmm.elements import cable_kernel, quintic_kernel, shear_kernel
 from anctmm.elements.tangent_blocks import TANGENT_BUFFER
-from anctmm.kernels.options import c_function, inlined
+from anctmm.kernels.options import c_function
 
 #: Modules of kernels by kind of element; each has `forces`, `damping_forces`, `tangents`, `energy` and `constants`.
 MODULES: dict[str, ModuleType] = {"cable": cable_kernel, "shear": shear_kernel, "quintic": quintic_kernel}
@@ -35,79 +35,88 @@ def _compiled(kind: str, what: str) -> Any:
     return c_function(SIGNATURE, globals()[f"{kind}_{what}"])
 
 
-@inlined
-def _table(numbers):  # type: ignore[no-untyped-def]
-    return carray(numbers, (NUMBERS,))
-
-
-@inlined
-def _nodes(q, nodes):  # type: ignore[no-untyped-def]
-    return carray(q, (ROWS, nodes))
-
-
-@inlined
-def _room(out):  # type: ignore[no-untyped-def]
-    return carray(out, (ROOM,))
-
-
 def cable_forces(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Elastic forces of cable elements."""
-    cable_kernel.forces(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    cable_kernel.forces(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def cable_damping(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Damping forces of cable elements."""
-    x, y = _nodes(q, nodes), _nodes(v, nodes)
-    cable_kernel.damping_forces(x, y, first, count, _table(constants), damping, _room(out))
+    x, y = carray(q, (ROWS, nodes)), carray(v, (ROWS, nodes))
+    cable_kernel.damping_forces(
+        x, y, first, count, carray(constants, (NUMBERS,)), damping, carray(out, (ROOM,))
+    )
 
 
 def cable_tangents(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Tangents of cable elements."""
-    cable_kernel.tangents(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    cable_kernel.tangents(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def cable_energy(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Strain energy of cable elements."""
-    _room(out)[0] = cable_kernel.energy(_nodes(q, nodes), first, count, _table(constants))
+    carray(out, (ROOM,))[0] = cable_kernel.energy(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,))
+    )
 
 
 def shear_forces(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Elastic forces of shear elements."""
-    shear_kernel.forces(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    shear_kernel.forces(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def shear_damping(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Damping forces of shear elements."""
-    x, y = _nodes(q, nodes), _nodes(v, nodes)
-    shear_kernel.damping_forces(x, y, first, count, _table(constants), damping, _room(out))
+    x, y = carray(q, (ROWS, nodes)), carray(v, (ROWS, nodes))
+    shear_kernel.damping_forces(
+        x, y, first, count, carray(constants, (NUMBERS,)), damping, carray(out, (ROOM,))
+    )
 
 
 def shear_tangents(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Tangents of shear elements."""
-    shear_kernel.tangents(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    shear_kernel.tangents(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def shear_energy(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Strain energy of shear elements."""
-    _room(out)[0] = shear_kernel.energy(_nodes(q, nodes), first, count, _table(constants))
+    carray(out, (ROOM,))[0] = shear_kernel.energy(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,))
+    )
 
 
 def quintic_forces(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Elastic forces of quintic elements."""
-    quintic_kernel.forces(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    quintic_kernel.forces(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def quintic_damping(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Damping forces of quintic elements."""
-    x, y = _nodes(q, nodes), _nodes(v, nodes)
-    quintic_kernel.damping_forces(x, y, first, count, _table(constants), damping, _room(out))
+    x, y = carray(q, (ROWS, nodes)), carray(v, (ROWS, nodes))
+    quintic_kernel.damping_forces(
+        x, y, first, count, carray(constants, (NUMBERS,)), damping, carray(out, (ROOM,))
+    )
 
 
 def quintic_tangents(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Tangents of quintic elements."""
-    quintic_kernel.tangents(_nodes(q, nodes), first, count, _table(constants), _room(out))
+    quintic_kernel.tangents(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,)), carray(out, (ROOM,))
+    )
 
 
 def quintic_energy(q, v, nodes, first, count, constants, damping, out):  # type: ignore[no-untyped-def]
     """Strain energy of quintic elements."""
-    _room(out)[0] = quintic_kernel.energy(_nodes(q, nodes), first, count, _table(constants))
+    carray(out, (ROOM,))[0] = quintic_kernel.energy(
+        carray(q, (ROWS, nodes)), first, count, carray(constants, (NUMBERS,))
+    )

@@ -72,15 +72,11 @@ def part(function: Callable[..., Any]) -> Any:
 
 
 def thin(function: Callable[..., Any]) -> Any:
-    """The same for a function that does little but pass tables on: it becomes part of its callers.
+    """Make a function that does little but pass tables on part of the source of the kernels that call it.
 
-    A call copies all arrays of its tables, which takes longer than what it does.
+    A call copies all arrays of its tables, which takes longer than what it does, and compiling it longer still.
     """
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
-    try:
-        return _njit(function, cache=True, forceinline=True, **OPTIONS)
-    finally:
-        _settings.CACHE_DIR = before
+    return _njit(function, inline="always", **OPTIONS)
 
 
 def c_function(signature: Any, function: Callable[..., Any]) -> Any:
@@ -94,4 +90,8 @@ def c_function(signature: Any, function: Callable[..., Any]) -> Any:
 
 def inlined(function: Callable[..., Any]) -> Any:
     """Make a small function part of the kernels that call it."""
-    return _njit(function, inline="always", **OPTIONS)
+    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
+    try:
+        return _njit(function, cache=True, no_cpython_wrapper=True, forceinline=True, **OPTIONS)
+    finally:
+        _settings.CACHE_DIR = before

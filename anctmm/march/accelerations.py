@@ -25,7 +25,7 @@ PROJECTIONS, KEPT, FALLS = 12, 1e-14, 0.1
 VIOLATED = 1e-7
 
 
-@part
+@thin
 def factorize_mass(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, signals: Array) -> int:
     """Factor [M Jᵀ; J −δ] with the J at hand; its number of negative pivots."""
     matrix, width = tables.matrix, len(size)
@@ -74,7 +74,7 @@ def take_multipliers(tables: Tables) -> None:
         rows.multiplier[r] = tables.matrix.unknowns[rows.at[r]]
 
 
-@part
+@thin
 def take_off(size: tuple[int, ...], space: tuple[int, ...], tables: Tables, state: State, x: Array) -> None:
     """Add to x the least change, in the metric of the matrix, that takes the values g off; known vectors stay."""
     matrix, rows = tables.matrix, tables.rows
