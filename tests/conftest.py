@@ -49,8 +49,7 @@ SLOW = {
     "implicit": ["esdirk", "implicit", "implicit_run", "stage_constraints"],
     "jit": ["announcing"],
     "modes": ["growth", "modes_of_motions"],
-    "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "quintic_against_dae",
-                     "random_scenes"],
+    "of_reference": ["agreement", "dae", "exact_mechanisms", "quintic_against_dae", "random_scenes"],
     "questions": ["gallery", "question_new_solver", "questions", "trade"],
     "recursion": ["driven_hinges", "kept_motions", "work_of_drives"],
     "results": ["export", "fields", "internal_forces", "pictures", "whole_turns"],
@@ -70,7 +69,6 @@ INTERPRETED = {
     "implicit": ["balanced", "esdirk", "implicit_run", "stage_constraints"],
     "model": ["inputs", "mechanisms", "scene"],
     "modes": ["growth"],
-    "of_reference": ["acting_against_dae", "random_scenes"],
     "recursion": ["constrained", "coupled", "kept_motions", "kept_places", "low_rank", "tip_mass", "work_of_drives"],
     "results": ["pictures", "whole_turns"],
     "statics": ["damped_flutter", "held", "load_work", "static_start"],
@@ -82,7 +80,7 @@ INTERPRETED = {
 LONGEST = (
     "small_motions", "own_joints", "control", "wound_springs", "implicit", "esdirk", "stage_constraints",
     "stage_control", "second_process", "agreement", "exact_mechanisms", "adaptive", "growth", "returning",
-    "dae_mechanisms", "transfer", "free_turns", "kept_motions", "explicit", "laws", "inputs", "pictures",
+    "dae", "transfer", "free_turns", "kept_motions", "explicit", "laws", "inputs", "pictures",
     "histories", "gallery", "whole_turns", "balanced", "exact", "contracts",
 )  # fmt: skip
 

@@ -6,7 +6,6 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
@@ -105,6 +104,8 @@ def outer(i, turned=()):
 
 def chain_of(scene, **options):
     """A scene as ANC-TMM sees it."""
+    from anctmm.discretise.chain import Chain  # goes with the tests of chains
+
     return Chain(scene, Discretisation(**{"mesh": 2, **options}))
 
 

@@ -1,6 +1,7 @@
 """Runs that fail: named by when, where and what to try, their history kept until then and shown as cut."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from reference import exudyn_cable, global_dae
-from reference.exudyn.run import _timed
+from reference.exudyn.cable import Cables
 from studies.scenes import cantilever_fall, cantilever_tip_force
 
 RUBBER = Material(1e6, 1000.0)
@@ -161,7 +162,8 @@ def test_failure_of_exudyn_is_one_line_without_places_on_this_machine():
     def gives_up(settings):
         raise exu.SolverError("no\n[Python file '/somewhere/solver.py', line 1]\n  convergence")
 
-    assert _timed(exu, gives_up, None)[0] == "no convergence"
+    adapter = Cables(pushed(), at.Discretisation(mesh=2)).adapter()
+    assert adapter._solved(SimpleNamespace(exu=exu), gives_up, None)[0] == "no convergence"
 
 
 # --- what is sound -----------------------------------------------------------------------------------------
