@@ -19,7 +19,11 @@ ADVISED = 0.8
 
 
 def check_memory(
-    scene: Scene, run: Discretisation, each: float, outputs: int | None = None, kept_each: float = HISTORIES * NUMBER
+    scene: Scene,
+    run: Discretisation,
+    each: float,
+    outputs: int | None = None,
+    kept_each: float = HISTORIES * NUMBER,
 ) -> None:
     """Refuse a run that takes more memory than is free.
 

@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 #: Projections of positions at most; values of rows, of the size of the scene, that are none; and how far one must fall.
 PROJECTIONS, KEPT, FALLS = 12, 1e-14, 0.1
 #: Value of a row, of the size of the scene, that is not kept.
-VIOLATED = 1e-7
+VIOLATED = 1e-8
 
 
 @thin

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.methods import stages
 from anctmm.kernels.options import inlined, kernel, part
-from anctmm.march.accelerations import take_off
+from anctmm.march.accelerations import VIOLATED, take_off
 from anctmm.march.newton import Coefficients, iterate, set_end
 from anctmm.march.output import Output, keep, stage_power, too_large
 from anctmm.march.starting import balance
@@ -30,8 +30,8 @@ from anctmm.system.system import Inputs, System, Tables, place_driven
 
 Array = NDArray[np.float64]
 
-#: Projections at the end of a step at most, and values of rows, of the size of the scene, that are kept and that fail.
-PROJECTIONS, KEPT, VIOLATED = 6, 1e-14, 1e-7
+#: Projections at the end of a step at most, and values of rows, of the size of the scene, that are kept.
+PROJECTIONS, KEPT = 6, 1e-14
 
 
 #: For kernels no literal, for which others would be compiled once more.

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from anctmm.elimination.factor import solve
 from anctmm.kernels.options import inlined, part, thin
+from anctmm.march.accelerations import VIOLATED
 from anctmm.march.state import State
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
 from anctmm.system.matrix import scatter
@@ -24,8 +25,10 @@ Array = NDArray[np.float64]
 
 #: Contraction above which the matrix is renewed before the next step, and above which in the step.
 SLOW, TOO_SLOW = 0.1, 0.5
-#: Corrections below which one that does not fall is rounding, and values of rows, of the scene's size, that are kept.
-ROUNDING, KEPT = 1e-8, 1e-8
+#: Part of the tolerance that the error left may have where it is estimated by the contraction.
+SAFE = 0.1
+#: Corrections below which one that does not fall is rounding.
+ROUNDING = 1e-8
 
 
 class Coefficients(NamedTuple):
@@ -62,8 +65,8 @@ def iterate(
 ) -> bool:
     """Newton's iteration from q, v and w; whether it converged. With `full` the matrix is renewed at each correction.
 
-    It ends where the error left, positions over the length of the scene and gradients as they are, is at most the
-    tolerance by the geometric series of the corrections.
+    It ends where a correction, positions over the length of the scene and gradients as they are, is at most the
+    tolerance, or where the geometric series of the corrections leaves an error far below it.
     """
     rows, matrix, dim = tables.rows, tables.matrix, len(space)
     length, tolerance = state.scale[0], state.scale[1]
@@ -86,9 +89,9 @@ def iterate(
             break
         contraction = change / last if iteration > 0 else 1.0
         small = change <= tolerance or (
-            contraction < 1.0 and change * contraction / (1.0 - contraction) <= tolerance
+            contraction < 1.0 and change * contraction / (1.0 - contraction) <= SAFE * tolerance
         )
-        if small and off <= KEPT * length:
+        if small and off <= VIOLATED * length:
             state.counts[2] = (
                 1 if iteration > 0 and contraction > SLOW and change > ROUNDING * tolerance else 0
             )
@@ -97,7 +100,7 @@ def iterate(
             state.counts[2] = 1
             stalls += 1 if change < ROUNDING else 0
             if stalls == 3:  # corrections with a new matrix that no longer fall are rounding
-                return off <= KEPT * length
+                return off <= VIOLATED * length
         last = change
     state.counts[2] = 1
     return False

@@ -163,10 +163,15 @@ class Numbering:
             for part in parts:
                 row = Row(_without_zeros(part), owner, group)
                 key = self._key(row)
-                if key not in seen and any(self.shares.value(x) is None for x in row.vectors):
+                if key not in seen and any(map(self._moves, row.vectors)):
                     seen.add(key)
                     rows.append(row)
         return rows
+
+    def _moves(self, x: int) -> bool:
+        """Whether a vector is unknown or driven. Rows of driven ones alone tell where a linkage locks."""
+        known = self.shares.value(x)
+        return known is None or bool(known.keys() - {None})
 
     def _key(self, row: Row) -> tuple[object, ...]:
         """The same for rows of the same terms over vectors that are one."""

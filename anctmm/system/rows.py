@@ -109,7 +109,9 @@ def rows_of(numbering: Numbering, signals: Sequence[Signal], mass: Array) -> Row
     set_jacobian(found, mesh.reference, _at_start(signals))
     unknown = numbering.root[vectors]
     size = (found.J**2).sum(axis=1) / mass[unknown]
-    np.add.at(found.compliance, rows, np.where(found.codes >= 0, REGULARISATION * size, 0.0))
+    unknowns = np.isin(rows, rows[found.codes >= 0])  # a row of driven vectors alone has no other pivot
+    part = np.where(unknowns, np.where(found.codes >= 0, REGULARISATION, 0.0), 1.0)
+    np.add.at(found.compliance, rows, part * size)
     return found
 
 
