@@ -1,29 +1,30 @@
-"""The paper's transfer matrices, dense and readable: the plain product and the Riccati recursion in any partition.
+"""The paper's recursion along a chain of beams, dense and readable: transfer matrices, plain product, Riccati form.
 
 The state of a node is z = [δ̈; P] (Rong 2014, eq. 14), P the generalized forces counted as transmitted through the node
-from inboard to outboard. Vectors of the plane are complex numbers here, x + iy: then a mass m ⊗ I₂ is the real
-matrix m and a turn by φ is the factor exp(iφ). A node of the shear element has k = 3 components (r, r_x, r_y), one of
-the cable 2.
+from inboard to outboard. An element takes it on by z_O = U z_I + T (eqs. 17-18), and a joint by what it lets pass. The
+plain product of all U is the paper's first form; the Riccati recursion za = S zb + e (eqs. 28-35) keeps its digits.
 
-This is the form to read and to test against. For speed there is `riccati`.
+`factor` does the same in blocks, for trees and loops: with za = P and zb = δ̈, S is the condensed mass of all that lies
+inboard of a node, which is added to the diagonal block of the node and inverted there, and e is the right-hand side
+swept so far. Where branches meet, their S and e add up; a loop fills blocks beside the diagonal. This module is the
+form to read and to test against.
+
+Vectors of the plane are complex numbers here, x + iy: a mass m ⊗ I₂ is then the real matrix m, and a turn by φ the
+factor exp(iφ). A node of the shear element has k = 3 components (r, r_x, r_y), one of the cable 2.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.plan import PIN, WELD
-from anctmm.elements.kinds import check_kinds, wholly_held
-from anctmm.errors import SolverError
-
 Complex = NDArray[Any]
 Real = NDArray[np.float64]
 Partition = NDArray[np.bool_]
 
-#: At a start or end of a chain, which of r and the gradients are known (else their forces vanish).
+#: At the start or end of a chain, which of r and the gradients are known (else their forces vanish).
 FREE, PINNED, CLAMPED = "free", "pinned", "clamped"
 
 
@@ -50,10 +51,9 @@ def element_transfer(mass: Real, load_I: Complex, load_O: Complex) -> tuple[Comp
     return U.astype(complex), T
 
 
-def weld_transfer(k: int, cosine: float = 1.0, sine: float = 0.0) -> tuple[Complex, Complex]:
-    """U and T of a weld: r and its force pass on, gradients and their forces turn with the frame."""
-    W = np.full(k, complex(cosine, sine))
-    W[0] = 1.0
+def weld_transfer(k: int, turn: complex = 1.0) -> tuple[Complex, Complex]:
+    """U and T of a weld: r and its force pass on, gradients and their forces turn with the frame, by exp(iφ)."""
+    W = np.array([1.0, *[turn] * (k - 1)], dtype=complex)
     return np.diag(np.concatenate([W, W])), np.zeros(2 * k, dtype=complex)
 
 
@@ -61,10 +61,7 @@ def weld_transfer(k: int, cosine: float = 1.0, sine: float = 0.0) -> tuple[Compl
 class Passage:
     """One step along a chain.
 
-    Parameters
-    ----------
-    U, T : ndarray or None
-        Transfer of an element or a weld; None for a pin, whose other side is not determined by the state.
+    U and T are the transfer of an element or a weld, None of a pin, whose other side the state does not determine.
     """
 
     U: Complex | None
@@ -94,69 +91,62 @@ class Row:
     known: tuple[Complex, Complex]
 
 
-def row_of(chain: Chain, q: Real, f: Real, clamp: Real | None = None) -> Row:
-    """A scene of one chain and one kind of element.
+@dataclass(frozen=True)
+class Body:
+    """A beam as a chain passes it.
 
     Parameters
     ----------
-    chain : Chain
-    q, f : ndarray, shape (rows, nodes)
-        Coordinates and external forces.
-    clamp : ndarray, shape (rows, nodes), optional
-        Known accelerations of driven clamps; 0 without it.
-
-    Raises
-    ------
-    SolverError
-        If the scene has several chains or mixes kinds of elements: the readable form keeps to one.
+    mass : ndarray, shape (2k, 2k)
+        Scalar mass matrix of each of its equal elements.
+    loads : ndarray, shape (elements, 2k)
+        F − Kδ of each element at its nodes, N and N m: external less elastic forces, each external one once.
+    backward : bool
+        Whether the chain passes it from its end to its start.
     """
-    bodies = chain.bodies
-    if not all(mesh.elements for mesh in bodies.meshes):
-        raise SolverError(f"scene {chain.scene.name!r} has bodies of one node; beams alone are needed here")
-    if chain.guided:
-        raise SolverError(
-            f"scene {chain.scene.name!r} has guides; the readable form takes beams, pins, welds and clamps"
-        )
-    if not chain.single:
-        raise SolverError(f"scene {chain.scene.name!r} has several chains; one is needed here")
-    if len(set(bodies.kinds)) > 1:
-        raise SolverError(
-            f"scene {chain.scene.name!r} mixes {' and '.join(sorted({m.kind.name for m in chain.bodies.meshes}))} "
-            f"elements; one kind is needed here"
-        )
-    check_kinds(chain.run.of(chain.scene), wholly_held(), "the readable form of a row")
-    k = bodies.rows // 2
-    outer = complex_of(f)
-    passages = []
-    for b in range(len(bodies.meshes)):
-        passages += body_passages(chain, b, q, outer)
-        if chain.link[b] == WELD:
-            passages.append(Passage(*weld_transfer(k, *chain.turn[b])))
-        elif chain.link[b] == PIN:
-            passages.append(Passage(None, None))
-    names = {0: FREE, 1: PINNED, k: CLAMPED}
-    held = chain.prescribed[::2].sum(axis=0)
-    known = np.zeros((k, bodies.nodes)) if clamp is None else complex_of(clamp)
-    return Row(k, passages, names[int(held[0])], names[int(held[-1])], (known[:, 0], known[:, -1]))
+
+    mass: Real
+    loads: Complex
+    backward: bool = False
+
+    def passages(self) -> list[Passage]:
+        """Through its elements, in the order in which the chain passes them."""
+        k = len(self.mass) // 2
+        if not self.backward:
+            return [Passage(*element_transfer(self.mass, load[:k], load[k:])) for load in self.loads]
+        mass = np.roll(self.mass, (k, k), axis=(0, 1))
+        return [Passage(*element_transfer(mass, load[k:], load[:k])) for load in self.loads[::-1]]
 
 
-def body_passages(chain: Chain, b: int, q: Real, outer: Complex) -> list[Passage]:
-    """Passages through the elements of a body, under external forces (k, nodes)."""
-    bodies, k, passages = chain.bodies, chain.bodies.rows // 2, []
-    last = int(bodies.first[b + 1]) - 1
-    for i in range(int(bodies.first[b]), last):
-        element = bodies.meshes[b].element
-        elastic = element.force(q[:, i : i + 2].T.reshape(2 * k, 2)) @ [1.0, 1.0j]
-        # an external force enters once: at node I, and at a body's last node at node O
-        load_O = outer[:, i + 1] if i + 1 == last else np.zeros(k)
-        passages.append(
-            Passage(*element_transfer(element.mass, outer[:, i] - elastic[:k], load_O - elastic[k:]))
-        )
-    return passages
+def row_of(
+    bodies: Sequence[Body],
+    turns: Sequence[complex | None],
+    supports: tuple[str, str],
+    known: tuple[Complex, Complex],
+) -> Row:
+    """Passages through bodies of one kind of element and through the joints between them.
+
+    Parameters
+    ----------
+    bodies : sequence of Body
+    turns : sequence of complex or None
+        One of each two neighbours: None of a pin, of a weld exp(iφ), by which the frame of the second body is turned
+        against that of the first.
+    supports : (str, str)
+        FREE, PINNED or CLAMPED, at the start and at the end.
+    known : (ndarray, ndarray)
+        Accelerations there, as of `Row`.
+    """
+    k = len(bodies[0].mass) // 2
+    passages = bodies[0].passages()
+    for turn, body in zip(turns, bodies[1:], strict=True):
+        through = (None, None) if turn is None else weld_transfer(k, turn)
+        passages += [Passage(*through), *body.passages()]
+    return Row(k, passages, *supports, known)
 
 
 def accelerations_plain(row: Row) -> Complex:
-    """Accelerations by the plain product of transfer matrices, (k, nodes).
+    """Accelerations of all nodes in their order along the chain, (k, nodes), by the plain product.
 
     All states are affine in the unknowns u of the start: z = B u + c; a pin replaces u by what its vanishing forces
     leave of it and the new gradients. An element's U has an eigenvalue of 68, so all digits are lost within
@@ -211,7 +201,7 @@ def _end_conditions(row: Row, B: Complex, c: Complex) -> tuple[Complex, Complex]
 
 
 def accelerations_riccati(row: Row) -> Complex:
-    """Accelerations by the Riccati recursion, (k, nodes) (Rong 2014, eqs. 28-35).
+    """The same by the Riccati recursion (Rong 2014, eqs. 28-35).
 
     The partition is the one that the start suits: za is what is known there, za = S zb + e with S = 0. At a pinned
     start this is the paper's za = [δ̈₁, δ̈₂, P₃ … P₆], at a free one za = P with S the condensed mass.
@@ -223,7 +213,7 @@ def accelerations_riccati(row: Row) -> Complex:
     memory = [(by_force, S, e)]
     for passage in row.passages:
         if passage.U is None or passage.T is None:
-            by_force, S, e = swapped(by_force, S, e, np.arange(1, k))
+            by_force, S, e = swapped(by_force, S, e)
             memory[-1] = (by_force, S, e)
             S, e = pass_pin(S, e)
         else:
@@ -261,12 +251,10 @@ def _split(by_force: Partition) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.where(by_force, k + i, i), np.where(by_force, i, k + i)
 
 
-def swapped(
-    by_force: Partition, S: Complex, e: Complex, wanted: NDArray[np.intp]
-) -> tuple[Partition, Complex, Complex]:
-    """Another partition, in which za_i is P_i for the components wanted (principal pivots of S)."""
+def swapped(by_force: Partition, S: Complex, e: Complex) -> tuple[Partition, Complex, Complex]:
+    """Another partition, in which za_i is P_i for all gradients (principal pivots of S)."""
     by_force, S, e = by_force.copy(), S.copy(), e.copy()
-    for i in wanted:
+    for i in range(1, len(e)):
         if by_force[i]:
             continue
         others = np.arange(len(e)) != i
@@ -281,14 +269,11 @@ def swapped(
     return by_force, S, e
 
 
-def pass_pin(S: Complex, e: Complex, held: int = 1) -> tuple[Complex, Complex]:
-    """Pass a pin: P₃ … vanish on both sides, the outboard gradients are new and bear nothing yet.
-
-    Or another joint, that holds so many vectors.
-    """
-    gain = np.linalg.solve(S[held:, held:].T, S[:held, held:].T).T
+def pass_pin(S: Complex, e: Complex) -> tuple[Complex, Complex]:
+    """Pass a pin: P₃ … vanish on both sides, the outboard gradients are new and bear nothing yet."""
+    gain = np.linalg.solve(S[1:, 1:].T, S[:1, 1:].T).T
     out, rest = np.zeros_like(S), np.zeros_like(e)
-    out[:held, :held], rest[:held] = S[:held, :held] - gain @ S[held:, :held], e[:held] - gain @ e[held:]
+    out[:1, :1], rest[:1] = S[:1, :1] - gain @ S[1:, :1], e[:1] - gain @ e[1:]
     return out, rest
 
 
@@ -312,8 +297,3 @@ def step_back(passage: Passage, inboard: tuple[Partition, Complex, Complex], out
         matrix = U[np.ix_(b, a)] @ S + U[np.ix_(b, b)]
         zb = np.linalg.solve(matrix, zb - U[np.ix_(b, a)] @ e - T[b])
     return state_of(by_force, S, e, zb)
-
-
-def complex_of(rows: Real) -> Complex:
-    """Vectors in the plane as complex numbers x + iy, from rows x, y, x, y, …"""
-    return rows[::2] + 1.0j * rows[1::2]
