@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Columns = Iterator[tuple[Column, Array]]
 
 #: Solvers of the paper's method in its readable form: from `studies.regression.readable`.
-READABLE = ("transfer-plain", "transfer-riccati", "transfer-tree")
+READABLE = ("transfer-plain", "transfer-riccati")
 ENERGIES = {
     "kinetic": "kinetic energy", "strain": "strain energy", "potential": "potential energy", "work": "work",
 }  # fmt: skip

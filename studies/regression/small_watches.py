@@ -195,7 +195,6 @@ def _readable() -> tuple[Watch, ...]:
         _watch(small.driven_end(), angled, solvers=solvers),
         _watch(small.held_chain(), angled, solvers=solvers),
         _watch(small.driven_chain(damping=2e-4), runs, solvers=CHAIN_SOLVERS),
-        _watch(small.tree(), angled, solvers=("anctmm", "transfer-tree")),
     )
 
 

@@ -3,19 +3,16 @@
 import numpy as np
 import pytest
 from direct import direct, elastic, mass_of, stiffness_of
-from graphs import SCENES, ladder, polygon
+from graphs import SCENES, ladder
 
 import anctmm as at
 from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.joined import Joined
-from anctmm.errors import SolverError
 from anctmm.forces.actuation import Actuation
 from anctmm.recursion.accelerations import by_scalars
 from anctmm.recursion.riccati import block_factors, factorize, links, mass_factors, solve
 from anctmm.recursion.split import split_factors
-from anctmm.recursion.tree_transfer import accelerations_tree
-from studies.regression.small_scenes import tree
 
 every_scene = pytest.mark.parametrize("name", SCENES)
 #: Roundings of the mass of quintic cables, whose functions are more alike, are larger by so much.
@@ -79,36 +76,6 @@ def test_tangent_solves_of_any_topology_count_negative_eigenvalues(name, element
         assert pivots == (np.linalg.eigvalsh((T.T @ matrix @ T).toarray()) < 0.0).sum()
         allowed = 1e-12 * ROUNDING[element] if pivots == 0 else 1e-9
         assert error(solve(factors, d.f.copy()), d.solved(matrix, d.f)) < allowed
-
-
-@every_element
-@pytest.mark.parametrize("name", [n for n, s in SCENES.items() if n.startswith(("y_", "binary"))])
-def test_branches_add_up_in_the_readable_form(name, element):
-    d = Direct(SCENES[name], element)
-    a = accelerations_tree(d.chain, d.q, d.f)
-    found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
-    assert error(found, d.solved(d.mass(), d.f - d.elastic())) < 1e-10 * ROUNDING[element]
-
-
-@every_element
-@pytest.mark.parametrize("place", ["trunk.start", "right.end", "twig.end"])
-def test_driven_clamps_of_trees_in_the_readable_form(place, element):
-    scene = tree()
-    others = [joint for joint in scene.joints if not isinstance(joint, at.Clamp)]
-    d = Direct(at.Scene("driven", scene.bodies, (at.Clamp(place, at.Quintic(0.7, 0.05)), *others)), element)
-    known = np.where(d.chain.prescribed, np.random.default_rng(1).standard_normal(d.q.shape), 0.0)
-    known[:2] = 0.0
-    assert np.abs(known).max() > 0.1
-    a = accelerations_tree(d.chain, d.q, d.f, known)
-    found = np.stack([a.real, a.imag], axis=1).reshape(d.q.shape)
-    load = d.f - d.elastic() - (d.mass() @ known.reshape(-1)).reshape(d.q.shape)
-    assert error(found, known + d.solved(d.mass(), load)) < 1e-10 * ROUNDING[element]
-
-
-def test_readable_form_refuses_loops():
-    d = Direct(polygon(at.Pin), "cable")
-    with pytest.raises(SolverError, match="closes loops"):
-        accelerations_tree(d.chain, d.q, d.f)
 
 
 @pytest.mark.parametrize("name", SCENES)
