@@ -8,7 +8,7 @@ from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
 from anctmm.equilibria import solve_static
-from anctmm.march.integrate import integrate
+from anctmm.integrators.integrate import integrate
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
 from anctmm.model.needs import refuse

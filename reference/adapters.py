@@ -60,7 +60,7 @@ class Answer:
 
 @dataclass
 class Adapter:
-    """A scene as another code has it; an adapter says `check`, `build`, `march` and the class variables.
+    """A scene as another code has it; an adapter says `check`, `build`, `integrators` and the class variables.
 
     Parameters
     ----------

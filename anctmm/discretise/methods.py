@@ -1,6 +1,6 @@
 """Integrators and their parameters.
 
-A method is data only: the steps are in `anctmm.march`.
+A method is data only: the steps are in `anctmm.integrators`.
 """
 
 from dataclasses import dataclass
@@ -123,7 +123,7 @@ class Esdirk:
 
     ESDIRK4(3)6L[2]SA of Kennedy & Carpenter (2003, doi:10.1016/S0168-9274(02)00138-1, table of the implicit part):
     L-stable, all stages with one matrix; the first is the end of the last step. See
-    `anctmm.march.esdirk`. It has no parameters.
+    `anctmm.integrators.esdirk`. It has no parameters.
     """
 
     name: ClassVar[str] = "esdirk"

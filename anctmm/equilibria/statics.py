@@ -18,8 +18,8 @@ from anctmm.equilibria.descent import downhill, settled, stable_path
 from anctmm.equilibria.load_path import LoadPath, worst
 from anctmm.equilibria.stability import stability_of
 from anctmm.errors import DiscretisationError
+from anctmm.integrators.output import field_of
 from anctmm.kernels.announcing import compiling
-from anctmm.march.output import field_of
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted

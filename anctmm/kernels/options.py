@@ -18,7 +18,7 @@ _settings: Any = numba.config
 _njit: Any = numba.njit
 
 #: Packages whose modules hold kernels.
-SOURCES = ("kernels", "elements", "elimination", "system", "march", "equilibria")
+SOURCES = ("kernels", "elements", "elimination", "system", "integrators", "equilibria")
 #: NaN and infinity keep their meaning, and sums their order; a product and a sum may be one instruction. Kernels take
 #: no memory, so that no reference to an array needs to be counted: that compiles and runs in half of the time.
 OPTIONS: dict[str, Any] = {

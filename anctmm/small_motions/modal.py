@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
 from anctmm.errors import DiscretisationError, shown
-from anctmm.march.output import field_of
+from anctmm.integrators.output import field_of
 from anctmm.model.bodies import Beam
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Probe, Scene

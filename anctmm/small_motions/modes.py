@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise
 from anctmm.errors import DiscretisationError, EquilibriumWarning, SolverError
-from anctmm.march.output import field_of
+from anctmm.integrators.output import field_of
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Solution

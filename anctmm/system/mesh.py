@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.kinds import kind_of
+from anctmm.errors import DiscretisationError
 from anctmm.model.bodies import Beam
 from anctmm.model.expressions import Key, Vector
+from anctmm.model.joints import Weld
 from anctmm.model.places import Place
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.scene import Scene
@@ -43,6 +45,7 @@ class Mesh:
 
     def __init__(self, scene: Scene, run: Discretisation) -> None:
         self.scene, self.run, self.dim = scene, run, scene.dim
+        _check_welds(scene, run)
         self.bodies = _meshes(scene, run)
         self.slots = max(2, *(mesh.vectors for mesh in self.bodies.values()))
         self.rows = self.slots * self.dim
@@ -246,3 +249,21 @@ def _joined(scene: Scene) -> dict[str, dict[tuple[float, ...], Array]]:
                 point = tuple(place.position)
                 found.setdefault(place.body.name, {})[point] = np.array(point)
     return found
+
+
+def _check_welds(scene: Scene, run: Discretisation) -> None:
+    """Refuse welds between kinds of element of which they would hold different vectors.
+
+    Raises
+    ------
+    DiscretisationError
+    """
+    kinds = {name: kind for name, (_, kind) in run.of(scene).items() if not kind_of(kind).rigid}
+    for joint in scene.joints:
+        if isinstance(joint, Weld) and joint.stretch == "held":
+            names = [n for n in (scene.place(end).body.name for end in joint.ends) if n in kinds]
+            if not all(kind_of(kinds[names[0]]).welds_to(kind_of(kinds[n])) for n in names):
+                raise DiscretisationError(
+                    f"{joint!r} joins elements {', '.join(f'{kinds[n]!r} of {n!r}' for n in names)}; a weld needs one "
+                    f"kind on both sides, or kinds of which it holds the same vectors (a pin does not)"
+                )

@@ -20,8 +20,8 @@ from anctmm.elimination.transfer import (
     weld_transfer,
 )
 from anctmm.errors import SolverError
-from anctmm.march.starting import balance
-from anctmm.march.state import new_state
+from anctmm.integrators.starting import balance
+from anctmm.integrators.state import new_state
 from anctmm.system.system import System
 from studies.regression.chain import Chain, vectors_of
 

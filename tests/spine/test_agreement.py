@@ -7,7 +7,7 @@ import pytest
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march import fixed
+from anctmm.integrators import fixed
 from anctmm.system.system import System
 from tests.spine.scenes import SCENES
 

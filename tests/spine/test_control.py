@@ -5,7 +5,7 @@ import pytest
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march.integrate import integrate
+from anctmm.integrators.integrate import integrate
 from anctmm.results.verification import verified
 from anctmm.system.system import System
 

@@ -1,6 +1,6 @@
 """A run by the kind of steps that is asked for."""
 
-from anctmm.march import control, fixed
+from anctmm.integrators import control, fixed
 from anctmm.results.solution import Solution
 from anctmm.system.system import System
 

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import GeneralizedAlpha
+from anctmm.integrators.newton import Coefficients, iterate
+from anctmm.integrators.output import Output, count_work, keep, too_large
+from anctmm.integrators.state import State
+from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import inlined, kernel, thin
-from anctmm.march.newton import Coefficients, iterate
-from anctmm.march.output import Output, count_work, keep, too_large
-from anctmm.march.state import State
-from anctmm.march.turning import count_turns
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.system import Inputs, Tables
 

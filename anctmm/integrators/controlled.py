@@ -11,13 +11,13 @@ what the step damps anyway, and what joints do not allow. It is
 import numpy as np
 
 from anctmm.elimination.factor import solve
+from anctmm.integrators.alpha import coefficients, step_alpha
+from anctmm.integrators.esdirk import step_esdirk
+from anctmm.integrators.newton import Coefficients, renew
+from anctmm.integrators.output import count_work, keep, stage_power, too_large
+from anctmm.integrators.starting import balance
+from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel, part
-from anctmm.march.alpha import coefficients, step_alpha
-from anctmm.march.esdirk import step_esdirk
-from anctmm.march.newton import Coefficients, renew
-from anctmm.march.output import count_work, keep, stage_power, too_large
-from anctmm.march.starting import balance
-from anctmm.march.turning import count_turns
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.acting import add_connectors
 from anctmm.system.elastic import subtract_inertia

@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import DiscretisationError, shown
+from anctmm.integrators.accelerations import factorize_mass, solve_accelerations
+from anctmm.integrators.state import State, new_state
 from anctmm.kernels.options import kernel
-from anctmm.march.accelerations import factorize_mass, solve_accelerations
-from anctmm.march.state import State, new_state
 from anctmm.model.bodies import Beam
 from anctmm.model.connectors import RotationalSpring, ends_of
 from anctmm.model.joints import drive_of

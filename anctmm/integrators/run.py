@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.errors import PropertyError
+from anctmm.integrators.output import Record
+from anctmm.integrators.state import State
 from anctmm.kernels.pacing import paced, part_by_part
-from anctmm.march.output import Record
-from anctmm.march.state import State
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.status import Status
 from anctmm.system.system import System

@@ -16,16 +16,16 @@ from scipy.optimize import brentq
 
 from anctmm.discretise.methods import GeneralizedAlpha, error_weights
 from anctmm.errors import PropertyError
+from anctmm.integrators.alpha import means_of
+from anctmm.integrators.controlled import attempt_alpha, attempt_esdirk, take
+from anctmm.integrators.diagnosis import failed_step
+from anctmm.integrators.esdirk import method as coefficients
+from anctmm.integrators.esdirk import new_room
+from anctmm.integrators.fixed import settle
+from anctmm.integrators.output import Record
+from anctmm.integrators.starting import started
+from anctmm.integrators.state import State
 from anctmm.kernels.announcing import compiling
-from anctmm.march.alpha import means_of
-from anctmm.march.controlled import attempt_alpha, attempt_esdirk, take
-from anctmm.march.diagnosis import failed_step
-from anctmm.march.esdirk import method as coefficients
-from anctmm.march.esdirk import new_room
-from anctmm.march.fixed import settle
-from anctmm.march.output import Record
-from anctmm.march.starting import started
-from anctmm.march.state import State
 from anctmm.model.drives import breaks_of
 from anctmm.results.ended_early import HistoryError, Interrupted, broken_off, interruption
 from anctmm.results.solution import Solution
@@ -74,7 +74,7 @@ class NoStepError(Exception):
 
 
 def integrate(system: System, start: Solution | None = None) -> Solution:
-    """Run a scene with a tolerance; answer and errors as of `anctmm.march.fixed.integrate`."""
+    """Run a scene with a tolerance; answer and errors as of `anctmm.integrators.fixed.integrate`."""
     compiling.first_call(started, (system.size, system.space), system)
     march, status = March(system, started(system, start), start), Status()
 

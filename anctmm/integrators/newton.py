@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.factor import solve
+from anctmm.integrators.accelerations import VIOLATED
+from anctmm.integrators.state import State
 from anctmm.kernels.options import inlined, part, thin
-from anctmm.march.accelerations import VIOLATED
-from anctmm.march.state import State
 from anctmm.system.equations import factorize_matrix, set_matrix, set_residual
 from anctmm.system.matrix import scatter
 from anctmm.system.rows import add_time_parts, multiply

@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.integrators.accelerations import factorize_mass, project, solve_accelerations
+from anctmm.integrators.output import Output, count_work, keep, too_large
+from anctmm.integrators.state import State
+from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel
-from anctmm.march.accelerations import factorize_mass, project, solve_accelerations
-from anctmm.march.output import Output, count_work, keep, too_large
-from anctmm.march.state import State
-from anctmm.march.turning import count_turns
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.rows import set_jacobian
 from anctmm.system.system import Inputs, Tables, place_driven, set_forces

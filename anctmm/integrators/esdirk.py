@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import stages
+from anctmm.integrators.accelerations import VIOLATED, take_off
+from anctmm.integrators.newton import Coefficients, iterate, set_end
+from anctmm.integrators.output import Output, keep, stage_power, too_large
+from anctmm.integrators.starting import balance
+from anctmm.integrators.state import State
+from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import inlined, kernel, part
-from anctmm.march.accelerations import VIOLATED, take_off
-from anctmm.march.newton import Coefficients, iterate, set_end
-from anctmm.march.output import Output, keep, stage_power, too_large
-from anctmm.march.starting import balance
-from anctmm.march.state import State
-from anctmm.march.turning import count_turns
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.rows import set_jacobian, set_rates, set_rows
 from anctmm.system.system import Inputs, System, Tables, place_driven

@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Method, Zhai, stages
+from anctmm.integrators import alpha, esdirk, explicit
+from anctmm.integrators.diagnosis import failed_step
+from anctmm.integrators.output import Record
+from anctmm.integrators.run import take_batches
+from anctmm.integrators.stability import check_step
+from anctmm.integrators.starting import balance, started
+from anctmm.integrators.state import State
 from anctmm.kernels.announcing import compiling
-from anctmm.march import alpha, esdirk, explicit
-from anctmm.march.diagnosis import failed_step
-from anctmm.march.output import Record
-from anctmm.march.run import take_batches
-from anctmm.march.stability import check_step
-from anctmm.march.starting import balance, started
-from anctmm.march.state import State
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.system.elastic import stiffened

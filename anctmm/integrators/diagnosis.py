@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.march.accelerations import VIOLATED
-from anctmm.march.stability import largest_step
-from anctmm.march.state import State
+from anctmm.integrators.accelerations import VIOLATED
+from anctmm.integrators.stability import largest_step
+from anctmm.integrators.state import State
 from anctmm.model.connectors import name_of
 from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.results.checks.finding import part

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.elimination.factor import factorize, solve
+from anctmm.integrators.state import State
 from anctmm.kernels.options import part, thin
-from anctmm.march.state import State
 from anctmm.system.elastic import add_mass, subtract_inertia
 from anctmm.system.matrix import add_rows, clear, gather, scatter
 from anctmm.system.rows import add_time_parts, multiply, set_jacobian, set_rates, set_rows

@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.integrators.starting import rests
+from anctmm.integrators.state import State
+from anctmm.integrators.turning import Turning, turning_of
 from anctmm.kernels.announcing import compiling
 from anctmm.kernels.options import part, thin
-from anctmm.march.starting import rests
-from anctmm.march.state import State
-from anctmm.march.turning import Turning, turning_of
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.topology import turning_bodies
 from anctmm.results.checks.divergence import checked
