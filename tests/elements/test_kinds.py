@@ -7,7 +7,6 @@ from math import sqrt
 import numpy as np
 import pytest
 from samples import SOFT, SQUARE
-from scipy.linalg import eigh
 
 import anctmm as at
 import reference.exudyn.cable
@@ -15,16 +14,12 @@ import reference.exudyn.reissner
 import reference.global_dae
 import reference.opensees
 import reference.pyelastica
-from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
-from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
-from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of, number_of
 from anctmm.elements.kinds import (
     KINDS,
     QUADRATURES,
-    VECTORS,
     check_kinds,
     kind_of,
     moved_by,
@@ -38,48 +33,6 @@ from reference.exact.scenes import MODELS
 every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
 SECTION = at.Rectangle(0.05, 0.05)
 BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
-
-
-@every_kind
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-@pytest.mark.parametrize("section", [at.Rectangle(0.05, 0.05), at.Circle(1.5)], ids=["slender", "thick"])
-def test_the_highest_frequency_is_that_of_the_undeformed_element(kind, quadrature, section):
-    """As a mesh places it, turned and elsewhere: a slender one stretches fastest, a thick one bends."""
-    body = at.Beam("b", (7.0, -2.0), (10.0, 2.0), section, SOFT)
-    element = kind.element_of(body, 1, quadrature)
-    q = BodyMesh(body, kind, 1, element, (0.0, 0.0)).reference.reshape(-1, 2)
-    K = element.tangent(q).reshape(q.size, q.size)
-    values = eigh(K, np.kron(element.mass, np.eye(2)), eigvals_only=True)
-    assert element.highest_frequency == pytest.approx(sqrt(max(values[-1], 0.0)), rel=1e-9)
-    assert kind.rigid == (element.highest_frequency == 0.0)
-    stiffer = element.stiffened(4.0).highest_frequency
-    assert stiffer == pytest.approx(2.0 * element.highest_frequency)
-
-
-@every_kind
-def test_what_a_kind_says_of_its_element_holds(kind):
-    element = kind.element_of(BODY, 1, "lobatto")
-    assert type(element) is kind.element
-    assert len(kind.vectors) == element.vectors_per_node
-    assert element.mass.shape == (2 * len(kind.vectors),) * 2
-    assert kind.vectors[:2] == kind.held[:2] == ("r", "r_x")
-    assert kind.held == kind.vectors[: len(kind.held)]
-    assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
-    number = number_of(kind)
-    assert KERNELS[number] is kind.kernels
-    assert components(formulations_of([number]), number) == 2 * len(kind.vectors)
-    assert components(ALL, number) == 2 * len(kind.vectors)
-    assert set(kind.integrators) <= set(INTEGRATORS)
-    q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
-    assert kind.rigid == (element.energy(q) == 0.0)
-
-
-@every_kind
-def test_kernels_of_a_kind_have_the_constants_of_its_element(kind):
-    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element=kind.name))["b"]
-    row = Bodies([mesh]).constants[0]
-    assert row.tolist() == kind.kernels.constants(mesh.element).tolist()
-    assert row[0] == 5.0
 
 
 @every_kind
@@ -98,32 +51,6 @@ def test_peers_lack_the_optional_kinds_that_they_do_not_take(peer):
     optional = {kind.name for kind in KINDS.values() if kind.optional}
     assert peer.OFFER.lacks & optional == optional - set(peer.ELEMENTS) == optional_beside(peer.ELEMENTS)
     assert optional_beside(optional) == set()
-
-
-@every_kind
-def test_vectors_of_a_beam_passed_from_its_end_are_those_of_the_beam_turned_round(kind):
-    """Each derivative of the axis has the sign of its order then, and the director stays on its side."""
-    mesh = build(at.Scene("s", [BODY]), Discretisation(2, element="cable"))["b"]
-    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 2, "full"))
-    passed = replace(mesh, flipped=True)
-    assert np.allclose(passed.unflipped(passed.reference), mesh.reference, rtol=0, atol=1e-15)
-    assert [VECTORS[name].sign for name in kind.vectors[:2]] == [1.0, -1.0]
-
-
-@every_kind
-def test_a_third_vector_that_shares_mass_with_the_others_is_seen(kind):
-    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element="cable"))["b"]
-    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 1, "full"))
-    assert Bodies([mesh]).coupled == (kind.name == "quintic")
-
-
-def test_formulations_tell_all_kernels_apart():
-    numbers = [set(n) for k in range(1, 4) for n in combinations(KERNELS, k)]
-    assert len({formulations_of(n) for n in numbers}) == 7
-    assert formulations_of([0, 0]) == formulations_of([0])
-    assert formulations_of(KERNELS) == ALL
-    assert set(KERNELS.values()) == {kind.kernels for kind in KINDS.values()}
-    assert len(KERNELS) == 3
 
 
 def test_kinds_weld_of_which_joints_hold_the_same_vectors():

@@ -6,7 +6,7 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from anctmm.discretise.chain import Chain
+from anctmm.system.system import System
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
@@ -103,19 +103,9 @@ def outer(i, turned=()):
     return f"b{i}.{'start' if i in turned else 'end'}"
 
 
-def chain_of(scene, **options):
-    """A scene as ANC-TMM sees it."""
-    return Chain(scene, Discretisation(**{"mesh": 2, **options}))
-
-
-def deformed(chain, amount=0.1, seed=0):
-    """Coordinates of all nodes with random gradients and displacements; joints are not respected."""
-    bodies, rng = chain.bodies, np.random.default_rng(seed)
-    q = bodies.reference()
-    lengths = np.concatenate([np.full(m.nodes, m.element.l) for m in bodies.meshes])
-    q[:2] += amount * lengths * rng.standard_normal((2, bodies.nodes))
-    q[2:] += amount * rng.standard_normal((bodies.rows - 2, bodies.nodes))
-    return q
+def system_of(scene, **options):
+    """The equations of a scene as discretised."""
+    return System(scene, Discretisation(**{"mesh": 2, **options}))
 
 
 def gap(one, two, fraction=1.0, body=None, other=None, mirrored=False):

@@ -5,8 +5,6 @@ import pytest
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
-
 
 def ending(x, rate, t):
     """A law that has no number from 0.2 s on."""

@@ -5,17 +5,13 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from samples import INTEGRATORS, KINDS, SQUARE, bar, chain_of, deformed, gap, row_scene
+from samples import INTEGRATORS, KINDS, SQUARE, bar, gap, row_scene, system_of
 
-from anctmm.discretise.assembly import damping_forces
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.elements.cable import CableElement
 from anctmm.elements.shear import ShearElement
 from anctmm.errors import PropertyError, StabilityError
-from anctmm.integrators.implicit.newton_failure import residual_history
-from anctmm.integrators.implicit.system import new_system
-from anctmm.integrators.stability import highest_frequency, highest_rate, step_limit
-from anctmm.integrators.zhai import advance as explicit_kernel
+from anctmm.march.stability import highest_frequency, highest_rate, step_limit
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene
 from anctmm.solve import solve
@@ -80,34 +76,6 @@ def test_rigid_motion_of_a_bent_element_is_not_resisted(kind):
     spin[:: element.vectors_per_node] += [2.0, -5.0]
     size = np.abs(element.damping_force(q, v)).max()
     assert np.abs(element.damping_force(q, spin)).max() < 1e-13 * size
-
-
-@pytest.mark.parametrize(
-    ("element", "quadrature"),
-    [("cable", "full"), ("cable", "reduced"), ("cable", "lobatto"), ("shear", "full"), ("mixed", "full")],
-)
-def test_compiled_forces_are_the_readable_ones(element, quadrature):
-    element = {"bar": "cable", "tail": "shear"} if element == "mixed" else element
-    both = replace(falling(), bodies=tuple(replace(b, material=DAMPED) for b in falling().bodies))
-    chain = chain_of(
-        both, mesh={"bar": 70, "tail": 3}, element=element, quadrature=quadrature
-    )  # more than one block
-    bodies, q = chain.bodies, deformed(chain)
-    v = np.random.default_rng(1).standard_normal(q.shape)
-    for i, mesh in enumerate(bodies.meshes):
-        v[2 * mesh.vectors :, bodies.first[i] : bodies.first[i + 1]] = 0.0
-    found, expected, power = np.zeros_like(q), np.zeros_like(q), 0.0
-    lost = damping_forces(bodies.formulations, q, v, bodies.first, bodies.kinds, bodies.constants, bodies.damping,
-                  bodies.buffer(), found)  # fmt: skip
-    for i, mesh in enumerate(bodies.meshes):
-        k = 2 * mesh.vectors
-        for node in range(bodies.first[i], bodies.first[i + 1] - 1):
-            at, to = (x[:k, node : node + 2].T.reshape(k, 2) for x in (q, v))
-            force = mesh.element.damping_force(at, to)
-            expected[:k, node : node + 2] -= force.reshape(2, k).T
-            power += (force * to).sum()
-    assert np.abs(found - expected).max() < 1e-12 * np.abs(expected).max()
-    assert lost == pytest.approx(power, rel=1e-12)
 
 
 def test_explicit_equals_the_global_equations_to_rounding_and_keeps_its_account():
@@ -244,15 +212,6 @@ def test_exudyn_damps_cables_alike():
     assert np.isnan(peer.energy.work).all()  # it does not say what damping takes
 
 
-def test_residuals_told_of_a_step_that_fails_are_those_of_damped_equations():
-    """Gone through with much damping, τ/h = 10, they fall fast: only if forces and matrix hold the same of it."""
-    chain = chain_of(falling(replace(DAMPED, damping=1e-2)), mesh=2, dt=1e-3)
-    system = new_system(chain)
-    system.state.q_before[:] = system.state.q
-    residuals = residual_history(chain, system, 1e-3)
-    assert residuals[8] < 1e-9 * residuals[0]
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_axial_vibration_decays_as_exactly_known(integrator):
     """First mode of a free-free bar, zeta = τω/2, ω = π √(E/ρ)/L: its amplitude falls by exp(−ζωt)."""
@@ -278,23 +237,6 @@ def test_axial_vibration_decays_as_exactly_known(integrator):
     assert np.abs(ours.displacement("bar.start")[:, 0] - expected).max() < 2e-4 * np.abs(expected).max()
 
 
-def test_absent_damping_is_the_same_run_and_the_same_code():
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
-    run = Discretisation(mesh=2, integrator="zhai", dt=5e-5, t_end=0.1)
-    before = solve(scene, run)
-    compiled = set(explicit_kernel.signatures)
-    zero = replace(
-        scene, bodies=tuple(replace(b, material=replace(b.material, damping=0.0)) for b in scene.bodies)
-    )
-    assert repr(zero) == repr(scene)
-    again = solve(zero, run)
-    assert np.array_equal(before.position("bar", 1.0), again.position("bar", 1.0))
-    assert set(explicit_kernel.signatures) == compiled
-    assert chain_of(scene).bodies.damping is None
-    systems = [dict(zip(types[2].fields, types[2].types, strict=True)) for types in compiled]
-    assert any(str(of["damping"]) == "none" for of in systems)  # no damping, told by its type
-
-
 @pytest.mark.parametrize("psi", [0.5, 0.8])
 @pytest.mark.parametrize("zeta", [0.0, 0.03, 0.5, 20.0])
 def test_step_limit_is_that_of_the_amplification_matrix(psi, zeta):
@@ -311,7 +253,7 @@ def test_step_limit_is_that_of_the_amplification_matrix(psi, zeta):
 
 def test_scene_limit_counts_damping():
     scene = bar([Clamp("bar.start")], material=DAMPED)
-    chain = chain_of(scene, mesh=4)
+    chain = system_of(scene, mesh=4)
     omega, rate = highest_frequency(chain), highest_rate(chain)
     assert rate == pytest.approx(TAU * omega**2, rel=1e-6)  # one τ throughout
     limit = step_limit(0.5, 0.5, omega, rate)

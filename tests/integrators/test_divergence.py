@@ -7,14 +7,14 @@ import pytest
 from samples import bar
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.integrators.stability import highest_frequency
+from anctmm.march.stability import highest_frequency
 from anctmm.model.scene import Clamp, Force, Material
 from anctmm.results.checks.divergence import checked, inside_out, out_of_bounds
 from anctmm.results.checks.energy import from_nowhere
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
+from anctmm.system.system import System
 from reference import exudyn_cable, global_dae
 from reference.exudyn.run import _timed
 from studies.scenes import cantilever_fall, cantilever_tip_force
@@ -268,7 +268,7 @@ def test_history_is_cut_before_the_first_fault():
 def test_rounding_of_a_bar_at_rest_is_no_divergence_and_its_growth_is(solver, start):
     end = (start[0] + 4.0 * np.cos(0.3), start[1] + 4.0 * np.sin(0.3))
     scene = at.Scene("free", [replace(bar().bodies[0], start=start, end=end)])
-    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(8, "cable")))
+    limit = 2.0 / highest_frequency(System(scene, at.Discretisation(8, "cable")))
     run = {"mesh": 8, "element": "cable", "integrator": "zhai", "check_stability": False}
     rest = solver(scene, dt=0.9 * limit, t_end=180 * limit, **run)
     assert rest.status.ok
@@ -284,7 +284,7 @@ def test_a_stable_step_near_its_limit_is_no_divergence():
         bar().bodies[0], start=(0.0, 0.0), end=(1.0, 0.0), velocity=lambda x: (1e-3 * np.sin(50.0 * x), 0.0)
     )
     scene = at.Scene("axial", [body], [Clamp("bar.start")])
-    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(2, "cable")))
+    limit = 2.0 / highest_frequency(System(scene, at.Discretisation(2, "cable")))
     run = {"mesh": 2, "element": "cable", "integrator": "zhai", "dt": 0.9 * limit, "t_end": 1800 * limit}
     found = at.solve(scene, **run)
     assert found.status.ok

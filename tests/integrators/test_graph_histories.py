@@ -7,8 +7,7 @@ import pytest
 from random_graphs import Kinds, random_graph
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.integrators.statics import solve_static
-from anctmm.solve import solve
+from anctmm.solve import solve, solve_static
 from reference import global_dae
 from reference.global_dae.model import Model
 from reference.global_dae.stability import highest_frequency

@@ -11,18 +11,12 @@ from anctmm.discretise import memory
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.memory import check_memory
 from anctmm.errors import AnctmmError, MemoryLimitError
-from anctmm.integrators.statics import equilibria
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import BYTES, solve
 from reference import exudyn_cable, exudyn_reissner, global_dae, pyelastica
 
 DRIVEN = bar([Clamp("bar.start", Quintic(1.0, 1.0))], [Force("bar.end", lambda t: (np.sin(t), 0.0 * t))])
-STEPS = {
-    "explicit": {"integrator": "zhai", "dt": 1e-6},
-    "implicit": {"dt": 1e-6},
-    "tolerance": {"integrator": "generalized-alpha", "tolerance": 1e-3, "output_dt": 1e-3},
-}
 
 
 def peak(call):
@@ -107,18 +101,6 @@ def test_too_much_memory_for_equilibria_is_refused_by_name(road, options, words)
 def test_too_much_memory_in_a_peer_is_refused_by_name(road, options):
     with pytest.raises(MemoryLimitError, match="are free"):
         road(bar([Clamp("bar.start")]), **{"dt": 1e-6, "t_end": 1e-3, "integrator": "zhai", **options})
-
-
-@pytest.mark.parametrize("kind", ["cable", "shear"])
-@pytest.mark.parametrize(
-    ("road", "each"),
-    [(at.solve_static, equilibria.MEMORY), (global_dae.solve_static, global_dae.IMPLICIT)],
-)
-def test_the_estimate_is_what_equilibria_take(road, each, kind):
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.0, -1e-6))])
-    rows = 6 if kind == "shear" else 4
-    taken = peak(lambda: road(scene, mesh=2_000, element=kind, newton_tolerance=1e-6))
-    assert 0.5 < taken / (2_001 * rows * each) < 1.1
 
 
 def test_the_advised_output_interval_and_mesh_are_accepted(monkeypatch):

@@ -5,16 +5,15 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, chain_of, gap, inner, outer, row_scene
+from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, gap, inner, outer, row_scene, system_of
 
-from anctmm.discretise.assembly import mass_product
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import StartWarning
-from anctmm.integrators.stability import highest_frequency
+from anctmm.march.stability import highest_frequency
 from anctmm.model.drives import Pulse, Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
+from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
 from anctmm.solve import solve
+from anctmm.system.system import System
 from reference import global_dae
 
 GRAVITY = (0.0, -9.81)
@@ -30,7 +29,7 @@ every_layout = pytest.mark.parametrize("layout", LAYOUTS)
 
 
 def steps(scene):
-    return Chain(scene, Discretisation(mesh=1)).plan.steps
+    return System(scene, Discretisation(mesh=1)).plan.steps
 
 
 def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
@@ -38,7 +37,7 @@ def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
     options = {"mesh": 2, "element": kind, **options}
     dt = options.pop("dt", None)
     if dt is None:
-        frequency = highest_frequency(chain_of(scene, mesh=options["mesh"], element=kind))
+        frequency = highest_frequency(system_of(scene, mesh=options["mesh"], element=kind))
         dt = t_end / 40 if integrator != "zhai" else t_end / (4 * int(np.ceil(t_end * frequency / 2.7)))
     run = {
         "integrator": integrator,
@@ -135,34 +134,6 @@ def test_whole_motion_turns_with_the_scene(kind, integrator):
 
 
 # --- free bodies, several chains, one element ---------------------------------------------------------------
-
-
-def momentum_and_centre(scene, kind, motion):
-    """First moment of mass over the mass, (n, 2), by the mass matrix and a unit field."""
-    chain = chain_of(scene, mesh=motion.run.mesh, element=kind)
-    bodies, unit = chain.bodies, np.zeros_like(chain.bodies.reference())
-    unit[:2] = 1.0
-    weights = np.empty_like(unit)
-    mass_product(unit, bodies.first, bodies.masses, bodies.buffer(), weights)
-    q = motion.fields["bar"].coordinates
-    rows = weights.reshape(-1, 2, bodies.nodes).transpose(2, 0, 1)
-    return np.einsum("kvc,nkvc->nc", rows, q) / rows[:, 0, 0].sum(), rows[:, 0, 0].sum()
-
-
-@every_integrator
-@every_kind
-def test_free_flight_keeps_momentum(kind, integrator):
-    """Thrown and spinning under gravity: the centre of mass follows the discrete parabola, no energy appears."""
-    scene = bar(velocity=lambda s: (1.0 - 3.2 * (s - 0.5), 2.0 + 2.4 * (s - 0.5)), gravity=GRAVITY)
-    motion = move(scene, integrator, kind, t_end=0.2, mesh=3, spectral_radius=1.0)
-    centre, mass = momentum_and_centre(scene, kind, motion)
-    t = motion.t[:, None]
-    expected = [0.3, 0.4] + t * [1.0, 2.0] + 0.5 * t**2 * GRAVITY
-    assert mass == pytest.approx(SOFT.density * SQUARE.area)
-    assert np.abs(centre - expected).max() < 1e-11
-    assert np.abs(motion.energy.balance).max() < 1e-3 * motion.energy.kinetic[0]
-    turned = motion.displacement("bar.end")[-1] - motion.displacement("bar.start")[-1]
-    assert np.linalg.norm(turned) == pytest.approx(2 * sin(0.5 * 4.0 * 0.2), rel=0.02)
 
 
 @every_integrator
@@ -293,24 +264,6 @@ def test_constant_and_callable_loads_are_the_same(kind, integrator):
     one, two = (move(scene(vary), integrator, kind) for vary in (False, True))
     assert gap(one, two) < 1e-14
     assert np.abs(one.energy.balance - two.energy.balance).max() < 1e-5 * one.energy.kinetic.max()
-
-
-@every_integrator
-@every_kind
-def test_torque_spins_a_free_bar_about_its_centre(kind, integrator):
-    """A pure couple: the centre rests, and the angular momentum about it is the moment times the time."""
-    stiff = Material(1e10, SOFT.density)
-    scene = bar(loads=[Torque("bar.end", Pulse(0.5, 0.1))], material=stiff)
-    motion = move(scene, integrator, kind, t_end=0.2, mesh=3, spectral_radius=1.0)
-    centre, mass = momentum_and_centre(scene, kind, motion)
-    assert np.abs(centre - [0.3, 0.4]).max() < 1e-12
-    spin = 0.5 * 0.1 / 2 / (mass / 12)
-    chord = motion.position("bar", 1.0) - motion.position("bar", 0.0)
-    angle = np.unwrap(np.arctan2(chord[:, 1], chord[:, 0]))
-    assert (angle[-1] - angle[-2]) / (motion.t[-1] - motion.t[-2]) == pytest.approx(spin, rel=0.01)
-    assert motion.energy.work[-1] == pytest.approx(
-        motion.energy.kinetic[-1] + motion.energy.strain[-1], rel=2e-3
-    )
 
 
 @every_integrator

@@ -623,7 +623,7 @@ DUBIOUS = {
 @pytest.mark.parametrize("what", DUBIOUS)
 @pytest.mark.parametrize(
     "road",
-    [*ROADS, pytest.param("statics", marks=pytest.mark.compiled), "statics, global-dae", "statics, exudyn"],
+    [*ROADS, pytest.param("statics"), "statics, global-dae", "statics, exudyn"],
 )
 def test_dubious_scenes_run_or_say_why_not(what, road):
     static = {

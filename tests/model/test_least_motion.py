@@ -6,9 +6,6 @@ import scipy
 from random_mechanisms import random_mechanism
 
 import anctmm as at
-from anctmm.discretise import fitting
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.joined import Joined
 from anctmm.errors import JointGapError
 from anctmm.model.initial_motion import rigid_start
 from anctmm.model.initial_motion.least_norm import least_norm
@@ -114,20 +111,3 @@ def test_equations_that_nearly_contradict_are_left_to_a_dense_decomposition():
     A = scipy.sparse.csr_array(np.array([[1.0, 0.0], [1.0, 1e-6]]))
     found = least_norm(scipy.sparse.csc_array(np.eye(2)), A, np.array([0.0, 1.0]))
     assert found is None or found.x == pytest.approx((0.0, 1e6), rel=1e-6)
-
-
-def test_velocities_of_many_bodies_are_made_to_keep_constraints(monkeypatch):
-    """The change is the least in kinetic energy, as dense matrices have it."""
-    chain = Chain(at.consistent_velocities(**parallelogram(30)), at.Discretisation(dt=1e-3, t_end=1e-2))
-    v = chain.initial_velocity()
-    v = v + 0.1 * np.random.default_rng(1).normal(size=v.shape)
-    monkeypatch.setattr(Chain, "initial_velocity", lambda _: v)
-    monkeypatch.setattr(fitting, "MANY", 10**9)
-    dense = fitting.fitting_velocity(chain)
-    monkeypatch.setattr(fitting, "MANY", 0)
-    refuse_dense(monkeypatch)
-    sparse = fitting.fitting_velocity(chain)
-    assert sparse == pytest.approx(dense, abs=1e-11)
-    assert np.abs(fitting.constraint_rates(chain, sparse)[1]).max() < 1e-13
-    change = Joined(chain).unknowns(sparse - v)
-    assert np.abs(change).max() > 1e-2

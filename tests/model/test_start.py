@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import INTEGRATORS, KINDS, SOFT, SQUARE, beam, chain_of, row_scene, scene_of
+from samples import INTEGRATORS, KINDS, SOFT, SQUARE, beam, row_scene, scene_of, system_of
 
 import anctmm as at
-from anctmm.discretise.assembly import mass_product
 from anctmm.errors import JointGapError, PropertyError, StartWarning
 from anctmm.model.checks.start import drive_rate
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Weld
@@ -23,7 +22,6 @@ from studies.scenes import four_bar
 
 #: Rate of the drives here, rad/s.
 RATE = 3.0
-EPS = np.finfo(float).eps
 
 
 def turning(t):
@@ -40,29 +38,6 @@ def driven(chain):
     """Nodes that drives turn, with their clamps."""
     clamps = [j for j in chain.scene.joints if isinstance(j, Clamp) and j.angle is not None]
     return [(chain.node(end_of(chain.scene, clamp.end)), clamp) for clamp in clamps]
-
-
-def kinetic_energy(scene, **options):
-    """Kinetic energy of the start as the chain has it, the drives' nodes moving as these do, J."""
-    chain = chain_of(scene, **options)
-    bodies, v = chain.bodies, chain.initial_velocity()
-    for node, clamp in driven(chain):
-        x, y = bodies.reference()[2:4, node]
-        v[2:4, node] = -drive_rate(clamp) * y, drive_rate(clamp) * x
-    p = np.zeros_like(v)
-    mass_product(v, bodies.first, bodies.masses, bodies.tables().buffer, p)
-    return 0.5 * float((v * p).sum())
-
-
-def rigid_energy(scene):
-    """Kinetic energy of the bodies' velocities as rigid motions, without the inertia of sections, J."""
-    total = 0.0
-    for b in scene.bodies:
-        s, w = np.polynomial.legendre.leggauss(3)
-        line = b.material.density * b.section.area * b.length
-        speeds = np.array([b.velocity_at(float(0.5 + 0.5 * x)) for x in s])
-        total += 0.5 * line * float(0.5 * w @ (speeds**2).sum(axis=1))
-    return total
 
 
 # --- what does not fit is refused or told ------------------------------------------------------------------
@@ -181,18 +156,6 @@ def fitted(scene):
         return at.consistent_velocities(scene)
 
 
-def test_a_driven_bar_starts_as_a_rigid_one():
-    """Its energy of the start is ½ I ω² then, on any mesh; from rest it is that of the clamp's node alone."""
-    rest = scene_of(Clamp("a.start", turning), bodies=[beam()])
-    scene = fitted(rest)
-    exact = 0.5 * SOFT.density * SQUARE.area / 3.0 * RATE**2
-    for mesh in (1, 2, 8):
-        assert kinetic_energy(scene, mesh=mesh) == pytest.approx(exact, rel=1e-12)
-    parts = [kinetic_energy(rest, mesh=mesh) / exact for mesh in (1, 2, 8)]
-    assert max(parts) < 0.03
-    assert parts[0] / parts[1] == pytest.approx(8.0)  # l³: it is nothing but the mesh's
-
-
 @pytest.mark.slow  # the global DAE's kernels
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_driven_bar_that_starts_as_it_must_keeps_its_energy_in_every_road(integrator):
@@ -234,15 +197,6 @@ def test_a_mechanism_starts_as_the_rigid_one():
     assert coupler.velocity_at(0.0) == pytest.approx((0.0, RATE * crank.length))
 
 
-def test_what_is_free_takes_the_least_energy():
-    """A bar hung at a driven arm and drawn across its axis turns at −3/2 u/L, about two thirds of its length."""
-    bodies = [beam(), beam("b", (1.0, 0.0), (2.0, 0.0), section=at.Rectangle(1e-4, 1e-4))]
-    scene = fitted(scene_of(Clamp("a.start", turning), Pin("a.end", "b.start"), bodies=bodies))
-    assert scene.body("b").velocity_at(2.0 / 3.0) == pytest.approx((0.0, 0.0), abs=1e-7)
-    assert scene.body("b").velocity.spin == pytest.approx(-1.5 * RATE, rel=1e-7)
-    assert rigid_energy(scene) == pytest.approx(kinetic_energy(scene), rel=1e-12)
-
-
 def test_bodies_that_nothing_drives_rest():
     scene = fitted(scene_of(Pin("a.start"), bodies=[beam(), beam("b", (3.0, 0.0), (4.0, 0.0))]))
     assert [b.velocity for b in scene.bodies] == [None, None]
@@ -265,7 +219,7 @@ def test_fitted_velocities_are_taken_as_they_are(kind, links, turned):
     row = row_scene("free", links, "free", turned=turned)
     first = "b0.end" if 0 in turned else "b0.start"
     scene = fitted(replace(row, joints=(Clamp(first, turning), *row.joints)))
-    chain = chain_of(scene, mesh=2, element=kind)
+    chain = system_of(scene, mesh=2, element=kind)
     given_, taken = chain.bodies.initial_velocity(), chain.initial_velocity()
     held = [node for node, _ in driven(chain)]
     free = np.delete(np.arange(given_.shape[1]), held)

@@ -256,7 +256,6 @@ def plate_and_mass(*more):
     return at.Scene("plate", [plate, *more, mass], [at.Pin("plate.a")], gravity=(0, -9.81))
 
 
-@pytest.mark.interpreted
 def test_files_of_vtk_show_bodies_of_all_kinds(tmp_path):
     """Rigid bodies and masses were left out, and a scene of them alone was an error of numpy's."""
     run = at.Discretisation(mesh=1, dt=5e-3, t_end=0.01)
@@ -282,7 +281,6 @@ def test_files_of_vtk_show_bodies_of_all_kinds(tmp_path):
         alone.until(0, alone.status).to_vtk(tmp_path)
 
 
-@pytest.mark.interpreted
 def test_a_scene_without_beams_is_a_data_set(tmp_path):
     """It was an error of numpy's."""
     xarray = pytest.importorskip("xarray")

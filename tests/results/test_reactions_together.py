@@ -8,7 +8,6 @@ import anctmm as at
 from anctmm.errors import ResultError
 from anctmm.results.internal_forces import reaction_equations, reactions
 
-pytestmark = pytest.mark.interpreted
 G = (0.3, -9.81)
 
 

@@ -111,7 +111,6 @@ def test_velocities_and_work_are_within_the_tolerance(make, drive, integrator):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 @pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
 @pytest.mark.parametrize("drive", [steady, swinging])
 @pytest.mark.parametrize("make", [slider_crank, four_bar])

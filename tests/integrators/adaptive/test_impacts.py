@@ -5,7 +5,6 @@ from math import cos, pi, sin, sqrt
 import numpy as np
 import pytest
 from scenes.impacts import (
-    FAR,
     GRAVITY,
     between,
     bounce,
@@ -18,7 +17,6 @@ from scenes.impacts import (
 )
 
 import anctmm as at
-from anctmm.integrators.adaptive import controlled_run
 
 #: Marks of runs: their kernels take a minute to compile, in which Python takes some of them.
 LONG, FEW_STEPS = pytest.mark.exhaustive, pytest.mark.interpreted
@@ -69,7 +67,6 @@ def stopped_pendulum(spin):
     return at.Scene("stopped", [body], [at.Pin("p.o")], gravity=(0, -9.81), connectors=[spring])
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("spin", [4.0, 5.5, 8.0])
 def test_a_force_that_jumps_is_crossed_with_small_tolerances(spin):
     """Errors of rounding grew by the impacts to come, and no step across the jump was small enough: it diverged."""
@@ -102,36 +99,6 @@ def test_the_exact_motion_is_free_flight_and_half_a_sine():
     assert np.abs(impact.exact(t)[:, 1] - np.where(t < fall, flight, contact)).max() < 1e-10
 
 
-def one_mass(law, gravity=0.0):
-    """A mass of 1 kg on a law from where it is."""
-    spring = at.Spring("ball.center", (-FAR, 0.0), length=FAR, law=law)
-    return at.Scene(
-        "one", [mass("ball", (0.0, 0.0), (2.0, 0.0))], gravity=(-gravity, 0.0), connectors=[spring]
-    )
-
-
-def duffing(elongation, rate, t):
-    return 20.0 * elongation + 400.0 * elongation**3
-
-
-def swings(elongation, rate, t):
-    return 30.0 * elongation - 0.5 * rate + 2.0 * np.sin(5.0 * t)
-
-
-@pytest.mark.interpreted
-@pytest.mark.parametrize("law", [duffing, swings])
-@pytest.mark.parametrize("integrator", METHODS)
-def test_smooth_laws_have_the_steps_that_they_had(law, integrator, monkeypatch):
-    options = {"t_end": 0.6, "output_dt": 0.03, "tolerance": 1e-2, "integrator": integrator}
-    ours = at.solve(one_mass(law), **options)
-    monkeypatch.setattr(controlled_run, "new_kinks", lambda scene, stages: None)
-    without = at.solve(one_mass(law), **options)
-    assert ours.status.ok
-    assert ours.cost.steps == without.cost.steps
-    assert (ours.position("ball.center") == without.position("ball.center")).all()
-
-
-@pytest.mark.interpreted
 @pytest.mark.parametrize("integrator", METHODS)
 def test_what_rests_in_a_stiff_contact_has_long_steps(integrator):
     """A mass that lies on a floor of 3e4 rad/s: nothing there asks for steps of its contact."""
@@ -144,7 +111,6 @@ def test_what_rests_in_a_stiff_contact_has_long_steps(integrator):
     assert found.cost.steps < 200
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("width", [3e-5, 1e-5])
 @pytest.mark.parametrize("integrator", METHODS)
 def test_what_friction_has_brought_to_rest_has_long_steps(integrator, width):

@@ -8,7 +8,6 @@ import pytest
 import anctmm as at
 from reference import global_dae
 
-pytestmark = pytest.mark.compiled
 ROD = at.Circle(0.01)
 PROBES = ["upper.end", "lower.end"]
 RUN = {"mesh": 4, "t_end": 1.0, "output_dt": 0.05}

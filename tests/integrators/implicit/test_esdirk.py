@@ -94,7 +94,7 @@ class Dense:
     def __init__(self, scene, run):
         self.reduced, self.scene = Reduced(Model.of(scene, run)), scene
         model, (given, _) = self.reduced.model, self.at(0.0)
-        self.y = self.reduced.independent(model.bodies.reference().reshape(-1)[self.reduced.places], given)
+        self.y = self.reduced.independent(model.mesh.reference().reshape(-1)[self.reduced.places], given)
         v = model.bodies.initial_velocity().reshape(-1)[self.reduced.places]
         self.v = self.reduced.speeds(v, self.y, given)
 
@@ -202,7 +202,6 @@ LEVELS = {
 TWO_ROADS = {"cable": 1e-9, "shear": 2e-7, "quintic": 1e-6}
 
 
-@pytest.mark.compiled
 def test_compiled_kernels_take_the_same_steps():
     run = Discretisation(2, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13)
     found = at.solve(falling(), run)

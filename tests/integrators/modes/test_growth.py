@@ -175,7 +175,6 @@ def trolley(damping, rise, spring=0.0):
     return at.Scene("trolley", [cart, arm], joints, gravity=(0, -G), connectors=springs)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize("damping", [1e-6, 1e-3, 0.1])
 @pytest.mark.parametrize("rise", [0.3, 1.0])
 def test_a_damped_trolley_that_nothing_holds_moves_as_one_that_a_soft_spring_holds(damping, rise):
@@ -190,7 +189,6 @@ def test_a_damped_trolley_that_nothing_holds_moves_as_one_that_a_soft_spring_hol
     assert not stable
 
 
-@pytest.mark.compiled
 def test_damping_beyond_all_measure_is_refused_where_nothing_holds():
     scene = trolley(100.0, 0.3)
     rest = at.solve_static(scene, mesh=4)

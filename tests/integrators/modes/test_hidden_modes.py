@@ -9,7 +9,6 @@ from ziegler import ziegler
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
 SECTION, E, DENSITY = at.Rectangle(0.02, 0.01), 2e9, 1500.0
 EI = E * SECTION.second_moment
 

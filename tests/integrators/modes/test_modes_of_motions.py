@@ -4,7 +4,6 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from marks import interpreted_where
 
 import anctmm as at
 from anctmm.errors import DiscretisationError, EquilibriumWarning
@@ -106,7 +105,7 @@ KINDS = {
 CARRIED = ("slider", "prismatic", "prismatic of a box")
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", KINDS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_drives_that_have_come_to_rest_are_held_where_they_are(kind):
     """As of the same scene, built where its drive has led it."""
     make, turns = KINDS[kind]
@@ -121,7 +120,7 @@ def test_drives_that_have_come_to_rest_are_held_where_they_are(kind):
         assert np.abs(start / exact - 1.0)[exact > 1e-3].max() > 1e-3
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", CARRIED))
+@pytest.mark.parametrize("kind", CARRIED)
 def test_a_guide_that_moves_steadily_carries_the_scene(kind):
     make, _ = KINDS[kind]
     scene = at.Scene("carried", *make(Steady(0.3), 0.0, 0.0))
@@ -143,7 +142,6 @@ def test_a_clamp_that_turns_steadily_spins_the_scene(kind):
     assert np.abs(held / exact - 1.0).max() > 1e-3
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("speed", [12.0, 35.0, 40.0])
 @pytest.mark.parametrize("damping", [0.0, 3.0])
 @pytest.mark.parametrize("driven", [False, True])
@@ -170,7 +168,6 @@ def test_a_mass_on_springs_in_a_hub_that_turns(speed, damping, driven):
         assert (found.damping[0] < 0.0) == (speed > own)
 
 
-@pytest.mark.interpreted
 def test_loads_are_those_of_the_last_output():
     """A pendulum in a uniform force that has grown: its frequency is that of the force then."""
     bob = at.RigidBody(
@@ -191,7 +188,6 @@ def hardening(angle, rate, t):
     return 0.5 * angle + 0.02 * angle**3 + 0.5 * rate
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("moved", [True, False], ids=["motion", "equilibrium"])
 def test_whole_turns_of_springs_are_those_of_the_configuration(moved):
     """A wheel that has come to rest after more than a turn, against a spring that hardens."""
@@ -235,7 +231,6 @@ def with_what_stands_still():
         yield at.Scene("s", *make(Steady(0.5), 0.0, 0.0)), "against each other"
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize(("scene", "words"), list(with_what_stands_still()))
 def test_motions_without_modes_are_refused_by_name(scene, words):
     about = at_the_end(scene, 0.4)
@@ -243,7 +238,7 @@ def test_motions_without_modes_are_refused_by_name(scene, words):
         at.modes(scene, mesh=2, about=about)
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", KINDS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_drives_that_speed_up_are_refused(kind):
     make, turns = KINDS[kind]
     scene = at.Scene("fast", *make(at.Quintic(turn=TURN if turns else MOVE, duration=REST), 0.0, 0.0))
@@ -262,7 +257,6 @@ def swinging(angle):
     return scene, at.solve(scene, dt=1e-2, t_end=0.1)
 
 
-@pytest.mark.interpreted
 def test_a_motion_that_is_no_equilibrium_is_told():
     """Its stiffness is that of a pendulum held at an angle: √cos φ of the frequency."""
     scene, motion = swinging(0.5)
@@ -275,7 +269,6 @@ def test_a_motion_that_is_no_equilibrium_is_told():
     assert 2 * pi * found.frequencies[0] == pytest.approx(known, rel=1e-6)
 
 
-@pytest.mark.interpreted
 def test_next_to_an_equilibrium_and_in_free_flight_nothing_is_told():
     """Warnings are errors here."""
     scene, motion = swinging(1e-4)

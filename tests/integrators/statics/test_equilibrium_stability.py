@@ -1,32 +1,22 @@
 """Stability of equilibria: Euler's load by several roads, unstable and singular ones named, the stable branch found."""
 
-from dataclasses import replace
 from math import cos, pi, sin, sqrt
 
 import numpy as np
 import pytest
-from samples import KINDS, SOFT, SQUARE, bar, chain_of, row_scene
-from scipy.linalg import eigh
+from samples import KINDS, SOFT, SQUARE, bar, row_scene
 from scipy.optimize import brentq
 
 import anctmm as at
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import UnknownOptionError
-from anctmm.integrators.statics import equilibria, solve_static
-from anctmm.integrators.statics.equilibrium_stability import lowest_mode, stability_of
-from anctmm.integrators.statics.load_path import LoadPath
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
+from anctmm.solve import solve_static
 from reference import exact, exudyn_cable, exudyn_reissner, global_dae
-from reference.global_dae.equilibrium_stability import verdict
-from reference.global_dae.model import Model
-from reference.global_dae.stability import null_space, tangent
 
 SLENDER, STIFF = Rectangle(0.01, 0.01), Material(E=1e9, density=1000.0)
 EA, EI = STIFF.E * SLENDER.area, STIFF.E * SLENDER.second_moment
 EULER = pi**2 * EI / 4.0
-#: Of a clamped column that is also compressed: EI θ'' + P s θ = 0 with the stretch s = 1 − P/EA.
-EXTENSIBLE = 0.5 * EA * (1.0 - sqrt(1.0 - 4.0 * EULER / EA))
 every_kind = pytest.mark.parametrize("kind", KINDS)
 
 
@@ -36,68 +26,6 @@ def column(load, side=0.0, angle=0.0):
     beam = Beam("bar", (0.0, 0.0), (c, s), SLENDER, STIFF)
     force = (-load * c - side * s, -load * s + side * c)
     return Scene("column", [beam], [Clamp("bar.start")], [Force("bar.end", force)])
-
-
-def compressed(load, kind, mesh, angle=0.0):
-    """The search at the straight equilibrium of a column."""
-    search = LoadPath(chain_of(column(load, angle=angle), mesh=mesh, element=kind))
-    assert search.reach(1.0) is None
-    return search
-
-
-def lowest_by_anctmm(load, kind, mesh):
-    search = compressed(load, kind, mesh)
-    return lowest_mode(search.system, search.q, 1.0)[0]
-
-
-def negative_by_anctmm(load, kind, mesh):
-    search = compressed(load, kind, mesh)
-    return -1.0 if search.system.factorize(search.q, 1.0) else 1.0
-
-
-def lowest_by_global_dae(load, kind, mesh):
-    model = Model.of(column(load), Discretisation(mesh=mesh, element=kind))
-    rest = global_dae.solve_static(column(load), mesh=mesh, element=kind)
-    q, Z = model.bodies.flat([rest.fields["bar"].coordinates[-1]]), null_space(model)
-    return eigh((Z.T @ tangent(model, q, 1.0) @ Z).toarray(), (Z.T @ model.mass @ Z).toarray())[0][0]
-
-
-@every_kind
-def test_eulers_load_is_where_the_lowest_frequency_vanishes_by_three_roads(kind):
-    """By inverse iteration with sweeps, by the sign of a pivot, and by LAPACK on the projected global tangent."""
-    loads = [
-        brentq(lambda load, f=f: f(load, kind, 4), 0.8 * EULER, 1.3 * EULER, xtol=1e-12, rtol=1e-12)
-        for f in (lowest_by_anctmm, negative_by_anctmm, lowest_by_global_dae)
-    ]
-    assert abs(loads[0] - loads[1]) < 1e-9 * EULER
-    allowed = 1e-8 if kind == "cable" else 1e-6  # LAPACK: ε of the highest frequency
-    assert abs(loads[2] - loads[0]) < allowed * EULER
-
-
-def test_eulers_load_tends_to_that_of_the_extensible_elastica():
-    """At sixth order at first: 8 elements are 2e-6 away."""
-    found = [
-        brentq(lambda load, n=n: lowest_by_anctmm(load, "cable", n), 0.8 * EULER, 1.3 * EULER, rtol=1e-11)
-        for n in (2, 4, 8)
-    ]
-    errors = np.abs(np.array(found) / EXTENSIBLE - 1.0)
-    assert (errors[:-1] / errors[1:] > 12.0).all()
-    assert errors[-1] < 1e-5
-
-
-@every_kind
-@pytest.mark.parametrize("solver", [solve_static, global_dae.solve_static])
-def test_a_column_is_stable_just_below_its_load_and_unstable_just_above(kind, solver):
-    load = brentq(lambda p: lowest_by_anctmm(p, kind, 4), 0.8 * EULER, 1.3 * EULER, rtol=1e-12)
-    below, above = (solver(column(f * load), mesh=4, element=kind) for f in (1.0 - 1e-5, 1.0 + 1e-5))
-    assert below.status.ok, below.status
-    assert above.status == "unstable"
-    assert not above.status.ok
-    assert above.status.time == 1.0
-    assert (above.status.body, above.status.element) == ("bar", 3)
-    for words in ("load factor 1", "1 negative eigenvalue", "element 3 of body 'bar'", "branch='stable'"):
-        assert words in above.status.message
-    assert above.t.tolist() == [0.0, 1.0]
 
 
 @pytest.mark.parametrize(("load", "negative"), [(1.5, 1), (9.2, 2), (25.5, 3)])
@@ -140,41 +68,6 @@ def test_exudyn_says_where_it_cannot_tell():
         assert found.status.ok
         assert "stability not known" in found.status.message
         assert why in found.status.message
-
-
-@pytest.mark.parametrize("seed", range(8))
-def test_the_same_verdict_by_inertia_of_the_global_tangent(seed):
-    """Of random rows of beams under random loads: at equilibria, and at coordinates far from any."""
-    rng = np.random.default_rng(seed)
-    ends = ("clamp", ("free", "pin", "clamp")[seed % 3])
-    links = [(("pin", "weld")[seed % 2], 0.4)] if ends[1] != "free" else [("weld", 0.4)]
-    forces = [Force("b1.end", tuple(rng.normal(0.0, 2.0, 2)))] if ends[1] == "free" else []
-    scene = row_scene(
-        ends[0],
-        links,
-        ends[1],
-        loads=[*forces, Torque("b1.start", 0.3)],
-        gravity=(0.0, rng.normal(0.0, 30.0)),
-    )
-    if links[0][0] == "weld":
-        scene = replace(scene, loads=tuple(forces))
-    options = {"mesh": 2, "element": KINDS[seed % 2]}
-    model, chain = Model.of(scene, Discretisation(**options)), chain_of(scene, **options)
-    search = LoadPath(chain)
-    kinds = set()
-    for amount in (0.0, 0.0, 0.3, 0.6, 1.0):
-        rest = search.reach(1.0) if amount else None
-        assert rest is None
-        q = search.q.copy()
-        x = rng.normal(0.0, amount, q.shape)
-        # any positive matrix does: its solutions move only what the joints let move
-        search.system.factorize(chain.bodies.reference(), 0.0, 1.0)
-        q = q + search.system.solve(search.system.inertia(x)) * 1e3 * amount
-        bodies = [chain.bodies.by_body(q)[m.body.name] for m in model.bodies.meshes]
-        ours, theirs = stability_of(search.system, q, 1.0), verdict(model, model.bodies.flat(bodies), 1.0)
-        assert (ours.kind, ours.negative) == (theirs.kind, theirs.negative)
-        kinds.add(ours.kind)
-    assert kinds
 
 
 # --- the stable branch -----------------------------------------------------------------------------------------
@@ -260,32 +153,6 @@ def test_rolled_up_beams_are_stable_on_both_branches(kind):
     assert np.abs(path.position("bar", 1.0)[-1] - stable.position("bar", 1.0)[-1]).max() < 1e-9
 
 
-@every_kind
-def test_the_potential_is_least_at_a_stable_equilibrium(kind):
-    """Random displacements that the joints allow raise it, of a bar under a force, a torque and gravity."""
-    loads = [Force("bar.end", (-0.2, 0.1)), Torque("bar.end", 0.02)]
-    search = LoadPath(chain_of(bar([Clamp("bar.start")], loads, gravity=(0.0, -0.3)), element=kind))
-    assert search.reach(1.0) is None
-    system, rng = search.system, np.random.default_rng(0)
-    assert stability_of(system, search.q, 1.0).kind == "stable"
-    system.factorize(search.q, 1.0)
-    for _ in range(20):
-        x = system.solve(rng.standard_normal(search.q.shape))
-        for h in (1e-2, -1e-2):
-            assert system.potential_change(search.q, search.q + h * x / system.size(x), 1.0) > 0.0
-
-
-@every_kind
-def test_the_residual_is_minus_the_gradient_of_the_potential(kind):
-    loads = [Force("bar.end", lambda t: (-0.2, 0.1)), Torque("bar.end", 0.02)]
-    chain = chain_of(bar([Clamp("bar.start")], loads, gravity=(0.0, -0.3)), element=kind)
-    system, rng = LoadPath(chain).system, np.random.default_rng(1)
-    q = system.reference + 0.05 * rng.standard_normal(system.reference.shape)
-    x = rng.standard_normal(q.shape)
-    slope = system.potential_change(q - 1e-5 * x, q + 1e-5 * x, 0.7) / 2e-5
-    assert slope == pytest.approx(-(system.residual(q, 0.7) * x).sum(), rel=1e-6)
-
-
 # --- singular ones -----------------------------------------------------------------------------------------------
 
 
@@ -351,17 +218,6 @@ def test_what_falls_forever_has_no_equilibrium(branch):
     found = solve_static(bar(gravity=(0.0, -9.81)), mesh=1, branch=branch)
     assert found.status == "diverged"
     assert found.t.tolist() == [0.0]
-
-
-def test_unstable_before_and_lost_after_is_both_said(monkeypatch):
-    reach = LoadPath.reach
-    monkeypatch.setattr(equilibria, "stable_path", lambda *_: iter(()))
-    monkeypatch.setattr(LoadPath, "reach", lambda s, to: reach(s, to) if to < 0.9 else s.stuck(to))
-    found = solve_static(column(1.5 * EULER), mesh=2, load_steps=4)
-    assert found.status == "diverged"
-    assert "no equilibrium found beyond 1 of the load" in found.status.message
-    assert "the equilibrium at load factor 0.75 is unstable" in found.status.message
-    assert found.t.tolist() == [0.0, 0.25, 0.5, 0.75]
 
 
 @every_kind

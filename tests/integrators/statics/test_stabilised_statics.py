@@ -5,7 +5,7 @@ import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
 import anctmm as at
-from anctmm.integrators.statics import solve_static
+from anctmm.solve import solve_static
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene
 from anctmm.model.sections import Rectangle
 from reference import exact

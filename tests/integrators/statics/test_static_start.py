@@ -57,7 +57,6 @@ def test_nothing_moves_from_an_equilibrium(options):
     assert found.energy.strain[0] == pytest.approx(rest.energy.strain[-1], rel=1e-9)
 
 
-@pytest.mark.compiled
 def test_a_load_that_is_let_go_gives_back_its_energy():
     """A beam bent by a force swings about its straight shape: it comes to the mirrored place after half a period."""
     beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
@@ -119,7 +118,6 @@ def test_a_guide_in_a_body_that_has_turned_pushes_across_its_line():
         np.testing.assert_allclose(solution.reaction(guide)[-1], [*across, 0.0], atol=1e-8)
 
 
-@pytest.mark.compiled
 @pytest.mark.parametrize(
     "element", ["cable", *(pytest.param(kind, marks=pytest.mark.exhaustive) for kind in ("shear", "quintic"))]
 )
@@ -162,7 +160,6 @@ def test_turns_of_the_start_are_counted(steps):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 def test_a_start_that_does_not_fit_is_refused_by_name():
     scene = loaded()
     rest = rest_of(scene)

@@ -7,7 +7,7 @@ import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
 import anctmm as at
-from anctmm.integrators.statics import solve_static
+from anctmm.solve import solve_static
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Clamp, Force, Material, Torque
 from anctmm.model.sections import Rectangle

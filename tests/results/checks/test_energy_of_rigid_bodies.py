@@ -6,7 +6,6 @@ import pytest
 import anctmm as at
 from reference import global_dae
 
-pytestmark = pytest.mark.interpreted
 
 
 def pendulum():

@@ -4,15 +4,10 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from direct import assert_as_dense, dense
 from random_mechanisms import random_mechanism
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.integrators import zhai
-from anctmm.recursion.riccati import block_factors, mass_factors, solve
 from reference import global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e9, density=1000.0)
@@ -22,39 +17,7 @@ G = 9.81
 # --- one solution -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(40))
-def test_a_solution_is_that_of_the_dense_constrained_matrix(seed):
-    chain = Chain(random_mechanism(seed), Discretisation(mesh=1 + seed % 3))
-    f = np.random.default_rng(seed).standard_normal((chain.bodies.rows, chain.bodies.nodes))
-    f[chain.prescribed] = 0.0
-    assert_as_dense(chain, f, solve(mass_factors(chain), f))
-
-
 PLATE = at.RigidBody("plate", 0.5, 3.3e-3, (0.6, 0.1), {"a": (0.5, 0.0), "b": (0.7, 0.2)})
-
-
-@pytest.mark.parametrize("element", ["cable", "shear", {"u": "shear", "v": "cable"}])
-@pytest.mark.parametrize("joint", [at.Pin, at.Weld])
-def test_elements_of_all_kinds_are_joined_to_a_rigid_body(joint, element):
-    bodies = [at.Beam("u", (0.0, 0.0), (0.5, 0.0), SECTION, MATERIAL), PLATE,
-              at.Beam("v", (0.7, 0.2), (1.0, 1.0), SECTION, MATERIAL)]  # fmt: skip
-    joints = [at.Clamp("u.start"), joint("u.end", "plate.a"), joint("plate.b", "v.start"), at.Pin("v.end")]
-    chain = Chain(at.Scene("arm", bodies, joints), Discretisation(mesh=2, element=element))
-    f = np.random.default_rng(0).standard_normal((chain.bodies.rows, chain.bodies.nodes))
-    exact = dense(chain, f)
-    assert np.abs(solve(mass_factors(chain), f) - exact).max() < 1e-12 * np.abs(exact).max()
-
-
-def row(n):
-    """Rigid bars in a row, hanging from a pin."""
-    bodies = [
-        at.RigidBody(
-            f"r{i}", 1.0, 0.1, (i + 0.5, 0.05), {"a": (float(i), 0.0), "b": (i + 1.0, 0.0)}
-        )
-        for i in range(n)
-    ]  # fmt: skip
-    joints = [at.Pin("r0.a"), *(at.Pin(f"r{i}.b", f"r{i + 1}.a") for i in range(n - 1))]
-    return at.Scene("row", bodies, joints, gravity=(0.0, -G))
 
 
 def four_bars(n, width=0.3, crank=0.2):
@@ -68,33 +31,6 @@ def four_bars(n, width=0.3, crank=0.2):
         ends = [f"c{i}.e"] + [f"l{i}.s"] * (i < n) + [f"l{i - 1}.e"] * (i > 0)
         joints.append(at.Pin(*ends))
     return at.Scene("four-bars", bodies, joints, gravity=(0.0, -G))
-
-
-@pytest.mark.parametrize("make", [row, four_bars])
-def test_the_matrix_of_many_bodies_is_filled_in_proportion_to_their_number(make):
-    entries = []
-    for n in (25, 50, 100):
-        factors = block_factors(Chain(make(n), Discretisation(mesh=1)))
-        entries.append(len(factors.loops.matrix.L) / n)
-    assert entries[2] < 1.05 * entries[0]
-
-
-def test_scenes_without_constraints_compile_nothing_for_them(monkeypatch):
-    """What is None by its type is left out of the code."""
-    calls = []
-    monkeypatch.setattr(zhai, "advance", lambda *arguments: calls.append(arguments) or -1)
-    beam = at.Beam("u", (0.0, 0.0), (0.5, 0.0), SECTION, MATERIAL)
-    for bodies, joints in (
-        ([beam], []),
-        ([beam, at.PointMass("m", 0.1, (0.5, 0.0))], [at.Pin("u.end", "m.center")]),
-    ):
-        scene = at.Scene("plain", bodies, [at.Clamp("u.start"), *joints])
-        assert not Chain(scene, Discretisation(mesh=2)).plan.kept
-        at.solve(scene, mesh=2, integrator="zhai", dt=1e-6, t_end=1e-5)
-    assert calls
-    for _, _, system, *_ in calls:
-        assert [system.block, system.damping, system.rows] == [None] * 3
-        assert system.split[-2:] == (None, None)
 
 
 # --- equations of motion of their own ---------------------------------------------------------------------------
@@ -136,7 +72,6 @@ def pendulum_tip(t):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 @pytest.mark.parametrize("how", RUNS)
 def test_double_pendulum_with_offset_centres_moves_by_its_own_equations(how):
     """Both methods miss by Δt²: extrapolated to no step they agree to 2e-8 with the exact path over 2 s."""
@@ -158,7 +93,6 @@ def test_double_pendulum_with_offset_centres_moves_by_its_own_equations(how):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 def test_steps_with_error_control_meet_their_tolerance():
     exact = pendulum_tip(np.linspace(0.0, 1.0, 11))
     for tolerance in (1e-2, 1e-3, 1e-4):
@@ -195,7 +129,6 @@ def crank_slider(kind, rod=1.0, crank=0.3):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 @pytest.mark.parametrize("kind", [at.Slider, at.Prismatic])
 @pytest.mark.parametrize("how", RUNS)
 def test_crank_slider_moves_on_its_exact_path(how, kind):
@@ -212,7 +145,6 @@ def test_crank_slider_moves_on_its_exact_path(how, kind):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 @pytest.mark.parametrize("how", RUNS)
 def test_driven_guides_and_welds_go_where_they_are_driven(how):
     """A carriage pushed along a line in the ground, an arm turned against it, and a load pushed along the arm."""
@@ -235,7 +167,6 @@ def test_driven_guides_and_welds_go_where_they_are_driven(how):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 def test_four_bars_in_a_row_do_not_drift():
     """40 four-bars, one body more than what holds them, for 10 s: nothing parts, and the energy stays."""
     s = at.solve(four_bars(40), mesh=1, integrator="zhai", dt=2e-3, t_end=10.0, output_dt=0.5)

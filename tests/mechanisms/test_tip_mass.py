@@ -6,9 +6,8 @@ from random_mechanisms import turn
 from scipy.optimize import brentq
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.recursion.branches import branches
+from anctmm.system.system import System
 from reference import global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
@@ -69,31 +68,6 @@ def scene_of(name, of=SCENES):
     return at.Scene(name, bodies, joints, loads, GRAVITY, springs)
 
 
-def chain_of(scene):
-    return Chain(scene, Discretisation(mesh=MESH))
-
-
-@pytest.mark.parametrize("name", [name for name in SCENES if name != "on both ends"])
-def test_it_is_one_node_more_and_no_branch(name):
-    scene = scene_of(name)
-    chain = chain_of(scene)
-    alone = at.Scene("alone", scene.beams, [j for j in scene.joints if "load.center" not in j.ends])
-    assert chain.bodies.nodes == chain_of(alone).bodies.nodes + 1
-    assert chain.plan.steps[-1].body == "load"
-    assert chain.single
-    assert list(branches(chain).at) == [chain.bodies.nodes]
-
-
-def test_no_other_body_loses_its_place():
-    """What is guided stays the last place of all, a mass there too; without a mass a chain ends where it did."""
-    bodies, _ = SCENES["behind"]
-    pin, slider = at.Pin("b.end", "load.center"), at.Slider("b.start", (0.6, -0.8))
-    steps = chain_of(at.Scene("guided", bodies, [pin, slider])).plan.steps
-    assert [step.body for step in steps] == ["load", "b"]
-    steps = chain_of(at.Scene("plain", [OUT], [at.Clamp("b.start")])).plan.steps
-    assert not steps[0].reversed
-
-
 def assert_alike(scene, ours, other, allowed):
     """Motion, reactions and energies of two solutions."""
     assert ours.status.ok, ours.status
@@ -126,12 +100,11 @@ def test_it_moves_as_a_rigid_body_that_is_pinned_at_its_centre(name, how):
     bodies, joints = SCENES[name]
     rigid = [at.RigidBody("load", LOAD, 1e-4, TIP) if body.name == "load" else body for body in bodies]
     heavy = scene_of(name, {name: (rigid, joints)})
-    assert Chain(heavy, Discretisation(mesh=MESH)).plan.kept
+    assert System(heavy, Discretisation(mesh=MESH)).plan.kept
     ours, other = (at.solve(one, mesh=MESH, **run) for one in (scene, heavy))
     assert_alike(scene, ours, other, allowed)
 
 
-@pytest.mark.compiled
 @pytest.mark.exhaustive  # some hundreds of steps by every method
 @pytest.mark.parametrize("name", ["behind", "first at the start", "behind two beams"])
 def test_other_steps_come_to_the_same(name):

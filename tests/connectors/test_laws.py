@@ -2,49 +2,9 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
 import anctmm as at
 from anctmm.errors import PropertyError
-from anctmm.forces.laws import address_of, call_law
-
-SQUARE, SOFT = at.Rectangle(0.02, 0.02), at.Material(1e7, 1000.0)
-
-
-def spring_law(elongation, rate, t):
-    return 3.0 * elongation - 2.0 * rate + np.sin(t)
-
-
-def play(elongation, rate, t):
-    """A spring with a gap on both sides."""
-    if elongation > 0.1:
-        return 5.0 * (elongation - 0.1)
-    if elongation < -0.1:
-        return 5.0 * (elongation + 0.1)
-    return 0.0
-
-
-@pytest.mark.parametrize("law", [spring_law, play, njit(spring_law), lambda x, v, t: 2 * x])
-def test_a_compiled_law_is_that_of_python(law):
-    address = address_of("spring", law, 1.0)
-    for at_ in ((0.3, 0.1, 2.0), (-0.4, 0.0, 0.0), (0.0, 1.0, 1.0)):
-        assert call_law(address, *at_) == pytest.approx(law(*at_), rel=1e-14)
-
-
-def test_a_law_is_compiled_once():
-    assert address_of("spring", spring_law, 1.0) == address_of("another", spring_law, 0.1)
-
-
-def test_a_law_that_raises_gives_no_number():
-    def strict(elongation, rate, t):
-        if elongation > 10.0:
-            raise ValueError("too long")
-        return elongation + rate + t
-
-    address = address_of("spring", strict, 1.0)
-    assert call_law(address, 1.0, 0.0, 0.0) == 1.0
-    assert np.isnan(call_law(address, 11.0, 0.0, 0.0))
-
 
 state = {"calls": 0}
 
@@ -52,10 +12,6 @@ state = {"calls": 0}
 def counts(elongation, rate, t):
     state["calls"] += 1
     return elongation
-
-
-def differs(elongation, rate, t):
-    return elongation if isinstance(elongation, np.float64) else 2.0 * elongation + rate
 
 
 @pytest.mark.parametrize(
@@ -93,15 +49,6 @@ def motor(elongation, rate, t):
     s = min(t / 0.1, 1.0)
     wanted = 0.5 * s * s * (3.0 - 2.0 * s)
     return 20.0 * (elongation - wanted) + 0.4 * rate - 0.25
-
-
-def test_a_law_whose_globals_have_changed_says_so():
-    names = {}
-    exec("K = 2.0\ndef law(elongation, rate, t):\n    return K * elongation", names)
-    address_of("spring", names["law"], 1.0)
-    names["K"] = 4.0
-    with pytest.raises(PropertyError, match="has changed since it was compiled"):
-        address_of("spring", names["law"], 1.0)
 
 
 def test_a_motor_that_feeds_back_holds_a_flexible_arm():

@@ -6,13 +6,12 @@ from math import cos, pi, sin
 
 import numpy as np
 import pytest
-from samples import SQUARE, chain_of, gap
+from samples import SQUARE, gap, system_of
 from scipy.integrate import solve_ivp
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import MeshError, StartWarning
-from anctmm.integrators.stability import check_step, highest_frequency
-from anctmm.integrators.zhai import advance
+from anctmm.march.stability import check_step, highest_frequency
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.solve import solve
@@ -343,24 +342,15 @@ def test_step_limit_is_that_of_what_can_still_move():
     """A rigid crank and follower leave the coupler's limit; rigid bodies alone have none."""
     base, mesh = four_bar().scene, {"crank": 1, "coupler": 2, "follower": 1}
     kinds = {"crank": "rigid", "coupler": "cable", "follower": "rigid"}
-    chain = chain_of(base, mesh=mesh, element=kinds, integrator="zhai", dt=1e-5)
+    chain = system_of(base, mesh=mesh, element=kinds, integrator="zhai", dt=1e-5)
     limit = 2.0 / highest_frequency(chain)
-    assert limit > 5.0 * 2.0 / highest_frequency(chain_of(base, mesh=mesh))
+    assert limit > 5.0 * 2.0 / highest_frequency(system_of(base, mesh=mesh))
     for factor, ok in ((0.98, True), (1.05, False)):
         dt = factor * limit
         ours = solve(base, mesh=mesh, element=kinds, integrator="zhai", dt=dt, t_end=3000 * dt, output_dt=3000 * dt,
                      check_stability=False)  # fmt: skip
         assert ours.status.ok == ok
-    check_step(chain_of(pendulum(), mesh=1, element="rigid", integrator="zhai", dt=0.1))
-
-
-def test_scenes_without_rigid_bodies_do_not_know_of_them():
-    assert not chain_of(pendulum()).plan.kept
-    before = len(advance.signatures)
-    solve(pendulum(), mesh=1, integrator="zhai", dt=1e-5, t_end=1e-4)
-    assert len(advance.signatures) - before <= 1
-    systems = [dict(zip(s[2].fields, s[2].types, strict=True)) for s in advance.signatures]
-    assert any(str(of["rows"]) == "none" for of in systems)
+    check_step(system_of(pendulum(), mesh=1, element="rigid", integrator="zhai", dt=0.1))
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,14 @@
 """Beams are cut at joints between their ends; messages name what the user wrote, and none of the parts."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.junctions.as_written import as_written
-from anctmm.discretise.junctions.segments import Segments
 from anctmm.errors import DiscretisationError, PropertyError, UnsupportedError
-from anctmm.integrators.locking import locked
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
 B = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)
 X = at.Beam("x", (0.25, 0.0), (0.25, 0.4), SECTION, MATERIAL)
-PLATE = at.RigidBody("p", 0.5, 3e-3, (0.25, 0.1), {"a": (0.25, 0.0)})
 INSIDE = ("b", 0.25)
 JOINTS = [at.Pin("b.start"), at.Pin(INSIDE, "x.start")]
 FIXED = {"mesh": 4, "dt": 0.01, "t_end": 0.05}
@@ -87,31 +80,6 @@ def test_a_weld_whose_drive_does_not_fit():
     ]
     with pytest.raises(UnsupportedError, match=r"Weld\(ends=\(\('b', 0.25\), 'x.start'\).* turns what Clamp"):
         at.solve(scene(joints), **FIXED)
-
-
-def test_a_joint_that_cannot_be_kept():
-    joints = [at.Clamp("p.a"), at.Slider(INSIDE, body="p"), at.Pin("b.end")]
-    chain = Chain(scene(joints, bodies=[B, PLATE]), at.Discretisation(**FIXED))
-    names = [what for what, _ in chain.kept.constraints.names]
-    worst = SimpleNamespace(value=np.eye(len(names))[names.index("the slider at ('b', 0.25)")])
-    worst.constraint = np.arange(len(names))
-    status = locked(chain, np.zeros(1), worst, 0.1)
-    assert status.message.startswith("body 'b' would part from the slider at ('b', 0.25) by 1.0e+00")
-    assert status.body == "b"
-
-
-def test_all_that_acts_can_be_named():
-    whole = scene(
-        [*JOINTS, at.Clamp(("b", 0.5)), at.Prismatic(("b", 0.75))],
-        [at.Force(("b", 0.6), (1.0, 0.0)), at.Torque("b.start", 1.0), at.LineLoad("b", (0.0, 1.0))],
-        [at.Spring(("b", 0.9), "x.end", stiffness=1.0), at.RotationalSpring(INSIDE, stiffness=1.0)],
-    )
-    parts = Segments(whole, at.Discretisation(mesh=4, dt=0.1, t_end=1.0)).scene
-    written = [as_written(parts, joint) for joint in parts.joints]
-    assert tuple(written[:4]) == whole.joints
-    assert written[4:] == [at.Weld((b, x), (b, x)) for b, x in [("b", 0.25), ("b", 0.5), ("b", 0.75)]]
-    assert tuple(dict.fromkeys(as_written(parts, load) for load in parts.loads)) == whole.loads
-    assert tuple(as_written(parts, connector) for connector in parts.connectors) == whole.connectors
 
 
 def _broken(x):

@@ -8,8 +8,6 @@ import pytest
 from random_mechanisms import random_mechanism, shift, turn
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import MeshError
 from anctmm.model.needs import needs
 from reference import global_dae
@@ -246,18 +244,6 @@ def test_rigid_bars_are_joined_anywhere(how):
     run, allowed = STEPS[how]
     options = {"mesh": {"b": 1, "x": 2, "y": 2}, "element": {"b": "rigid", "x": "cable", "y": "cable"}, **run}
     assert apart(at.solve(scene, **options), global_dae.solve(scene, **options)) < allowed
-
-
-def test_what_a_chain_has_no_use_for_costs_it_nothing():
-    """Supports and branches between ends keep nothing; a scene without them is passed as it is."""
-    for name in ("support", "supports", "pin", "weld", "clamp"):
-        bodies, joints = SCENES[name]
-        chain = Chain(at.Scene(name, bodies, joints), Discretisation(mesh=4))
-        assert not chain.plan.kept, name
-    plain = at.Scene("plain", [B], [at.Pin("b.start")])
-    chain = Chain(plain, Discretisation(mesh=4))
-    assert chain.parts is plain
-    assert chain.segments.run is chain.run
 
 
 def test_what_diverges_is_told_of_the_whole_beam():

@@ -4,13 +4,9 @@ from math import cos, sin
 
 import numpy as np
 import pytest
-import scipy
 from samples import refused
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.singular_positions import repeated
-from anctmm.discretise.singular_positions.repeated import PASSING, REPEATED, _told_apart, passed_over
 from anctmm.errors import DiscretisationError
 from anctmm.model.drives import Quintic
 
@@ -51,12 +47,6 @@ def with_knee(links, where, off):
     return linkage([*bars, bar("p", one, knee), bar("q", knee, two)], {places[0], places[-1], one, two})
 
 
-def decided(scene):
-    """Bounds of the constraints, in their own order."""
-    kept = Chain(scene, at.Discretisation(mesh=1)).kept
-    return passed_over(kept, np.arange(len(kept.constraints.names)))
-
-
 @pytest.mark.parametrize("links", [2, 60])
 @pytest.mark.parametrize(
     ("off", "refuses"), [(1e-4, False), (3e-6, True), (1e-6, True), (1e-7, True), (1e-8, True)]
@@ -73,67 +63,6 @@ def test_bars_that_are_nearly_straight_are_refused(links, off, refuses):
             assert found.status.ok
             assert np.abs(found.displacement("p.b")).max() < 1e-10
             assert links == 2 or np.abs(found.displacement("link5.b")).max() > 1e-6
-
-
-@pytest.mark.parametrize("where", [0, 7, 40])
-def test_the_bars_of_a_knee_are_named_wherever_they_are(where):
-    with refused(DiscretisationError, ["'p', 'q' are rigid", "nearly"]):
-        decided(with_knee(40, where, 1e-6))
-
-
-def test_chains_without_redundant_joints_have_none_that_repeat_others():
-    """Long ones have small singular values, but no small pivot where they are eliminated from their ends."""
-    places = corners(1000)
-    chain = linkage([bar(f"link{k}", *places[k : k + 2]) for k in range(1000)], {places[0], places[-1]})
-    assert (decided(chain) == PASSING).all()
-
-
-def cranks(count, last=0.0, mass=1.0):
-    """Parallel cranks that carry one coupler; the top of the last is off."""
-    feet = [(0.1 * k, 0.0) for k in range(count)]
-    tops = [(0.1 * k + (last if k == count - 1 else 0.0), 1.0) for k in range(count)]
-    coupler = at.RigidBody("coupler", mass, 0.1, (0.0, 1.0), {f"p{k}": top for k, top in enumerate(tops)})
-    return linkage(
-        [coupler, *(bar(f"crank{k}", *ends) for k, ends in enumerate(zip(feet, tops, strict=True)))],
-        set(feet),
-    )
-
-
-@pytest.mark.parametrize("count", [3, 30, 150])
-@pytest.mark.parametrize(("off", "refuses"), [(0.0, False), (1e-12, False), (1e-6, True), (1e-3, False)])
-def test_a_crank_that_is_nearly_parallel_to_others_is_refused(count, off, refuses):
-    """It stops the motion of the others, and was taken to be redundant; farther off it is what it is."""
-    if refuses:
-        with refused(
-            DiscretisationError, [f"'crank{count - 1}'" if count < 10 else "'coupler'", "the same way twice"]
-        ):
-            decided(cranks(count, off))
-    else:
-        redundant = count - 2 if off < 1e-9 else count - 3
-        assert (decided(cranks(count, off)) == REPEATED).sum() == redundant
-
-
-def test_what_nearly_repeats_is_found_among_many_that_do(monkeypatch):
-    """They are looked at in blocks."""
-    monkeypatch.setattr(repeated, "TOGETHER", 4)
-    with refused(DiscretisationError, ["nearly"]):
-        decided(cranks(30, 1e-6))
-
-
-def test_an_equation_that_repeats_one_that_is_looked_at_is_found():
-    """Of two that are alike, the first is apart from those before it, by little, and the second is not."""
-    rows = [(1.0, 0.0), (cos(5e-5), sin(5e-5)), (cos(5e-5), sin(5e-5))]
-    repeats, near = _told_apart(scipy.sparse.csr_array(rows))
-    assert repeats.tolist() == [False, False, True]
-    assert near is None
-
-
-def test_small_bodies_are_none_that_nearly_depend_on_others():
-    """A parallelogram of 10 µm beside bodies of 1 m: its bodies turn by larger angles."""
-    places = [(0.0, 0.0), (0.0, 5e-6), (1e-5, 5e-6), (1e-5, 0.0)]
-    bars = [bar(f"b{k}", *places[k : k + 2]) for k in range(3)]
-    scene = linkage([*bars, bar("far", places[0], (1.0, 0.0))], {places[0], places[3]})
-    assert (decided(scene) <= PASSING).all()
 
 
 def driven(mass):

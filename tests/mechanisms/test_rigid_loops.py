@@ -4,16 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import scipy.sparse
 from samples import beam, refused
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.singular_positions import dependence
-from anctmm.discretise.singular_positions.dependence import blocking_stress, independent
 from anctmm.errors import DiscretisationError
-from anctmm.model.drives import Quintic
-from anctmm.model.scene import Clamp, Pin, Scene, Weld
+from anctmm.model.scene import Pin, Scene, Weld
+from anctmm.system.system import System
 
 O = (0.0, 0.0)  # noqa: E741
 
@@ -71,50 +67,11 @@ SINGULAR = {
     "three cranks of two lengths": (cranks(-0.3), ["'a'", "'c'", "'e'"]),
     "large and far": (far(*held(line(O, (1.0, 0.5), (2.0, 1.0)))), ["'a'", "'b'"]),
 }
-SOUND = {
-    "taut between a clamp and a hinge": (STRAIGHT, [Clamp("a.start"), Pin("a.end", "b.start"), Pin("b.end")]),
-    "one between two hinges": held(line(O, (1.0, 0.0))),
-    "one clamped and hinged": (line(O, (1.0, 0.0)), [Clamp("a.start"), Pin("a.end")]),
-    "one clamped at both ends": (line(O, (1.0, 0.0)), [Clamp("a.start"), Clamp("a.end")]),
-    "two that hold each other": held(line(O, (0.5, 0.8), (1.0, 0.0))),
-    "a four-bar": held(line(O, (0.0, 0.5), (1.0, 0.7), (1.0, 0.0))),
-    "a driven four-bar": (
-        line(O, (0.0, 0.5), (1.0, 0.7), (1.0, 0.0)),
-        [Clamp("a.start", Quintic(1.0, 1.0)), *held(line(O, (0.0, 0.5), (1.0, 0.7), (1.0, 0.0)))[1][1:]],
-    ),
-    "a triangle of hinges": ring(Pin, [O, (1.0, 0.0), (0.5, 0.8)]),
-    "a welded triangle": ring(Weld, [O, (1.0, 0.0), (0.5, 0.8)]),
-    "a square of hinges": ring(Pin, [O, (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]),
-    "a parallelogram of three cranks": cranks(0.0),
-    "a straight pendulum": (STRAIGHT, [Pin("a.start"), Pin("a.end", "b.start")]),
-    "a straight row welded and held": (STRAIGHT, [Pin("a.start"), Weld("a.end", "b.start"), Pin("b.end")]),
-    "large and far": far(*cranks(0.0)),
-}
 
 
 def chain(bodies, joints, element="rigid"):
     run = at.Discretisation(mesh=1, element=element, integrator="zhai", dt=1e-4, t_end=1e-2)
-    return Chain(Scene("loop", bodies, joints), run)
-
-
-@pytest.fixture(params=["decomposition", "factors"])
-def decided(request, monkeypatch):
-    """What decides: a dense decomposition, or sparse factors."""
-    monkeypatch.setattr(dependence, "FEW", np.inf if request.param == "decomposition" else 0)
-
-
-@pytest.mark.parametrize("name", SINGULAR)
-def test_singular_positions_are_refused(name, decided):
-    (bodies, joints), names = SINGULAR[name]
-    words = [*names, "rigid", "taut or folded", "another position", "'cable' or 'shear'"]
-    with refused(DiscretisationError, words):
-        chain(bodies, joints)
-
-
-@pytest.mark.parametrize("name", SOUND)
-def test_joints_that_repeat_each_other_are_not(name, decided):
-    bodies, joints = SOUND[name]
-    assert chain(bodies, joints).dofs == 4 * len(bodies)
+    return System(Scene("loop", bodies, joints), run)
 
 
 def test_one_body_that_bends_makes_a_taut_row_sound():
@@ -180,54 +137,6 @@ def test_many_redundant_joints_need_no_dense_matrix(monkeypatch):
     chain(bodies, joints)
     with refused(DiscretisationError, ["'coupler'", "'crank0'", "taut or folded"]):
         chain(*short)
-
-
-def test_redundant_joints_that_block_nothing_are_not_named(monkeypatch, decided):
-    """Beside three cranks of two lengths, and joined to them: a triangle of hinges with a bar too much, welded."""
-    bodies, joints = cranks(-0.3)
-    corners = [(1.0, 0.5), (1.5, 1.0), (0.5, 1.0)]
-    bodies += line(*corners, corners[0], name="xyz")
-    joints[3] = Pin("b.end", "c.start", "x.start")
-    joints += [Weld("x.start", "z.end"), Weld("x.end", "y.start"), Weld("y.end", "z.start")]
-    with pytest.raises(DiscretisationError) as told:
-        chain(bodies, joints)
-    assert [name for name in "abcdexyz" if f"'{name}'" in str(told.value)] == ["a", "b", "c", "d", "e"]
-
-
-@pytest.mark.parametrize("small", [0.0, 1e-15, 1e-10, 1e-8, 1e-6, 1e-4])
-def test_sparse_factors_decide_as_a_decomposition_or_leave_it(monkeypatch, small):
-    """Forty equations, the last one like the first but for `small` of an unknown x of its own, and J'(u, u) = x² in it.
-
-    If that is none, x is free to first order, and both equations strain each other.
-    """
-    rng = np.random.default_rng(3)
-    turn = np.linalg.qr(rng.normal(size=(60, 60)))[0]
-    J = np.zeros((40, 60))
-    J[:, 20:] = np.diag(rng.uniform(1.0, 3.0, 40))
-    J[-1] = J[0]
-    J[-1, 0] = small
-    J = scipy.sparse.csr_array(J @ turn)
-    curved = lambda u: np.concatenate([np.zeros((39, u.shape[1])), (turn[:1] @ u) ** 2])  # noqa: E731
-    wanted = np.zeros(40)
-    wanted[[0, -1]] = np.sqrt(0.5), -np.sqrt(0.5)
-    for few in (np.inf, 0):
-        monkeypatch.setattr(dependence, "FEW", few)
-        stress = blocking_stress(J, curved)
-        assert (stress is None) == (small > 1e-9)
-        if stress is not None:
-            assert np.abs(stress * np.sign(stress[0]) - wanted).max() < 1e-6
-    near = small in (1e-10, 1e-8)  # to the bound
-    assert (dependence._by_factors(J, np.eye(60), curved) is None) == near
-    if near:  # of more equations than a decomposition may take, nothing is known
-        assert blocking_stress(J, curved, most=39) is None
-
-
-def test_equations_that_hardly_depend_on_each_other_are_looked_at_in_full():
-    J = scipy.sparse.csr_array(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-4]]))
-    assert independent(J)
-    assert not independent(scipy.sparse.csr_array(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1e-8]])))
-    assert not independent(scipy.sparse.csr_array(np.array([[1.0, 1.0], [2.0, 2.0]])))
-    assert not independent(scipy.sparse.csr_array(np.ones((3, 2))))
 
 
 def test_joints_that_repeat_each_other_leave_the_motion_as_it_is():
