@@ -118,56 +118,6 @@ def test_the_advised_output_interval_and_mesh_are_accepted(monkeypatch):
     check_memory(scene, Discretisation(mesh=nodes - 1, t_end=1.0, output_dt=1.0), BYTES["generalized-alpha"])
 
 
-def mattress(count):
-    """Two bars, and springs between them."""
-    bars = [
-        at.Beam(name, (0.0, y), (1.0, y), at.Circle(0.02), at.Material(1e8, 1e3))
-        for name, y in [("low", 0.0), ("top", 0.1)]
-    ]
-    places = [k / count for k in range(count + 1)]
-    springs = [at.Spring(("low", x), ("top", x), stiffness=1e3) for x in places]
-    return at.Scene("mattress", bars, [Clamp("low.start"), Clamp("top.start")], connectors=springs)
-
-
-@pytest.mark.parametrize("road", [solve, at.solve_static])
-def test_springs_between_bodies_count_unless_steps_are_explicit(monkeypatch, road):
-    """50,000 of them need 100,000 rows of dense matrices in beams that are not divided: 160 GB; others 1.4 GB."""
-    scene = mattress(50_000)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e9)
-    with refused(MemoryLimitError, ["scene 'mattress'", "connectors between bodies", "integrator='zhai'"]):
-        road(scene, mesh=50_000, **({} if road is at.solve_static else {"dt": 1e-3, "t_end": 1e-2}))
-    run = Discretisation(mesh=50_000, integrator="zhai", dt=1e-8, t_end=1e-7)
-    check_memory(scene, run, BYTES["zhai"])
-
-
-def test_the_estimate_is_what_springs_between_bodies_take():
-    def ratio(element, count, places):
-        """Of what a run takes to the estimate."""
-        scene = mattress(count)
-        run = Discretisation(count, element, dt=1e-4, t_end=2e-4, newton_tolerance=1e-6)
-        coupled = memory.couplings_of(scene, run)
-        assert coupled.rows == (2 * (count + 1) if element == "quintic" else 0)
-        assert coupled.kept == (
-            0 if element == "quintic" else memory.KEPT * (count + 1) + memory.DIVIDED * places
-        )
-        size = 2 * (count + 1) * (6 if element == "quintic" else 4)
-        return peak(lambda: solve(scene, run)) / (16 * coupled.rows**2 + coupled.kept + 500 * size)
-
-    for element in ("cable", "quintic"):
-        assert 0.7 < ratio(element, 300, 2 * 299) < 1.3
-
-
-def test_dense_matrices_of_mechanisms_count(monkeypatch):
-    monkeypatch.setattr(memory, "free_memory", lambda: 1e9)
-    with refused(MemoryLimitError, ["scene 'mattress'", "coarser mesh"]):
-        global_dae.solve(mattress(1000), mesh=1000, dt=1e-3, t_end=1e-2)
-
-
-def test_a_dense_matrix_counts():
-    with pytest.raises(MemoryLimitError):
-        global_dae.solve_dense(bar([Clamp("bar.start")]), mesh=10**6, dt=1e-3, t_end=1e-3)
-
-
 def test_what_is_free_is_known_or_not_but_never_wrong_in_its_unit(monkeypatch):
     free = memory.free_memory()
     assert free is None or 1e6 < free < 1e15

@@ -73,39 +73,6 @@ def test_direction_of_bodies_does_not_matter(kind, integrator, layout):
     assert moved > 1e-3
 
 
-@every_layout
-@every_integrator
-@every_kind
-def test_order_of_lists_and_direction_of_the_chain_do_not_matter(kind, integrator, layout):
-    """Listed from the clamped end or from the free one, the chain is passed the other way round."""
-    usual = row_scene("clamp", LAYOUTS[layout], "free", gravity=GRAVITY)
-    other = replace(usual, bodies=usual.bodies[::-1], joints=usual.joints[::-1])
-    swapped = replace(other, joints=[replace_ends(j) for j in other.joints])
-    assert [k.reversed for k in steps(other)] != [k.reversed for k in steps(usual)]
-    one, *others = (move(s, integrator, kind) for s in (usual, other, swapped))
-    for two in others:
-        assert max(gap(one, two, 0.4, body.name) for body in usual.bodies) < 1e-11
-
-
-def replace_ends(joint):
-    return joint if len(joint.ends) == 1 else type(joint)(*joint.ends[::-1])
-
-
-@every_integrator
-@every_kind
-def test_weld_of_two_halves_is_one_body(kind, integrator):
-    tip, middle = (0.6, 0.8), (0.3, 0.4)
-    whole = move(bar([Clamp("bar.start")], gravity=GRAVITY), integrator, kind, mesh=4)
-    for ends, end in (((middle, tip), "b.start"), ((tip, middle), "b.end")):
-        halves = [Beam("a", (0, 0), middle, SQUARE, SOFT), Beam("b", *ends, SQUARE, SOFT)]
-        scene = Scene("halves", halves, [Clamp("a.start"), Weld("a.end", end)], gravity=GRAVITY)
-        parts = move(scene, integrator, kind, dt=whole.run.dt)
-        for fraction in (0.3, 1.0):
-            here = fraction if end == "b.start" else 1.0 - fraction
-            there = 0.5 + 0.5 * fraction
-            assert np.abs(parts.position("b", here) - whole.position("bar", there)).max() < 1e-11
-
-
 @every_integrator
 @every_kind
 @pytest.mark.parametrize("angle", [1.0, pi / 2, pi, -3.0])
@@ -115,22 +82,6 @@ def test_weld_keeps_its_angle(kind, integrator, angle):
     one, two = (motion.fields[b].coordinates[:, i, 1] @ [1.0, 1.0j] for b, i in (("b0", -1), ("b1", 0)))
     assert np.abs(two / one - np.exp(1j * angle)).max() < 1e-12
     assert np.abs(motion.displacement("b1.end")).max() > 1e-3
-
-
-@every_integrator
-@every_kind
-def test_whole_motion_turns_with_the_scene(kind, integrator):
-    """The same frame, gravity turned along, 1 rad further: the split and the block recursion in any direction."""
-
-    def scene(turn):
-        corner, tip = (cos(turn), sin(turn)), (cos(turn) + cos(turn + 0.8), sin(turn) + sin(turn + 0.8))
-        bodies = [Beam("a", (0, 0), corner, SQUARE, SOFT), Beam("b", corner, tip, SQUARE, SOFT)]
-        gravity = (9.81 * sin(turn), -9.81 * cos(turn))
-        return Scene("s", bodies, [Pin("a.start"), Weld("a.end", "b.start")], gravity=gravity)
-
-    one, two = (move(scene(turn), integrator, kind) for turn in (0.0, 1.0))
-    back = two.position("b", 0.7) @ np.array([[cos(1), -sin(1)], [sin(1), cos(1)]])
-    assert np.abs(one.position("b", 0.7) - back).max() < 1e-11
 
 
 # --- free bodies, several chains, one element ---------------------------------------------------------------
@@ -157,16 +108,6 @@ def test_chains_that_nothing_joins_do_not_see_each_other(integrator):
         alone = move(part, element={b.name: kinds[b.name] for b in part.bodies}, **options)
         for body in part.bodies:
             assert gap(whole, alone, 0.9, body.name) < 1e-12
-
-
-@every_integrator
-@every_kind
-def test_one_element_bodies(kind, integrator):
-    for start, end in (("free", "free"), ("pin", "free"), ("pin", "pin"), ("clamp", "pin")):
-        scene = row_scene(start, [("pin", 0.7)], end, gravity=GRAVITY)
-        motion = move(scene, integrator, kind, mesh=1)
-        assert np.abs(motion.displacement("b0.end")).max() > 1e-4
-        assert np.abs(motion.position("b0", 1.0) - motion.position("b1", 0.0)).max() < 1e-13
 
 
 @every_integrator
@@ -237,33 +178,6 @@ def test_force_at_a_joint_acts_on_either_side(joint, angle, value, kind, integra
     )
     assert gap(one, two, body="b1") < 1e-12
     assert np.abs(one.displacement("b1.end")).max() > 1e-4
-
-
-@every_integrator
-@every_kind
-def test_torque_at_a_weld_acts_on_either_side_and_at_a_pin_on_one(kind, integrator):
-    def motions(joint):
-        for end in ("b0.end", "b1.start"):
-            yield move(row_scene("clamp", [(joint, 0.0)], "free", loads=[Torque(end, 0.2)]), integrator, kind)
-
-    one, two = motions("weld")
-    assert gap(one, two, body="b1") < 1e-12
-    one, two = motions("pin")
-    assert gap(one, two, body="b1") > 1e-4
-
-
-@every_integrator
-@every_kind
-def test_constant_and_callable_loads_are_the_same(kind, integrator):
-    def scene(vary):
-        force, moment = (0.2, 0.1), 0.3
-        loads = [Force("bar.end", (lambda t: force) if vary else force)]
-        loads += [Torque("bar.start", (lambda t: moment) if vary else moment)]
-        return bar([Pin("bar.start")], loads)
-
-    one, two = (move(scene(vary), integrator, kind) for vary in (False, True))
-    assert gap(one, two) < 1e-14
-    assert np.abs(one.energy.balance - two.energy.balance).max() < 1e-5 * one.energy.kinetic.max()
 
 
 @every_integrator
@@ -353,29 +267,3 @@ def test_outputs_hold_the_end_of_a_run_that_is_no_whole_number_of_them(kind, int
     assert np.array_equal(some.position("bar", 0.7), every.position("bar", 0.7)[kept])
     for name, series in vars(some.energy).items():
         assert np.array_equal(series, getattr(every.energy, name)[kept])
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_long_runs_are_computed_in_batches_without_a_seam(kind, monkeypatch):
-    """Batches are as long as a clock says: of one step each or all at once, no bit may differ."""
-    scene = bar(
-        [Clamp("bar.start", Quintic(1.0, 0.01))], [Force("bar.end", lambda t: (np.sin(300.0 * t), t))]
-    )
-    fixed = {"mesh": 3, "element": kind, "t_end": 2e-3, "output_dt": 7e-5}
-    for options in (
-        {"integrator": "zhai", "dt": 1e-5},
-        {"integrator": "generalized-alpha", "dt": 1e-5},
-        {"integrator": "generalized-alpha", "tolerance": 1e-3, "output_dt": 5e-4},
-        {"integrator": "esdirk", "tolerance": 1e-3, "output_dt": 5e-4},
-    ):
-        found = []
-        for seconds in (1e-12, 1.3e-5, 1e3):
-            with monkeypatch.context() as patch:
-                patch.setattr("anctmm.kernels.pacing.FIRST", seconds)
-                patch.setattr("anctmm.kernels.pacing.CALL", seconds)
-                found.append(solve(scene, **(fixed | options)))
-        for other in found[1:]:
-            assert np.array_equal(found[0].position("bar", 1.0), other.position("bar", 1.0))
-            for name, series in vars(other.energy).items():
-                assert np.array_equal(series, getattr(found[0].energy, name))
-            assert other.cost.newton_iterations == found[0].cost.newton_iterations

@@ -353,7 +353,7 @@ def test_what_fits_is_taken(name):
 
 @pytest.mark.parametrize("feature", DEMANDS)
 def test_every_feature_is_needed_by_its_scene(feature):
-    assert DEMANDS.keys() == MECHANISMS.keys() - {"own-joints"}  # shown by tests/spine
+    assert DEMANDS.keys() == MECHANISMS.keys() - {"own-joints"}  # shown by test_own_joints.py
     assert feature in dict(needs(DEMANDS[feature](cantilever())))
 
 

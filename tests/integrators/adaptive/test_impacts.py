@@ -9,8 +9,6 @@ from scenes.impacts import (
     between,
     bounce,
     collision,
-    floor_law,
-    mass,
     pair,
     pendulum,
     rms,
@@ -97,30 +95,3 @@ def test_the_exact_motion_is_free_flight_and_half_a_sine():
     into = frequency * np.maximum(t - fall, 0.0)
     contact = [-1.0 - rest + rest * cos(x) - speed / frequency * sin(x) for x in into]
     assert np.abs(impact.exact(t)[:, 1] - np.where(t < fall, flight, contact)).max() < 1e-10
-
-
-@pytest.mark.parametrize("integrator", METHODS)
-def test_what_rests_in_a_stiff_contact_has_long_steps(integrator):
-    """A mass that lies on a floor of 3e4 rad/s: nothing there asks for steps of its contact."""
-    k = 1e9
-    spring = at.Spring("ball.center", (0.0, -1.0), length=1.0, law=floor_law(k))
-    ball = mass("ball", (0.0, -GRAVITY / k), (0.1, 0.0))
-    scene = at.Scene("rests", [ball], gravity=(0.0, -GRAVITY), connectors=[spring])
-    found = at.solve(scene, t_end=0.1, output_dt=0.01, tolerance=1e-2, integrator=integrator)
-    assert found.status.ok, found.status
-    assert found.cost.steps < 200
-
-
-@pytest.mark.parametrize("width", [3e-5, 1e-5])
-@pytest.mark.parametrize("integrator", METHODS)
-def test_what_friction_has_brought_to_rest_has_long_steps(integrator, width):
-    """A mass slides to rest on dry friction F tanh(v/width): it stops after v²/(2 F/m), and then only creeps."""
-    speed, friction = 1.0, 2.0
-    block = at.PointMass("block", 1.0, (1.0, 0.0), velocity=(speed, 0.0))
-    ground = at.Spring("block.center", (0.0, 0.0), law=lambda x, v, t: friction * np.tanh(v / width))
-    scene = at.Scene("slides", [block], [at.Slider("block.center", (1.0, 0.0))], connectors=[ground])
-    found = at.solve(scene, t_end=1.0, output_dt=0.01, tolerance=1e-4, integrator=integrator)
-    assert found.status.ok, found.status
-    assert found.cost.steps < 2000
-    way = found.displacement("block.center")[-1, 0]
-    assert way == pytest.approx(speed**2 / (2.0 * friction), abs=1e-4 * 0.25 + speed * width / friction)

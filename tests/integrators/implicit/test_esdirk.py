@@ -160,23 +160,6 @@ def test_conditions_of_order_four():
     assert set(np.diag(A)) == {0.0, 0.25}
 
 
-def growth(z):
-    """R(z) = 1 + z bᵀ(1 − z A)⁻¹ 1."""
-    A = stages().A
-    return 1.0 + z * A[-1] @ np.linalg.solve(np.eye(len(A)) - z * A, np.ones(len(A)))
-
-
-def test_it_is_l_stable_and_hardly_damps_what_it_resolves():
-    frequencies = np.geomspace(1e-3, 1e6, 400)
-    sizes = np.array([abs(growth(1j * x)) for x in frequencies])
-    assert sizes.max() <= 1.0 + 1e-13
-    assert sizes[-1] < 1e-5
-    assert abs(growth(-1e8)) < 1e-7
-    x = 0.1
-    assert abs(np.angle(growth(1j * x)) - x) == pytest.approx(8.5e-4 * x**5, rel=0.02)
-    assert 0.0 < 1.0 - abs(growth(1j * x)) < x**6
-
-
 # --- motion ------------------------------------------------------------------------------------------------
 
 
@@ -198,14 +181,6 @@ def test_steps_are_those_of_the_method_written_out_densely(name):
 LEVELS = {
     "falling": 1e-6, "linkage": 2e-6, "triangle": 1e-6, "freed": 5e-6, "linkage, quintic": 3e-5, "fan, quintic": 5e-5,
 }  # fmt: skip
-#: Largest difference of any coordinate in 0.02 s between the two roads, each near its limit.
-TWO_ROADS = {"cable": 1e-9, "shear": 2e-7, "quintic": 1e-6}
-
-
-def test_compiled_kernels_take_the_same_steps():
-    run = Discretisation(2, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13)
-    found = at.solve(falling(), run)
-    assert np.abs(coordinates(found) - Dense(falling(), run).by_stages(5e-3, 10)).max() < 2e-11
 
 
 @pytest.mark.parametrize("name", exhaustive_where(of_quintics, LEVELS))
@@ -228,23 +203,6 @@ def test_fourth_order_against_scipy(name):
         errors.append(float(np.abs(coordinates(found) - exact).max()))
     assert errors[0] < LEVELS[name], errors
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.5)
-
-
-@pytest.mark.parametrize("name", exhaustive_where(of_quintics, SCENES))
-def test_two_roads_tell_the_same(name):
-    """Gauss's points with multipliers eliminated beside the recursion, each near its limit."""
-    make, mesh, element = SCENES[name]
-    scene, options = make(), {"element": element, "t_end": 0.02, "output_dt": 0.01, "newton_tolerance": 1e-13}
-    ours, half, other = (
-        solver(scene, Discretisation(mesh, integrator="esdirk", dt=dt, **options))
-        for solver, dt in ((at.solve, 1.25e-4), (at.solve, 2.5e-4), (global_dae.solve, 2e-4))
-    )
-    assert {x.status.code for x in (ours, half, other)} == {"ok"}
-    limit = coordinates(ours) + (coordinates(ours) - coordinates(half)) / 15.0
-    assert np.abs(limit - coordinates(other)).max() < TWO_ROADS[element]
-    for name in ("kinetic", "strain", "potential", "work"):
-        one, two = getattr(ours.energy, name), getattr(other.energy, name)
-        assert np.abs(one - two).max() < 1e-7 * np.abs(ours.energy.kinetic).max()
 
 
 def test_dampers_springs_and_followers_keep_the_order_and_the_balance_of_energy():

@@ -9,12 +9,10 @@ from hypothesis import strategies as st
 from samples import KINDS, bar, gap, system_of
 
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.elements.force_blocks import BLOCK
 from anctmm.march.stability import highest_frequency
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force, Pin
 from anctmm.solve import solve, solve_static
-from reference import global_dae
 
 GRAVITY = (0.0, -9.81)
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -40,13 +38,6 @@ def test_coefficients_fulfil_their_identities(rho):
     assert c.alpha_m <= c.alpha_f <= 0.5
 
 
-def test_known_members():
-    trapezoid, annihilating = GeneralizedAlpha(1.0), GeneralizedAlpha(0.0)
-    assert (trapezoid.alpha_m, trapezoid.alpha_f, trapezoid.beta, trapezoid.gamma) == (0.5, 0.5, 0.25, 0.5)
-    assert (annihilating.alpha_m, annihilating.alpha_f) == (-1.0, 0.0)
-    assert (annihilating.beta, annihilating.gamma) == (1.0, 1.5)
-
-
 def amplification(rho, frequency):
     """Matrix of a step of size 1 of q'' = −ω² q in (q, v, a), w = −ω² q."""
     c, s = GeneralizedAlpha(rho), frequency**2
@@ -60,20 +51,6 @@ def amplification(rho, frequency):
 def test_stable_at_every_frequency(rho, exponent):
     values = np.abs(np.linalg.eigvals(amplification(rho, 10.0**exponent)))
     assert values.max() < 1.0 + 1e-6
-
-
-@pytest.mark.parametrize("rho", [0.1, 0.5, 0.9, 1.0])
-def test_spectral_radius_is_that_at_infinity(rho):
-    values = np.abs(np.linalg.eigvals(amplification(rho, 1e6)))
-    assert values.max() == pytest.approx(rho, rel=0.02)  # a threefold root
-
-
-@given(st.floats(0.0, 1.0), st.floats(1e-6, 1.0))
-def test_factors_of_a_correction_belong_together(rho, h):
-    """Adding x to q adds x/(β h²) to a_{n+1}; w follows by (1 − αm) a = (1 − αf) w + …"""
-    method = GeneralizedAlpha(rho)
-    c = method.of_step(h)
-    assert c.to_w * (1 - c.alpha_f) / (1 - c.alpha_m) * c.beta * h * h == pytest.approx(1.0)
 
 
 def test_small_vibration_follows_the_amplification_matrix():
@@ -177,31 +154,6 @@ def test_driven_clamp_is_held_exactly(kind):
 
 
 @every_kind
-def test_newtons_counts(kind):
-    """A vibration so small that it is linear needs one factorization beside the mass, one correction a step."""
-    small = bar([Clamp("bar.start")], [Force("bar.end", (1e-9, 1e-9))])
-    motion = run(small, 1e-3, 0.1, element=kind, newton_tolerance=1e-10)
-    assert motion.cost.steps == 100
-    assert motion.cost.factorizations == 2
-    assert motion.cost.newton_iterations == 100
-    large = run(bar([Clamp("bar.start")], gravity=GRAVITY), 1e-3, 0.5, element=kind, newton_tolerance=1e-10)
-    assert large.cost.steps == 500
-    assert 2 * 500 <= large.cost.newton_iterations <= 6 * 500
-    assert 2 < large.cost.factorizations <= 500
-
-
-@pytest.mark.slow  # the global DAE's kernels
-@every_kind
-def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
-    both = [
-        solver(scene, mesh=BLOCK + 3, element=kind, dt=1e-3, t_end=2e-3, newton_tolerance=1e-12)
-        for solver in (solve, global_dae.solve)
-    ]
-    assert gap(*both) < 1e-11
-
-
-@every_kind
 def test_newton_tolerance_bounds_the_difference(kind):
     scene = bar([Clamp("bar.start")], gravity=GRAVITY)
     fine = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3)
@@ -251,19 +203,6 @@ def test_step_may_be_far_above_the_explicit_limit():
     motion = run(scene, dt, 0.5, element="shear")
     assert motion.status.ok
     assert np.abs(motion.displacement("bar.end")).max() > 0.4
-
-
-@every_kind
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-11, 1e-13])
-def test_a_step_that_modified_newton_misses_is_found_by_newton_from_the_predictor(kind, tolerance):
-    """Steps of a large part of the swing, all high frequencies annihilated: the old matrix leads astray."""
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
-    options = {"mesh": 4, "element": kind, "spectral_radius": 0.0, "newton_tolerance": tolerance}
-    motion = solve(scene, dt=0.5, t_end=10.0, **options)
-    assert motion.status.ok
-    assert motion.cost.newton_iterations > motion.cost.factorizations > motion.cost.steps
-    peer = global_dae.solve(scene, dt=0.5, t_end=10.0, **{**options, "newton_tolerance": 1e-12})
-    assert gap(motion, peer) < 1e2 * max(tolerance, 1e-12)
 
 
 # --- factors in single precision ----------------------------------------------------------------------------

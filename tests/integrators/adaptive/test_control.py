@@ -4,22 +4,10 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.march.integrate import integrate
-from anctmm.results.verification import verified
-from anctmm.system.system import System
 
 MASS, STIFFNESS = 2.0, 200.0
 RATE = np.sqrt(STIFFNESS / MASS)
 INTEGRATORS = ("esdirk", "generalized-alpha")
-
-
-def solve(scene, verify=False, **options):
-    """A run by the new steps."""
-    found = integrate(System(scene, Discretisation(**options)))
-    if not verify:
-        return found
-    return verified(lambda run: integrate(System(scene, run)), found)
 
 
 def mass_on_spring(force=None, **options):
@@ -27,7 +15,7 @@ def mass_on_spring(force=None, **options):
     spring = at.Spring("mass.center", (0.0, 0.0), stiffness=STIFFNESS)
     loads = [] if force is None else [at.Force("mass.center", force)]
     scene = at.Scene("oscillator", [at.PointMass("mass", MASS, (1.0, 0.0))], [], loads, connectors=[spring])
-    return solve(scene, **options)
+    return at.solve(scene, **options)
 
 
 def displacement(solution):
@@ -82,7 +70,7 @@ def test_steps_end_where_a_law_has_a_kink(integrator):
     spring = at.Spring("mass.center", (0.0, 0.0), length=1.5, law=stop)
     mass = at.PointMass("mass", MASS, (1.0, 0.0), velocity=(1.0, 0.0))
     scene = at.Scene("stop", [mass], connectors=[spring])
-    s = solve(scene, tolerance=1e-4, t_end=1.0, output_dt=0.1, integrator=integrator)
+    s = at.solve(scene, tolerance=1e-4, t_end=1.0, output_dt=0.1, integrator=integrator)
     contact = np.pi / np.sqrt(1e6 / MASS)
     exact = np.where(s.t <= 0.5, s.t, 0.5 - (s.t - 0.5 - contact))
     assert s.status.ok
@@ -107,13 +95,13 @@ def falling(**options):
 )
 def test_verify_gives_the_error_of_time_stepping_within_a_factor_of_three(steps, tmp_path):
     scene, options = falling(**steps)
-    s = solve(scene, verify=True, **options)
-    exact = solve(scene, mesh=3, t_end=0.5, dt=1e-4, output_dt=0.01, integrator="esdirk")
+    s = at.solve(scene, verify=True, **options)
+    exact = at.solve(scene, mesh=3, t_end=0.5, dt=1e-4, output_dt=0.01, integrator="esdirk")
     error = at.compare(s, exact, ["arm.end"]).error
     assert error / 3.0 < s.error_estimate < 3.0 * error
     assert f"{s.error_estimate:.2g}" in repr(s)
     assert at.load(s.save(tmp_path / "s.npz")).error_estimate == s.error_estimate
-    assert solve(scene, **options).error_estimate is None
+    assert at.solve(scene, **options).error_estimate is None
 
 
 def test_a_step_that_cannot_be_taken_ends_the_run():
@@ -124,7 +112,7 @@ def test_a_step_that_cannot_be_taken_ends_the_run():
 
     spring = at.Spring("mass.center", (0.0, 0.0), law=law)
     mass = at.PointMass("mass", MASS, (1.0, 0.0), velocity=(1.0, 0.0))
-    s = solve(at.Scene("torn", [mass], connectors=[spring]), tolerance=1e-3, t_end=1.0, output_dt=0.01)
+    s = at.solve(at.Scene("torn", [mass], connectors=[spring]), tolerance=1e-3, t_end=1.0, output_dt=0.01)
     assert s.status == "diverged"
     assert 0.35 < s.status.time < 0.38
     assert 36 <= len(s.t) <= 38
