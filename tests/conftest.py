@@ -25,7 +25,7 @@ SLOW = {
     "mechanisms": ["n_four_bar", "driven_hinges", "work_of_drives"],
     "model": ["typing"],
     "modes": ["growth", "modes_of_mechanisms", "modes_of_motions"],
-    "of_reference": ["acting_against_dae", "agreement", "dae_mechanisms", "exact_mechanisms", "global_dae",
+    "of_reference": ["agreement", "dae", "exact_mechanisms", "global_dae",
                      "junctions", "motor_law", "quintic_against_dae", "random_scenes", "slider_crank"],
     "peers": ["exudyn", "exudyn_mechanisms", "peer_opensees", "peer_pyelastica"],
     "questions": ["gallery", "question_new_solver", "questions", "trade"],
@@ -33,7 +33,7 @@ SLOW = {
 }  # fmt: skip
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.
-LONGEST = ("refinement", "questions", "commands", "exact", "check", "dae_mechanisms", "wound_springs")
+LONGEST = ("refinement", "questions", "commands", "exact", "check", "dae", "wound_springs")
 
 
 def pytest_configure(config):

@@ -62,7 +62,7 @@ def test_the_readme_is_short_and_its_scene_runs_as_it_says():
     made = {}
     exec(compile(example, "README.md", "exec"), made)
     assert made["ours"].status.ok
-    assert made["at"].compare(made["ours"], made["dae"], probes=["right.end", ("left", 0.5)]).error < 1e-10
+    assert made["at"].compare(made["ours"], made["dae"], probes=["right.end", ("left", 0.5)]).error < 1e-9
     assert all(f"`{name}`" in readme for name in (*KINDS, *INTEGRATORS))
 
 

@@ -21,7 +21,7 @@ from reference.exact.frequencies import (
     timoshenko_frequencies,
 )
 from reference.exact.mechanisms import OffsetDoublePendulum, Oscillator, slider_crank
-from reference.exact.pendulums import DoublePendulum, FreeBar, Pendulum, bar_reduced_length
+from reference.exact.pendulums import Pendulum, bar_reduced_length
 from reference.exact.rods import Rigidity, RodShape, solve_rod
 from reference.exact.scenes import cantilever_problem, cantilever_static, solve_static
 
@@ -29,8 +29,6 @@ __all__ = [
     "Cantilever",
     "Catenary",
     "DirectorShape",
-    "DoublePendulum",
-    "FreeBar",
     "OffsetDoublePendulum",
     "Oscillator",
     "Pendulum",

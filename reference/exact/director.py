@@ -8,15 +8,9 @@ element (method, section 1): Saint Venant-Kirchhoff's, in Green strains of f = c
 The section is replaced by three fibres, y = 0 and ±√(J/I), that have its moments A, 0, I, 0, J. So nothing
 here is shared with the element but the physics.
 
-What the clamp holds. The energy contains c' but no derivative of it: c' is a field of its own, p, that force
-balance determines point by point, ∂W/∂p = n(s). Its value at one point costs nothing, so a clamp that holds
-the full gradient, c'(0) too, has the same limit as one that holds c(0) and d(0) only; the limit's c'(0) is
-sheared by about n/GA against the clamp. An element's c' cannot jump: with c'(0) held it loses the shear
-strain over a part of the first element's length l, and the body is too stiff by a term of *first* order in l.
-That is small (about 0.12 l/L of the shear's share of the deflection at small load) but outlives the
-second-order error of the rest. Measured with the element itself towards this limit, from 256 to 512 elements:
-with c'(0) held orders 1.54 (L/h = 10, small load), 1.36 (L/h = 20, PL²/EI = 3), 1.09 (L/h = 5, PL²/EI = 1),
-with c'(0) free 2.00 in all of them. `hold_slope` shows the same.
+The energy contains c' but no derivative of it: force balance determines c' point by point, ∂W/∂p = n(s), and a clamp
+that holds the full gradient, as an element's does, has the same limit as one that holds c(0) and d(0) only. An
+element's c' cannot jump, which costs the element its second order where c'(0) is held.
 
 The director has boundary layers of about the section's height at clamp and loaded end, so breaks are graded
 there.
@@ -188,7 +182,6 @@ def solve_director(
     *,
     degree: int = 14,
     breaks: Array | None = None,
-    hold_slope: bool = False,
 ) -> DirectorShape:
     """Equilibrium of the continuum behind the paper's shear-deformable element.
 
@@ -204,8 +197,6 @@ def solve_director(
         Of c' in each part, at least 1; d has one more.
     breaks : ndarray, optional
         Fractions of the length, 0 and 1 included; `graded_breaks` without them.
-    hold_slope : bool
-        Whether the clamp also holds c'(0), as an element's does. The limit is the same, see the module.
 
     Returns
     -------
@@ -225,9 +216,9 @@ def solve_director(
         raise DiscretisationError(f"breaks are {breaks!r}; fractions growing from 0 to 1 are needed")
     fibres = Fibres(section, material)
     rod = solve_rod(problem, Rigidity.shear_element(section, material))
-    lower = _Ritz(problem, fibres, breaks, max(degree - 3, 1), hold_slope)
+    lower = _Ritz(problem, fibres, breaks, max(degree - 3, 1))
     coarse = lower.shape(lower.solve(lower.guess(rod)))
-    ritz = _Ritz(problem, fibres, breaks, degree, hold_slope)
+    ritz = _Ritz(problem, fibres, breaks, degree)
     fine = ritz.shape(ritz.solve(ritz.raised(coarse)))
     change = float(np.abs(fine.position(1.0) - coarse.position(1.0)).max())
     return DirectorShape(**{**vars(fine), "uncertainty": change})
@@ -240,9 +231,7 @@ class _Ritz:
     integrated).
     """
 
-    def __init__(
-        self, problem: Cantilever, fibres: Fibres, breaks: Array, degree: int, hold_slope: bool
-    ) -> None:
+    def __init__(self, problem: Cantilever, fibres: Fibres, breaks: Array, degree: int) -> None:
         self.problem, self.fibres, self.breaks, self.degree = problem, fibres, breaks, degree
         self.parts = len(breaks) - 1
         self.lengths = np.diff(breaks) * problem.length
@@ -253,7 +242,7 @@ class _Ritz:
         self.weights = volumes.reshape(-1)
         self.operator = sparse.kron(self._gradients(x), sparse.eye_array(2), format="csr")
         self.loads = self._loads(x, w)
-        self.free, self.fixed = self._clamped(hold_slope)
+        self.free, self.fixed = self._clamped()
 
     def _shapes(self, x: Array) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
         """At fractions x of a part: Legendre values; values of hats and bubbles; their derivatives by x."""
@@ -291,18 +280,12 @@ class _Ritz:
         force[: self.split[0]] = np.einsum("e,g,gk,egc->ekc", self.lengths, w, P, n).reshape(-1, 2)
         return force.reshape(-1)
 
-    def _clamped(self, hold_slope: bool) -> tuple[sparse.csc_array, Array]:
-        """Matrix and constant of all coefficients in terms of the free ones."""
-        free = np.eye(self.split[2])
+    def _clamped(self) -> tuple[sparse.csc_array, Array]:
+        """Matrix and constant of all coefficients in terms of the free ones: d at the clamp is fixed."""
         fixed = np.zeros((self.split[2], 2))
-        c, s = np.cos(self.problem.angle), np.sin(self.problem.angle)
-        gone = [int(self.split[0])]
-        fixed[self.split[0]] = -s, c
-        if hold_slope:  # c'(0) = Σ (−1)^k c_k
-            free[0, : self.degree + 1] = -((-1.0) ** np.arange(self.degree + 1))
-            gone.append(0)
-            fixed[0] = c, s
-        matrix = sparse.csc_array(np.delete(free, gone, axis=1))
+        first = int(self.split[0])
+        fixed[first] = -np.sin(self.problem.angle), np.cos(self.problem.angle)
+        matrix = sparse.csc_array(np.delete(np.eye(self.split[2]), first, axis=1))
         return sparse.kron(matrix, sparse.eye_array(2), format="csc"), fixed.reshape(-1)
 
     def guess(self, rod: RodShape) -> Array:

@@ -1,62 +1,48 @@
-"""Parts of a model that both Exudyn peers need: a quiet import, nodes, joints, loads, sensors.
+"""A scene as an Exudyn system: nodes, beams, rigid bodies, markers, and what is set anew at each step.
 
-Exudyn: Gerstmayr 2023, DOI 10.1007/s11044-023-09937-1. Its coordinates are displacements from the reference.
+Histories of time are tabulated at the steps before the run; at the beginning of a step their values are put into
+Exudyn's own objects, so that its iteration calls no Python. Drives and pulses of known form are compiled by Exudyn.
 """
 
 import io
-import math
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, Protocol, cast
+from math import cos, sin
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import UnsupportedError
-from anctmm.model.drives import Angle, Quintic, value_at
-from anctmm.model.joints import Guide, unknown_joint
-from anctmm.model.needs import not_offered
-from anctmm.model.places import Written
-from anctmm.model.scene import (
-    Beam,
-    Clamp,
-    Joint,
-    Pin,
-    Prismatic,
-    Scene,
-    Slider,
-    Weld,
-)
+from anctmm.errors import AnctmmError
+from anctmm.model.bodies import Beam
+from anctmm.model.drives import tabulate
+from anctmm.model.places import Place
+from anctmm.model.rigid_bodies import PointMass, RigidBody
+from anctmm.model.scene import Scene
 from anctmm.model.topology import junctions_of
-from anctmm.results.checks.mechanisms import is_mechanism
-from anctmm.results.fields import Field
-from reference.exudyn import mechanisms
-from reference.exudyn.connectors import add_connector
-from reference.exudyn.histories import remembered
-from reference.exudyn.loads import add_load
-from reference.exudyn.places import node_of
+from anctmm.results.fields import Field, RigidField
+from reference.adapters import not_installed
 
 Array = NDArray[np.float64]
 
-#: Inertia added to fixed coordinates in an explicit run, relative to the scene's mass, see `Model.hold`.
-HUGE = 1e12
+#: How near a place lies to a node that counts as there, of an interval between nodes.
+AT_NODE = 1e-9
+#: What the user's functions raised while Exudyn called them: some of its modules wrap it in an error of their own.
+FAILED: list[AnctmmError] = []
 
 
 class Beams(Protocol):
-    """One kind of Exudyn beam element, meshed over a scene; a node has x, y and further coordinates."""
+    """One kind of Exudyn's beam elements, meshed over a scene; a node has x, y and further coordinates."""
 
-    solver: str
-    width: int
+    width: ClassVar[int]
     """Coordinates of a node."""
-    kind: str
-    """What they are: of a `coordinate_joints.Frame`."""
-    lacks: frozenset[str]
-    """What is refused of mechanisms."""
-    constant_torques: bool
+    kind: ClassVar[str]
+    """What they are: of a `reference.exudyn.equations.Frame`."""
+    constant_torques: ClassVar[bool]
     """Whether the generalized force of a torque does not depend on the coordinates."""
 
     def reference(self, body: Beam) -> Array:
@@ -71,44 +57,33 @@ class Beams(Protocol):
         """Velocities of the coordinates of a node at rest that turns with a rate (rad/s), (width,)."""
         ...
 
-    def weight(self, body: Beam) -> Array:
-        """Consistent forces of gravity, (nodes, width)."""
-        ...
-
     def uniform(self, body: Beam, force: Array) -> Array:
         """Consistent forces of a force along the whole body, per length (N/m), (nodes, width)."""
+        ...
+
+    def inside(self, body: Beam, fraction: float) -> tuple[int, float]:
+        """Element at a fraction of a body, and the place in it as Exudyn counts it."""
         ...
 
     def add(self, model: "Model", body: Beam, velocity: Array) -> tuple[list[Any], list[Any]]:
         """Add a body's nodes, with their velocities at t = 0, and elements; both from its start to its end."""
         ...
 
-    def welded(self, one: Beam, two: Beam) -> Array:
-        """Matrix that turns displacement coordinates of one's end into those of two's, (width, width)."""
+    def welded(self, angle: float) -> Array:
+        """Matrix that takes coordinates of a node into those of one that is turned by an angle, (width, width)."""
         ...
 
     def turned(self, body: Beam) -> dict[int, Callable[[Any, Any], Any]]:
         """Displacement of every coordinate a turning clamp drives, by (angle, module with sin and cos)."""
         ...
 
-    def angle(self, coordinates: Array) -> Array:
-        """Continuous angle of a node, (n,), rad; `coordinates` (n, width) are absolute."""
-        ...
-
     def field(self, body: Beam, coordinates: Array, rates: Sequence[Array]) -> Field:
-        """Motion of a body's axis; `coordinates` (n, nodes, width) are absolute.
-
-        `rates` are like them: velocities and accelerations, as far as they are known.
-        """
-        ...
-
-    def energies(self, body: Beam, coordinates: Array, velocities: Array) -> tuple[Array, Array]:
-        """Kinetic and strain energy, each (n,), J."""
+        """Motion of a body's axis; `coordinates` (n, nodes, width) and their rates, as far as known, are absolute."""
         ...
 
 
 def load_exudyn() -> Any:
-    """Exudyn's fast module (no range checks), silent; raises UnsupportedError where it is not installed."""
+    """Exudyn's fast module (no range checks), silent; raises UnsupportedError where it cannot be loaded."""
     if "exudyn" not in sys.modules:
         sys.exudynFast = True  # type: ignore[attr-defined]
     try:
@@ -117,7 +92,7 @@ def load_exudyn() -> Any:
             import_module("exudyn.itemInterface")
             import_module("exudyn.advancedUtilities")
     except ImportError as error:
-        raise UnsupportedError(f"exudyn is not installed; pip install 'anctmm[peers]' ({error})") from error
+        raise not_installed(("exudyn",), error) from error
     return exu
 
 
@@ -145,7 +120,7 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
                 continue
             bodies = [scene.beam(name) for name, _ in ends]
             nodes = [velocities[name][round(key * (len(velocities[name]) - 1))] for name, key in ends]
-            to_each = [beams.welded(bodies[0], body) for body in bodies]
+            to_each = [beams.welded(body.angle - bodies[0].angle) for body in bodies]
             if clamp is not None:
                 shared = beams.spin(bodies[0], float(clamp.angle(0.0)[1]) if clamp.angle else 0.0)
             else:
@@ -158,15 +133,14 @@ def joined_velocities(scene: Scene, beams: Beams) -> dict[str, Array]:
 
 @dataclass
 class Model:
-    """A scene as an Exudyn system, not yet assembled.
+    """A scene as an Exudyn system, not yet assembled; joints, connectors and loads are added by other modules.
 
     Parameters
     ----------
     exu : module
     scene : Scene
     beams : Beams
-    run : Discretisation, optional
-        Whose times histories are asked at: Exudyn adds its steps up, which drifts by rounding.
+    run : Discretisation
     static : bool
         Whether loads are held at their values of t = 0 and drives at their start.
     """
@@ -174,199 +148,193 @@ class Model:
     exu: Any
     scene: Scene
     beams: Beams
-    run: Discretisation | None = None
-    static: bool = False
+    run: Discretisation
+    static: bool
     nodes: dict[str, list[Any]] = field(default_factory=dict)
     objects: dict[str, list[Any]] = field(default_factory=dict)
     """By body: the elements of a beam, or the one object of another."""
-    parts: list[tuple[Joint, Any]] = field(default_factory=list)
-    """Exudyn's objects of mechanisms' joints."""
-    held: dict[int, set[int]] = field(default_factory=dict)
-    drives: list[tuple[str, int, int, Any]] = field(default_factory=list)
-    """Driven coordinates: body, number of the node, coordinate and the sensor of its multiplier."""
-    symbolic: list[tuple[Any, str, Callable[..., Any]]] = field(default_factory=list)
-    kept: list[Any] = field(default_factory=list)
+    updates: list[Callable[[int, float], None]] = field(default_factory=list)
+    """What is set at the beginning of a step, by its number and time; in statics by the load factor as time."""
+    compiled: list[tuple[Any, str, Callable[..., Any]]] = field(default_factory=list)
+    """Items, their user functions and expressions that Exudyn compiles after it has assembled."""
+    expressions: list[Any] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.items = self.exu.itemInterface
         self.container = self.exu.SystemContainer()
         self.mbs = self.container.AddSystem()
-        self.ground_node = self.mbs.AddNode(self.items.NodePointGround())
-        self.ground = self.coordinate(self.ground_node, 0)
-        if is_mechanism(self.scene):
-            self.ground_object = self.mbs.AddObject(self.items.ObjectGround())
+        self.ground = self.coordinate(self.mbs.AddNode(self.items.NodePointGround()), 0)
+        self.ground_object = self.mbs.AddObject(self.items.ObjectGround())
         velocities = joined_velocities(self.scene, self.beams)
-        for body in self.scene.beams:
-            self.nodes[body.name], self.objects[body.name] = self.beams.add(self, body, velocities[body.name])
-            self._add_weight(body)
-        for other in self.scene.bodies:
-            if not isinstance(other, Beam):
-                mechanisms.add_body(self, other)
-        for joint in self.scene.joints:
-            driven_weld = isinstance(joint, Weld) and joint.angle is not None
-            if isinstance(joint, Guide) or driven_weld or not self._of_beams(joint):
-                mechanisms.add_joint(self, joint)
+        for body in self.scene.bodies:
+            if isinstance(body, Beam):
+                self.nodes[body.name], self.objects[body.name] = self.beams.add(
+                    self, body, velocities[body.name]
+                )
+                per_length = body.material.density * body.section.area * np.array(self.scene.gravity)
+                self.add_forces(self.nodes[body.name], self.beams.uniform(body, per_length))
             else:
-                self._add_joint(joint)
-        for connector in self.scene.connectors:
-            add_connector(self, connector)
-        for load in self.scene.loads:
-            add_load(self, load)
+                self._add_body(body)
         variables = self.exu.OutputVariableType
-        kinds = [variables.Coordinates, variables.Coordinates_t]
-        if self.knows_accelerations:
-            kinds.append(variables.Coordinates_tt)
+        kinds = (variables.Coordinates, variables.Coordinates_t, variables.Coordinates_tt)
         self.sensors = {
-            name: [[self._sensor(node, kind) for node in nodes] for kind in kinds]
+            name: [[self._sensor(node, kind) for node in nodes] for kind in kinds[: 1 if self.static else 3]]
             for name, nodes in self.nodes.items()
         }
 
-    @property
-    def knows_accelerations(self) -> bool:
-        """Whether they are kept, for reactions: of mechanisms in implicit runs."""
-        return is_mechanism(self.scene) and self.run is not None and not self.run.explicit
-
     def assemble(self) -> None:
-        """Assemble, then put compiled expressions in the place of Python callables where they are known."""
+        """Assemble, then put compiled expressions in the place of histories of known form."""
         self.mbs.Assemble()
         make = self.exu.advancedUtilities.CreateSymbolicUserFunction
-        for item, name, function in self.symbolic:
-            compiled = make(self.mbs, function, name, item)
+        for item, name, function in self.compiled:
+            expression = make(self.mbs, function, name, item)
             setter = self.mbs.SetLoadParameter if "oad" in name else self.mbs.SetObjectParameter
-            setter(item, name, compiled)
-            self.kept.append(compiled)  # it holds the expression tree that Exudyn only points to
+            setter(item, name, expression)
+            self.expressions.append(expression)  # it holds the expression tree that Exudyn only points to
+        if self.updates:
+            self.mbs.SetPreStepUserFunction(self._update)
+
+    def history(self, name: str, function: Callable[[Any], Any], width: int) -> Array:
+        """Values of a history at the steps, (steps + 1, width); in statics at the start alone."""
+        steps = np.arange(1 if self.static else self.run.steps + 1)
+        return tabulate(name, function, self.run.times(steps), width)
+
+    def each_step(self, update: Callable[[int, float], None]) -> None:
+        """Set something now and at the beginning of each step, by its number (0 in statics) and time."""
+        update(0, 0.0)
+        self.updates.append(update)
+
+    def add_forces(self, nodes: Sequence[Any], forces: Array) -> list[tuple[Any, int, int]]:
+        """Constant generalized forces on nodes, (nodes, width): loads with the node's and the coordinate's number."""
+        found, negligible = (
+            [],
+            1e-13 * np.abs(forces).max(),
+        )  # gradients' forces cancel between equal elements
+        for k, node in enumerate(nodes):
+            for index in np.flatnonzero(np.abs(forces[k]) > negligible).tolist():
+                load = self.items.LoadCoordinate(
+                    markerNumber=self.coordinate(node, index), load=float(forces[k, index])
+                )
+                found.append((self.mbs.AddLoad(load), k, index))
+        return found
+
+    def rows(self) -> dict[str, list[Array]]:
+        """Absolute coordinates and, of motions, their rates, (outputs, nodes, width), by body."""
+        found = {}
+        for name, kinds in self.sensors.items():
+            series = [
+                np.stack([self.mbs.GetSensorStoredData(s)[:, 1:] for s in kind], axis=1) for kind in kinds
+            ]
+            body = self.scene.body(name)
+            start = self.beams.reference(body) if isinstance(body, Beam) else reference_of(body)
+            found[name] = [series[0] + start, *series[1:]]
+        return found
+
+    def output_times(self) -> Array:
+        """Times, or load factors, of the rows."""
+        first = next(iter(self.sensors.values()))[0][0]
+        return np.asarray(self.mbs.GetSensorStoredData(first)[:, 0])
+
+    # --- markers -------------------------------------------------------------------------------------------
 
     def coordinate(self, node: Any, index: int) -> Any:
         """Marker of one coordinate of a node."""
         return self.mbs.AddMarker(self.items.MarkerNodeCoordinate(nodeNumber=node, coordinate=index))
 
-    def node(self, end: Written) -> tuple[Beam, Any]:
-        """Beam and node of a place where a node lies."""
-        place = self.scene.place(end)
-        assert isinstance(place.body, Beam)  # joints of other bodies are made elsewhere
-        return place.body, node_of(self, place)
+    def node_at(self, place: Place) -> Any | None:
+        """Node at a place of a beam, or of another body; None between the nodes of a beam."""
+        nodes = self.nodes[place.body.name]
+        if not isinstance(place.body, Beam):
+            return nodes[0]
+        along = float(place.key) * (len(nodes) - 1)
+        return nodes[round(along)] if abs(along - round(along)) <= AT_NODE else None
 
-    def joined(self, joint: Joint, number: Any) -> Any:
-        """Remember an object as part of a joint; its number."""
-        self.parts.append((joint, number))
-        return number
+    def point(self, place: Place) -> Any:
+        """Marker of the position of a place."""
+        node = self.node_at(place)
+        if isinstance(place.body, RigidBody) or node is None:
+            return self.rigid(place)
+        return self.mbs.AddMarker(self.items.MarkerNodePosition(nodeNumber=node))
 
-    def hold(self) -> None:
-        """Add a huge inertia to every fixed coordinate.
+    def rigid(self, place: Place) -> Any:
+        """Marker of the position and the rotation of a place."""
+        body, node = place.body, self.node_at(place)
+        if isinstance(body, RigidBody):
+            return self.on_body(body, place.position)
+        if node is not None:
+            return self.mbs.AddMarker(self.items.MarkerNodeRigid(nodeNumber=node))
+        assert isinstance(body, Beam)  # a point mass has a node
+        index, along = self.beams.inside(body, float(place.key))
+        number, at = self.objects[body.name][index], [along, 0.0, 0.0]
+        return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localPosition=at))
 
-        Exudyn's explicit solvers solve with the whole mass matrix and zero the fixed coordinates afterwards,
-        as if they were free while the others accelerate; the inertia keeps them still in the solve itself.
-        """
-        mass = sum(beam.mass for beam in self.scene.beams)
-        for node, coordinates in self.held.items():
-            diagonal = np.zeros(self.beams.width)
-            diagonal[list(coordinates)] = HUGE * mass
-            self.mbs.AddObject(
-                self.items.ObjectGenericODE2(
-                    nodeNumbers=[node],
-                    massMatrix=np.diag(diagonal),
-                    stiffnessMatrix=np.zeros((self.beams.width,) * 2),
-                    dampingMatrix=np.zeros((self.beams.width,) * 2),
-                )
+    def on_body(self, body: RigidBody | None, position: tuple[float, float]) -> Any:
+        """Marker of a point of a rigid body, or of the ground, by its position in the reference."""
+        number = self.ground_object if body is None else self.objects[body.name][0]
+        x, y = position if body is None else np.subtract(position, body.center).tolist()
+        return self.mbs.AddMarker(self.items.MarkerBodyRigid(bodyNumber=number, localPosition=[x, y, 0.0]))
+
+    # --- parts ---------------------------------------------------------------------------------------------
+
+    def _update(self, mbs: Any, t: float) -> bool:
+        step = 0 if self.static else round(t / self.run.exact_dt)
+        for update in self.updates:
+            update(step, t)
+        return True
+
+    def _add_body(self, body: RigidBody | PointMass) -> None:
+        """A body's node, mass and weight."""
+        items, mbs, start = self.items, self.mbs, reference_of(body)[0]
+        if isinstance(body, RigidBody):
+            rates = [*body.velocity, body.spin]
+            node = mbs.AddNode(items.NodeRigidBody2D(referenceCoordinates=start, initialVelocities=rates))
+            item = items.ObjectRigidBody2D(mass=body.mass, inertia=body.inertia, nodeNumber=node)
+        else:
+            node = mbs.AddNode(
+                items.NodePoint2D(referenceCoordinates=start, initialVelocities=list(body.velocity))
             )
-
-    def _of_beams(self, joint: Joint) -> bool:
-        return all(isinstance(self.scene.place(end).body, Beam) for end in joint.ends)
+            item = items.ObjectMassPoint2D(mass=body.mass, nodeNumber=node)
+        self.nodes[body.name], self.objects[body.name] = [node], [mbs.AddObject(item)]
+        weight = np.zeros((1, len(start)))
+        weight[0, :2] = body.mass * np.array(self.scene.gravity)
+        self.add_forces([node], weight)
 
     def _sensor(self, node: Any, kind: Any) -> Any:
-        keep = {"storeInternal": True, "writeToFile": False}
-        return self.mbs.AddSensor(self.items.SensorNode(nodeNumber=node, outputVariableType=kind, **keep))
-
-    def _add_weight(self, body: Beam) -> None:
-        weight = self.beams.weight(body)
-        negligible = 1e-13 * np.abs(weight).max()  # gradients' forces cancel between equal elements
-        for node, forces in zip(self.nodes[body.name], weight, strict=True):
-            for index in np.flatnonzero(np.abs(forces) > negligible):
-                marker = self.coordinate(node, int(index))
-                self.mbs.AddLoad(self.items.LoadCoordinate(markerNumber=marker, load=float(forces[index])))
-
-    def _add_joint(self, joint: Joint) -> None:
-        body, node = self.node(joint.ends[0])
-        width = self.beams.width
-        match joint:
-            case Clamp(angle=angle) if angle is not None and not self.static:
-                self._fix(node, range(2))
-                self._turn(joint, body, node)
-            case Clamp():
-                self._fix(node, range(width))
-            case Pin() | Weld():
-                for end in joint.ends[1:]:
-                    other_body, other = self.node(end)
-                    weld = isinstance(joint, Weld)
-                    self._tie(node, other, self.beams.welded(body, other_body) if weld else np.eye(2, width))
-                if joint.grounded:
-                    self._fix(self.node(joint.ends[-1])[1], range(2))
-            case Slider() | Prismatic():
-                raise not_offered(joint)
-            case _:
-                raise unknown_joint(joint)
-
-    def _fix(self, node: Any, coordinates: range) -> None:
-        self.held.setdefault(node, set()).update(coordinates)
-        for index in coordinates:
-            markers = [self.ground, self.coordinate(node, index)]
-            self.mbs.AddObject(self.items.CoordinateConstraint(markerNumbers=markers))
-
-    def _tie(self, one: Any, two: Any, matrix: Array) -> None:
-        """Tie the first coordinates of `two` to `matrix` times those of `one`."""
-        if np.array_equal(matrix, np.eye(*matrix.shape)):
-            for index in range(len(matrix)):
-                markers = [self.coordinate(one, index), self.coordinate(two, index)]
-                self.mbs.AddObject(self.items.CoordinateConstraint(markerNumbers=markers))
-            return
-        markers = [self.mbs.AddMarker(self.items.MarkerNodeCoordinates(nodeNumber=n)) for n in (one, two)]
-        self.mbs.AddObject(
-            self.items.ObjectConnectorCoordinateVector(
-                markerNumbers=markers,
-                scalingMarker0=matrix,
-                scalingMarker1=np.eye(*matrix.shape),
-                offset=np.zeros(len(matrix)),
-            )
+        sensor = self.items.SensorNode(
+            nodeNumber=node, outputVariableType=kind, storeInternal=True, writeToFile=False
         )
-
-    def _turn(self, clamp: Clamp, body: Beam, node: Any) -> None:
-        number, drive = self.nodes[body.name].index(node), cast(Angle, clamp.angle)
-        name = f"clamp {clamp.end!r} angle"
-        angle = remembered(lambda t: float(value_at(name, drive, t, 3)[0]), self.run)
-        for index, displacement in self.beams.turned(body).items():
-            function = _offset(angle, displacement)
-            constraint = self.mbs.AddObject(
-                self.items.CoordinateConstraint(
-                    markerNumbers=[self.ground, self.coordinate(node, index)], offsetUserFunction=function
-                )
-            )
-            if type(drive) is Quintic:  # what a subclass of the user's does is not known
-                compiled = _symbolic_offset(self.exu.symbolic, drive, displacement)
-                self.symbolic.append((constraint, "offsetUserFunction", compiled))
-            sensor = self.items.SensorObject(
-                objectNumber=constraint,
-                outputVariableType=self.exu.OutputVariableType.Force,
-                storeInternal=True,
-                writeToFile=False,
-            )
-            self.drives.append((body.name, number, index, self.mbs.AddSensor(sensor)))
+        return self.mbs.AddSensor(sensor)
 
 
-def _offset(angle: Callable[[float], float], displacement: Callable[[Any, Any], Any]) -> Callable[..., float]:
-    def offset(mbs: Any, t: float, number: Any, constant: float) -> float:
-        return float(displacement(angle(t), math))
-
-    return offset
+def angle_of(place: Place | None) -> float:
+    """Angle of the axes of a place's marker in the reference, rad; None is the ground."""
+    return place.body.angle if place is not None and isinstance(place.body, Beam) else 0.0
 
 
-def _symbolic_offset(
-    esym: Any, drive: Quintic, displacement: Callable[[Any, Any], Any]
-) -> Callable[..., Any]:
-    real = esym.Real  # every number: a plain one in front of an expression is taken wrongly
+def axes(angle: float) -> list[list[float]]:
+    """Matrix in space that turns about z, rad."""
+    c, s = cos(angle), sin(angle)
+    return [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]
 
-    def offset(mbs: Any, t: Any, number: Any, constant: Any) -> Any:
-        x = esym.min(t * real(1.0 / drive.duration), real(1.0))
-        angle = real(drive.turn) * x * x * x * (real(10.0) + x * (real(6.0) * x - real(15.0)))
-        return displacement(angle, esym)
 
-    return offset
+def reference_of(body: RigidBody | PointMass) -> Array:
+    """Reference coordinates, (1, 2 or 3)."""
+    return np.array([[*body.center, 0.0] if isinstance(body, RigidBody) else list(body.position)])
+
+
+def rigid_field(body: RigidBody | PointMass, q: Array, rates: Sequence[Array]) -> RigidField:
+    """Motion of a body from absolute coordinates (n, 1, 2 or 3) and their rates, as far as they are known.
+
+    A rigid body has the angle as its coordinate here, and not a unit vector: with equal steps its motion differs from
+    that of the other solvers by the error of the step.
+    """
+    points = {key: body.arm(key) for key in body.points} if isinstance(body, RigidBody) else {}
+    none, turns = np.zeros(len(q)), isinstance(body, RigidBody)
+    angle, spin, spinning = (
+        [x[:, 0, 2] if turns else none for x in (q, *rates)] + [none] * (2 - len(rates))
+    )  # fmt: skip
+    turn = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    normal = np.stack([-turn[:, 1], turn[:, 0]], axis=1)
+    vectors = [spin[:, None] * normal, spinning[:, None] * normal - spin[:, None] ** 2 * turn]
+    moved = [np.stack([x[:, 0, :2], vector], axis=1) for x, vector in zip(rates, vectors, strict=False)]
+    return RigidField(np.stack([q[:, 0, :2], turn], axis=1), points, *moved)

@@ -1,33 +1,26 @@
-"""An ordinary ANCF solver (Rong 2014, eq. 14): every body has its own coordinates, joints are constraints.
+"""An ordinary multibody solver (Rong 2014, eq. 14): every body has its own coordinates, joints are constraints.
 
-[M Φᵀ; Φ 0] [q̈; μ] = [F; b̈] is solved for the accelerations of the bodies' coordinates and the joints' multipliers, or,
-implicit, for the coordinates themselves. It shares the element kernels with ANC-TMM, and nothing of its way to solve.
+M q̈ + Jᵀμ = f, Φ = 0 is marched in two ways: by a plain solver in NumPy and SciPy (the judge), which has all features,
+and, of beams with pins, welds and clamps, by a compiled one with a sparse factorization that is kept (the rival, whose
+times are compared). See README.md for what they share with ANC-TMM.
 """
 
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
-from anctmm.discretise.memory import check_memory
 from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
+from reference.adapters import check_memory
 
-__all__ = ["solve", "solve_dense", "solve_static"]
+__all__ = ["solve", "solve_dense", "solve_plain", "solve_static"]
 
-#: Steps of high order are those of beams with joints that are linear, or clamps, without damping.
-OFFER = Offer(
-    lacks=frozenset(
-        f"esdirk + {feature}" for feature in (*MECHANISMS, "damping", "rigid") if feature != "free-stretch"
-    ),
-    extras=frozenset({"esdirk"}),
-    slow_with=frozenset(MECHANISMS),  # see `reference.global_dae.mechanisms`
-)
-#: Bytes that an explicit and an implicit run take for each coordinate, as measured (factors are tried in several
-#: orders), and a dense matrix for each pair.
-EXPLICIT, IMPLICIT, DENSE = 1_100.0, 5_000.0, 24.0
+OFFER = Offer(lacks=frozenset({"own-joints"}), extras=frozenset({"esdirk"}), slow_with=frozenset(MECHANISMS))
+#: Bytes for each coordinate, and of a dense matrix for each pair.
+SPARSE, DENSE = 5_000.0, 24.0
 LINEAR_ALGEBRA = ("sparse-factored-once", "dense-refactor")
 STABILIZATION = ("projection", "none")
 NAMES = dict(zip(LINEAR_ALGEBRA, ("global-dae", "global-dae-dense"), strict=True))
@@ -50,21 +43,18 @@ def solve(
     run : Discretisation, optional
         Or its parameters as keywords.
     linear_algebra : str
-        "sparse-factored-once": the constant matrix of the explicit steps is factored once, that of Newton's iteration
-        only when it converges slowly, by sparse LU, all compiled. "dense-refactor": a dense matrix is assembled and
-        solved by LAPACK at each explicit step and each Newton iteration, as the paper's ordinary ANCF does.
+        Of scenes that the compiled solver has. "sparse-factored-once": the constant matrix of explicit steps is
+        factored once, that of Newton's iteration only when it converges slowly, by sparse LU. "dense-refactor": a dense
+        matrix is assembled and solved by LAPACK at each explicit step and each Newton iteration, as the paper's
+        ordinary ANCF does.
     stabilization : str
         Of explicit runs: "projection" of positions and velocities onto the constraints after each step, or "none",
-        which lets rounding and truncation drift. Implicit runs fulfil Φ q = b at each step anyhow.
-
-    Integrator "esdirk" stands for implicit steps of high order. Here these are collocation at Gauss's points, of order
-    6, on independent coordinates, by NumPy and SciPy: another method than ANC-TMM's, so that references are found by
-    two roads. It is slower, and no contestant of the trade.
+        which lets rounding and truncation drift. Implicit runs fulfil the constraints at each step anyhow.
 
     Returns
     -------
     Solution
-        `dofs` counts the coordinates of all bodies (6 a node, 4 of a cable), not the multipliers.
+        `dofs` counts the coordinates of all bodies, not the multipliers.
 
     Raises
     ------
@@ -72,23 +62,33 @@ def solve(
         Or one of its kinds: options that do not fit each other or the scene, a weld between element kinds.
     StabilityError
         If the step of an explicit run is above the stability limit and `check_stability` is set.
+    UnsupportedError
+        If a joint is of a user's own kind.
     """
     run = discretise(run, options)
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    check_memory(checked_scene(scene), run, EXPLICIT if run.explicit else IMPLICIT, DENSE if dense else 0.0)
-    refuse(scene, OFFER.lacks, "the global solver", run.integrator)
+    check_memory(_offered(scene), run, SPARSE, DENSE if dense else 0.0)
     # here, and not above: to see what is offered takes no SciPy
     from reference.global_dae.runs import motion
 
-    projected = stabilization == "projection"
-    return motion(scene, run, dense=dense, projected=projected, solver=NAMES[linear_algebra])
+    return motion(scene, run, NAMES[linear_algebra], dense=dense, projected=stabilization == "projection")
 
 
 def solve_dense(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
     """Motion of a scene with `linear_algebra="dense-refactor"`, see `solve`."""
     return solve(scene, run, linear_algebra="dense-refactor", **options)
+
+
+@accounted
+def solve_plain(scene: Scene, run: Discretisation | None = None, **options: Any) -> Solution:
+    """Motion of any scene by the plain solver, which is slow; parameters and errors as of `solve`."""
+    run = discretise(run, options)
+    check_memory(_offered(scene), run, SPARSE)
+    from reference.global_dae.runs import motion
+
+    return motion(scene, run, NAMES["sparse-factored-once"], plain=True)
 
 
 @accounted
@@ -108,8 +108,9 @@ def solve_static(
     Returns
     -------
     Solution
-        `t` holds the load factors; `energy.potential` is that of the whole dead load. Equilibria that are not stable
-        make the status "unstable" or "singular", as in `anctmm.solve_static`.
+        `t` holds the load factors; `energy.potential` is that of the whole dead load, `energy.strain` of a connector
+        the integral of its force at that load factor over its elongation. Equilibria that are not stable make the
+        status "unstable" or "singular", as in `anctmm.solve_static`.
 
     Raises
     ------
@@ -117,7 +118,13 @@ def solve_static(
         Or one of its kinds, as in `solve`.
     """
     run, load_steps = discretise(run, options), parts_of_load(load_steps)
-    check_memory(checked_scene(scene), run, IMPLICIT, outputs=load_steps + 1)
+    check_memory(_offered(scene), run, SPARSE, outputs=load_steps + 1)
     from reference.global_dae.runs import rest
 
     return rest(scene, run, load_steps, "global-dae")
+
+
+def _offered(scene: Scene) -> Scene:
+    """The scene, which has nothing that is not offered."""
+    refuse(checked_scene(scene), OFFER.lacks, "the global solver")
+    return scene

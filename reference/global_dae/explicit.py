@@ -1,236 +1,110 @@
 """Zhai's explicit integrator (Rong 2014, eq. 38) on the equations with multipliers.
 
-[M Φᵀ; Φ 0] [q̈; μ] = [F; b̈] at each step;
-q_{n+1} = q_n + h v_n + (½ + ψ) h² a_n − ψ h² a_{n−1},  v_{n+1} = v_n + (1 + φ) h a_n − φ h a_{n−1},  a_{−1} := a_0.
+[M Jᵀ; J 0] [q̈; μ] = [f; γ] at q_n, v_n; q_{n+1} = q_n + h v_n + (½ + ψ) h² a_n − ψ h² a_{n−1},
+v_{n+1} = v_n + (1 + φ) h a_n − φ h a_{n−1}, a_{−1} := a_0. Then positions and velocities are put back on the
+constraints: coordinates of beams' nodes that joints or drives prescribe are set, the rest changes least in the metric
+of mass.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import damping_forces, elastic_forces
-from anctmm.jit.compiling import embedded, inlined, kernel
-from reference.global_dae.assemble import fill_dense, solve_dense
-from reference.global_dae.constraints import Rows, prescribe, project, scale_driven
-from reference.global_dae.history import HUGE, Acting, Marcher, Motion, Outputs, Reached, keep, motion_of
-from reference.global_dae.loads import Loads, add_loads, work_since
-from reference.global_dae.lu import Factors, Index, factorise, no_factors, solve_factored
-from reference.global_dae.model import Model, Parts, kkt, typical
-from reference.global_dae.turning import turn
+from reference.global_dae.marching import Failure, Marcher, State
+from reference.global_dae.saddle import Nearest, Saddle, independent_rows
+from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
-
-class Scheme(NamedTuple):
-    """Step h (s), ψ, φ; whether positions and velocities are projected."""
-
-    h: float
-    psi: float
-    phi: float
-    project: bool
-
-
-class Constant(NamedTuple):
-    """[M, sΦᵀ; sΦ, 0] by columns, from which the dense solve assembles its matrix in each step."""
-
-    column: Index
-    row: Index
-    data: Array
-
-
-class State(NamedTuple):
-    """Where the motion stands, and scratch.
-
-    `right` and `left` are [F; s b̈] and [q̈; μ/s]; `force` (rows, nodes) is the head of `right`; `before` is the
-    acceleration one step back.
-    """
-
-    motion: Motion
-    force: Array
-    right: Array
-    left: Array
-    before: Array
-    scratch: Array
-    dense: Array
-
-
-@inlined
-def solve(
-    factors: Factors, constant: Constant, right: Array, left: Array, scratch: Array, dense: Array
-) -> bool:
-    """Accelerations and multipliers from forces; False if they are not finite."""
-    bad = False
-    if len(factors.width) == 0:
-        for i in range(right.size):
-            bad |= not abs(right[i]) < HUGE
-        if bad:  # LAPACK's wrapper would raise
-            return False
-        fill_dense(constant.column, constant.row, constant.data, dense)
-        solve_dense(dense, factors.source, right, left)
-    else:
-        solve_factored(factors, right, left, scratch)
-    for i in range(left.size):
-        bad |= not abs(left[i]) < HUGE
-    return not bad
-
-
-@inlined
-def advance(scheme: Scheme, q: Array, v: Array, left: Array, before: Array) -> None:
-    """One step of positions and velocities, flat."""
-    h, c = scheme.h, scheme.h * scheme.h
-    now, back = (0.5 + scheme.psi) * c, scheme.psi * c
-    faster, slower = (1.0 + scheme.phi) * h, scheme.phi * h
-    for i in range(q.size):
-        a, b = left[i], before[i]
-        q[i] += h * v[i] + now * a - back * b
-        v[i] += faster * a - slower * b
-        before[i] = a
-
-
-class Damping(NamedTuple):
-    """Kelvin-Voigt damping of each body, s, and the power lost at the step before, (1,), W."""
-
-    of: Array
-    power: Array
-
-
-class Equations(NamedTuple):
-    """What the steps take: the method, bodies, joints, loads, the factored matrix or its entries, the state.
-
-    `damping` is None unless a material has some: then nothing of it is compiled.
-    """
-
-    scheme: Scheme
-    parts: Parts
-    rows: Rows
-    loads: Loads
-    factors: Factors
-    constant: Constant
-    state: State
-    damping: Damping | None
-
-
-@embedded
-def resist(damping, parts, motion, force):  # type: ignore[no-untyped-def]
-    """Take damping forces from the force; power lost now and at the step before, W."""
-    if damping is None:
-        return 0.0
-    before = damping.power[0]
-    damping.power[0] = damping_forces(
-        parts.formulations, motion.q, motion.v, parts.first, parts.kinds, parts.constants, damping.of, motion.buffer,
-        force,
-    )  # fmt: skip
-    return before + damping.power[0]
-
-
-@kernel
-def march(equations: Equations, span: tuple[int, int, int], acting: Acting, out: Outputs) -> tuple[int, int]:
-    """Steps span[0] … span[1] − 1: acceleration, output where wanted, and advance unless it is the last, span[2].
-
-    Returns
-    -------
-    int, int
-        Step reached (below span[1] if the acceleration there is not finite), outputs kept.
-    """
-    scheme, parts, rows, loads, factors, constant, s, damping = equations
-    values, angles = acting
-    wanted, kept, energies, turned = out
-    count, m, size = 0, s.motion, s.before.size
-    flat_q, flat_v, b, rate, acceleration, trail = (
-        m.flat_q, m.flat_v, m.b, m.rate, m.acceleration, m.trail
-    )  # fmt: skip
-    right, left, before, dead = s.right, s.left, s.before, parts.dead
-    for n in range(span[0], span[1]):
-        at = n - span[0]
-        if n == 0:
-            prescribe(rows, angles, 0, b, rate, acceleration)
-            project(rows, flat_v, rate)
-        elastic_forces(parts.formulations, m.q, parts.first, parts.kinds, parts.constants, m.buffer, s.force)
-        for i in range(size):
-            right[i] = dead[i] - right[i]
-        lost = 0.5 * scheme.h * resist(damping, parts, m, s.force)
-        if n > 0:
-            m.work[0] -= lost
-            m.work[1] -= lost
-        add_loads(loads, values, at, flat_q, right)
-        scale_driven(rows, acceleration, right, size)
-        if not solve(factors, constant, right, left, s.scratch, s.dense):
-            return n, count
-        if n == 0:
-            for i in range(size):
-                before[i] = left[i]
-        if len(trail):
-            work = work_since(loads, values, at, rows, left, size, flat_q, trail)
-            m.work[0] += work if n > 0 else 0.0
-        turn(flat_q, m.turned)
-        if n == wanted[count]:
-            keep(parts, m, left, count, kept, energies, turned)
-            count += 1
-        if n == span[2]:
-            break
-        advance(scheme, flat_q, flat_v, left, before)
-        prescribe(rows, angles, at + 1, b, rate, acceleration)
-        if scheme.project:
-            project(rows, flat_q, b)
-            project(rows, flat_v, rate)
-    return span[1], count
+#: Newton's corrections of positions after a step at most; misfit that is rounding, and that which has failed, of the
+#: scene's length.
+CORRECTIONS, ROUNDING, KEPT = 12, 1e-14, 1e-8
 
 
 class Zhai(Marcher):
-    """The explicit solver of one model."""
+    """The explicit solver of one system."""
 
     advice = "take a smaller dt, or a coarser mesh, or an implicit integrator"
 
-    def __init__(self, model: Model, dense: bool, stabilise: bool) -> None:
-        super().__init__(model)
-        run = model.run
-        self.scheme = Scheme(float(run.times(np.array([1]))[0]), run.psi, run.phi, stabilise)
-        self.dense = dense
+    def __init__(self, system: System, projected: bool = True) -> None:
+        super().__init__(system)
+        self.projected = projected
+        self.saddle: Saddle | None = None
+        self.length = max(1.0, system.layout.scene.length)
 
-    def prepare(self) -> None:
-        """Factor the constant matrix, and set the state to t = 0."""
-        model = self.model
-        scale = typical(model.scalar_mass)
-        self.rows = model.rows(scale)
-        full = kkt(model.mass, model.constraints, scale)
-        self.constant = Constant(full.indptr.astype(np.uint32), full.indices.astype(np.uint32), full.data)
-        if self.dense:
-            self.factors = no_factors(model.places(1))
-        elif model.separable:
-            matrix = kkt(model.scalar_mass, model.complex_constraints.real, scale)
-            self.factors = factorise(matrix, model.places(2))
-        else:
-            self.factors = factorise(full, model.places(1))
-        self.begin()
+    def begin(self) -> State:
+        """The state at t = 0."""
+        layout, c = self.system.layout, self.system.constraints
+        q, v, p = layout.reference.copy(), layout.velocity.copy(), c.parameters(0.0)
+        J = c.jacobian(q, p)
+        self.rows = independent_rows(J, layout.unit)
+        self.prescribe = Nearest(J[c.held])
+        v = v - Nearest(J)(J @ v + c.rate(q, p))
+        state = self._accelerated(q, v, 0.0, p)
+        self.before = state.a
+        return state
 
-    def begin(self) -> None:
-        """Set the state to t = 0."""
-        model, damping = self.model, self.model.bodies.damping
-        self.state = self._start()
-        self.equations = Equations(
-            self.scheme, model.parts, self.rows, model.loads, self.factors, self.constant, self.state,
-            None if damping is None else Damping(damping, np.zeros(1)),
-        )  # fmt: skip
+    def step(self, state: State, t: float) -> State:
+        """The next step."""
+        h, psi, phi, power = self.run.exact_dt, self.run.psi, self.run.phi, self.power
+        a, b = state.a, self.before
+        q = state.q + h * state.v + h * h * ((0.5 + psi) * a - psi * b)
+        v = state.v + h * ((1.0 + phi) * a - phi * b)
+        if not (np.isfinite(q).all() and np.isfinite(v).all()):
+            raise Failure("accelerations are not finite", state.a)
+        self.before, p = a, self.system.constraints.parameters(t)
+        if self.projected and self.system.constraints.count:
+            q, v = self._corrected(q, v, p)
+        self.system.keep(q)
+        found = self._accelerated(q, v, t, p)
+        self.account.resist(0.5 * h * (power + self.power))
+        return found
 
-    def _start(self) -> State:
-        model, unknowns = self.model, self.model.dofs + 2 * len(self.model.joints)
-        right = np.zeros(model.size + 2 * len(model.joints))
-        return State(
-            motion=motion_of(model, self.rows.reference),
-            force=right[: model.size].reshape(model.bodies.rows, -1),
-            right=right,
-            left=np.zeros_like(right),
-            before=np.zeros(model.size),
-            scratch=np.zeros(unknowns),
-            dense=np.zeros((unknowns, unknowns) if self.dense else (0, 0)),
-        )
+    def _accelerated(self, q: Array, v: Array, t: float, p: Array) -> State:
+        c, damping = self.system.constraints, self.system.beams.damping(q, v)
+        self.power = float(damping @ v)
+        force, right = self.system.force(q, v, t) + damping, c.right(q, v, p)
+        if not (np.isfinite(force).all() and np.isfinite(right).all()):
+            raise Failure("accelerations are not finite", force)
+        mu, saddle = np.zeros(c.count), self._saddle(q, p)
+        a, mu[self.rows] = saddle.solve(force, right[self.rows])
+        return State(q, v, a, mu, p)
 
-    def batch(self, first: int, last: int, acting: Acting, out: Outputs) -> Reached:
-        """Do steps first … last − 1; see `march`."""
-        step, outputs = march(self.equations, (first, last, self.model.run.steps), acting, out)
-        self.factorizations = step if self.dense else 1
-        if step == last:
-            return Reached(step, outputs)
-        size = np.where(np.isfinite(self.state.force), np.abs(self.state.force), np.inf).max(axis=0)
-        return Reached(step, outputs, int(size.argmax()), "accelerations are not finite")
+    def _saddle(self, q: Array, p: Array) -> Saddle:
+        """Factors of [M Jᵀ; J 0], found once where J is constant; other rows are chosen where these are dependent."""
+        c = self.system.constraints
+        if self.saddle is not None and c.constant:
+            return self.saddle
+        J = c.jacobian(q, p)
+        try:
+            self.saddle = Saddle(self.system.mass, J[self.rows])
+        except Failure:
+            self.rows = independent_rows(J, self.system.layout.unit)
+            self.saddle = Saddle(self.system.mass, J[self.rows])
+        self.factorizations += 1
+        return self.saddle
+
+    def _corrected(self, q: Array, v: Array, p: Array) -> tuple[Array, Array]:
+        """Positions and velocities on the constraints."""
+        c = self.system.constraints
+        q = q - self.prescribe(c.value(q, p)[c.held])
+        found = self._on_constraints(q, p)
+        if found is None:  # rows that were left out do not follow from the others
+            self.rows, self.saddle = independent_rows(c.jacobian(q, p), self.system.layout.unit), None
+            found = self._on_constraints(q, p)
+        if found is None:
+            raise Failure("joints and drives leave the bodies no admissible position")
+        J, rate = c.jacobian(found, p), c.rate(found, p)
+        v = v - self.prescribe((J @ v + rate)[c.held])
+        return found, v + self._saddle(found, p).solve(self.system.still, -(J @ v + rate)[self.rows])[0]
+
+    def _on_constraints(self, q: Array, p: Array) -> Array | None:
+        """Positions by Newton's corrections of least size; None where they do not fulfil all constraints."""
+        c = self.system.constraints
+        for _ in range(CORRECTIONS):
+            gap = c.value(q, p)
+            if not np.isfinite(gap).all():
+                raise Failure("constraints are not finite")
+            if np.abs(gap).max() <= ROUNDING * self.length:
+                return q
+            q = q + self._saddle(q, p).solve(self.system.still, -gap[self.rows])[0]
+        return q if np.abs(c.value(q, p)).max() <= KEPT * self.length else None

@@ -1,124 +1,146 @@
-"""Loads and drives that change in time: sampled ahead, applied and accounted for in the kernels."""
-
-from typing import NamedTuple
+"""Forces, moments and line loads on the coordinates of a layout."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.assembly import Bodies
-from anctmm.discretise.mesh import constant_forces, varying_loads
 from anctmm.errors import unknown_kind
-from anctmm.jit.compiling import inlined
-from anctmm.model.drives import tabulate
-from anctmm.model.loads import LOADS, tabulated
-from anctmm.model.needs import not_offered
-from anctmm.model.scene import Force, LineLoad, Scene, Torque
-from reference.global_dae.constraints import Rows, drives_of
+from anctmm.model.drives import value_at
+from anctmm.model.loads import LOADS, load_text, width_of
+from anctmm.model.scene import Force, LineLoad, Load, Torque
+from reference.global_dae.connectors import Angle, Effort
+from reference.global_dae.layout import Layout
+from reference.global_dae.vectors import QUARTER, Vector, together
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Parts = tuple[Array, Array, Array]
 
 
-class Loads(NamedTuple):
-    """Varying loads: flat place of the x component they act on (y at place + nodes), and whether they turn it."""
+class LoadForce:
+    """One load on local coordinates `at`."""
 
-    place: Ints
-    torque: Ints
-    nodes: int
+    def __init__(self, load: Load, at: Ints) -> None:
+        self.load, self.at = load, at
+        self.name, self.width = load_text(load), width_of(load)
+
+    @property
+    def dead(self) -> bool:
+        """Whether it has a potential."""
+        return False
+
+    def value(self, t: float) -> Array:
+        """Value of the load at a time."""
+        if callable(self.load.value):
+            return value_at(self.name, self.load.value, t, self.width)
+        return np.atleast_1d(np.asarray(self.load.value, dtype=float))
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        raise NotImplementedError
+
+    def effort(self, q: Array, v: Array, t: float) -> Effort:
+        """What its work is summed up from."""
+        raise NotImplementedError
+
+    def keep(self, q: Array) -> None:
+        """Accept a state."""
 
 
-def varying(scene: Scene, bodies: Bodies) -> Loads:
-    """Loads whose generalized force changes: forces of time, and all torques."""
-    places, torques = [], []
-    for load in varying_loads(scene):
-        if isinstance(load, LineLoad):
-            raise not_offered(load)
-        body, side = scene.body_end(load.end)
+class PointForce(LoadForce):
+    """A force that keeps its direction, on a linear place: of a point, or the mean of a beam times its length."""
+
+    def __init__(self, load: Force | LineLoad, place: Vector) -> None:
+        super().__init__(load, place.at)
+        self.place = place
+
+    @property
+    def dead(self) -> bool:
+        """Whether it has a potential."""
+        return not callable(self.load.value)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        none = np.zeros((len(self.at),) * 2)
+        return factor * self.value(t) @ self.place.A, none, none
+
+    def effort(self, q: Array, v: Array, t: float) -> Effort:
+        """What its work is summed up from."""
+        return Effort(self.value(t), self.place(q), self.place.rate(v))
+
+
+class Follower(LoadForce):
+    """A force that turns with its place: components are those of the reference."""
+
+    def __init__(self, load: Force, place: Vector, direction: Vector, reference: Array) -> None:
+        super().__init__(load, together(place, direction))
+        self.place, self.direction = place, direction
+        g = direction(reference)
+        self.start = g / np.hypot(*g)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        P, G = self.place.on(self.at), self.direction.on(self.at)
+        u, by_g = self._unit(q)
+        matrix = self._components(t)
+        none = np.zeros((len(self.at),) * 2)
+        return factor * (matrix @ u) @ P, -factor * P.T @ matrix @ by_g @ G, none
+
+    def effort(self, q: Array, v: Array, t: float) -> Effort:
+        """What its work is summed up from."""
+        return Effort(self._components(t) @ self._unit(q)[0], self.place(q), self.place.rate(v))
+
+    def _components(self, t: float) -> Array:
+        """F as a matrix on the unit vector that turns: along it and across it as in the reference."""
+        F = self.value(t)
+        along, across = F @ self.start, F @ QUARTER @ self.start
+        return np.asarray(along * np.eye(2) + across * QUARTER)
+
+    def _unit(self, q: Array) -> tuple[Array, Array]:
+        g = self.direction(q)
+        size = float(np.hypot(*g))
+        u = g / size
+        return u, (np.eye(2) - np.outer(u, u)) / size
+
+
+class Moment(LoadForce):
+    """A moment on the direction of a place."""
+
+    def __init__(self, load: Torque, direction: Vector, reference: Array) -> None:
+        self.direction, self.angle = direction, Angle(reference, direction)
+        super().__init__(load, self.angle.at)
+
+    def evaluate(self, q: Array, v: Array, t: float, factor: float = 1.0) -> Parts:
+        """Force (k,) and its derivatives −∂f/∂q and −∂f/∂v, (k, k)."""
+        _, gradient, second = self.angle(q)
+        moment = factor * float(self.value(t)[0])
+        return moment * gradient, -moment * second, np.zeros_like(second)
+
+    def effort(self, q: Array, v: Array, t: float) -> Effort:
+        """What its work is summed up from."""
+        angle, gradient, _ = self.angle(q)
+        return Effort(self.value(t), np.array([angle]), np.array([gradient @ v[self.at]]))
+
+    def keep(self, q: Array) -> None:
+        """Accept a state."""
+        self.angle.keep(q)
+
+
+def loads_of(layout: Layout) -> list[LoadForce]:
+    """All loads of a scene."""
+    found: list[LoadForce] = []
+    for load in layout.scene.loads:
         match load:
             case Force():
-                row, torque = 0, 0
+                place = layout.scene.place(load.end)
+                position = layout.position(place)
+                if load.follower:
+                    found.append(Follower(load, position, layout.direction(place), layout.reference))
+                else:
+                    found.append(PointForce(load, position))
             case Torque():
-                row, torque = bodies.turning_row(body.name), 1
+                found.append(Moment(load, layout.direction(layout.scene.place(load.end)), layout.reference))
+            case LineLoad():
+                found.append(PointForce(load, layout.mean(load.body)))
             case _:
                 raise unknown_kind("load", load, LOADS)
-        places.append(row * bodies.nodes + bodies.node(body.name, side))
-        torques.append(torque)
-    return Loads(np.array(places, dtype=np.int64), np.array(torques, dtype=np.int64), bodies.nodes)
-
-
-def dead_forces(scene: Scene, bodies: Bodies) -> Array:
-    """Gravity and constant forces, (rows, nodes), N."""
-    f = bodies.weight()
-    for name, side, (x, y) in constant_forces(scene):
-        f[:2, bodies.node(name, side)] += [x, y]
-    return f
-
-
-def load_table(scene: Scene, t: Array) -> Array:
-    """Values of the varying loads at times t, (n, loads, 2): (Fx, Fy) in N, or (moment, 0) in N m."""
-    return tabulated(varying_loads(scene), t)
-
-
-def drive_table(scene: Scene, t: Array) -> Array:
-    """cos θ, sin θ, θ' (rad/s), θ'' (rad/s²) of every driven clamp at times t, (n, drives, 4)."""
-    drives = drives_of(scene)
-    table = np.zeros((len(t), len(drives), 4))
-    for k, clamp in enumerate(drives):
-        assert clamp.angle is not None
-        motion = tabulate(f"clamp {clamp.end!r} angle", clamp.angle, t, 3)
-        table[:, k, 0], table[:, k, 1] = np.cos(motion[:, 0]), np.sin(motion[:, 0])
-        table[:, k, 2:] = motion[:, 1:]
-    return table
-
-
-@inlined
-def load_on(loads: Loads, k: int, table: Array, n: int, q: Array) -> tuple[float, float]:
-    """Generalized force of load k on its vector, in row n of the table; of a moment M it is M (−g_y, g_x)/|g|²."""
-    if loads.torque[k] == 0:
-        return table[n, k, 0], table[n, k, 1]
-    i = loads.place[k]
-    x, y = q[i], q[i + loads.nodes]
-    m = table[n, k, 0] / (x * x + y * y)
-    return -m * y, m * x
-
-
-@inlined
-def add_loads(loads: Loads, table: Array, n: int, q: Array, f: Array) -> None:
-    """Add all varying loads, in row n of their table, to the forces f; q and f flat."""
-    for k in range(len(loads.place)):
-        x, y = load_on(loads, k, table, n, q)
-        f[loads.place[k]] += x
-        f[loads.place[k] + loads.nodes] += y
-
-
-@inlined
-def work_since(
-    loads: Loads, table: Array, n: int, rows: Rows, multiplier: Array, at: int, q: Array, trail: Array
-) -> float:
-    """Work of varying loads and drives since the last call, J: ½ (F_n + F_{n+1}) · (q_{n+1} − q_n).
-
-    As M q̈ + Φᵀμ = F, a drive acts on its vector with −μ.
-
-    Parameters
-    ----------
-    table : ndarray, shape (steps, loads, 2)
-        Values of the loads, those of now in row n.
-    multiplier : ndarray
-        μ/s of the constraint rows, from its place `at` on.
-    trail : ndarray, shape (loads + driven rows, 4)
-        Force and vector at the last call, overwritten.
-    """
-    total = 0.0
-    count = len(loads.place)
-    for k in range(count + len(rows.driven)):
-        if k < count:
-            i = loads.place[k]
-            fx, fy = load_on(loads, k, table, n, q)
-        else:
-            j = rows.driven[k - count]
-            i = rows.place[rows.first[j]]
-            fx, fy = -rows.scale * multiplier[at + 2 * j], -rows.scale * multiplier[at + 2 * j + 1]
-        x, y = q[i], q[i + loads.nodes]
-        total += 0.5 * ((fx + trail[k, 0]) * (x - trail[k, 2]) + (fy + trail[k, 1]) * (y - trail[k, 3]))
-        trail[k, 0], trail[k, 1], trail[k, 2], trail[k, 3] = fx, fy, x, y
-    return total
+    return found

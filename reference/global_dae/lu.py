@@ -4,7 +4,8 @@ SuperLU (through SciPy) chooses ordering and pivots once. A matrix that stays co
 whose numbers change is refactored in the same pattern with the same pivots, as KLU does, until a pivot turns bad.
 """
 
-from typing import Literal, NamedTuple
+from contextlib import suppress
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,20 +13,15 @@ from scipy import sparse
 from scipy.sparse.csgraph import reverse_cuthill_mckee
 from scipy.sparse.linalg import SuperLU, splu
 
-from anctmm.jit.compiling import allocating_kernel, inlined, kernel
+from reference.global_dae.kernels import kernel
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 #: Indices of the hot loops: as they cannot be negative, the compiler need not look for indices counted from the end.
 Index = NDArray[np.uint32]
 Matrix = sparse.csc_array
-Order = Literal["MMD_AT_PLUS_A", "COLAMD", "NATURAL"]
-
 #: Pivots are taken from the diagonal where these fractions of their column's largest entry let them be.
 THRESHOLDS = (1e-3, 1.0)
-#: Unknowns above which two orders are tried instead of four: minimum degree and the natural order take minutes for the
-#: matrices of long ladders, and on chains, trees and ladders one of the other two has always had the least fill.
-LARGE = 10_000
 #: Entry of L above which the pivots of a refactorisation count as bad.
 GROWTH = 1e8
 
@@ -34,11 +30,10 @@ class Factors(NamedTuple):
     """P_r A P_c = L U, by columns, the diagonal of U inverted, that of L one.
 
     Unknown p of the permuted system takes its right-hand sides from `source` and puts its results into `sink`: flat
-    places, one for each of the `width` right-hand sides that are solved at once. `width` is a tuple of that length,
-    so that the compiler knows it; it is empty where there are no factors and the solve is dense.
+    places, one for each of the `width` (1 or 2) right-hand sides that are solved at once; 0 without factors.
     """
 
-    width: tuple[int, ...]
+    width: int
     source: Index
     sink: Index
     lower_first: Index
@@ -61,51 +56,34 @@ class Pattern(NamedTuple):
 def order(A: Matrix) -> tuple[SuperLU, Ints, Ints]:
     """Factors of A with the least fill, and for each place in L and U the row and the column of A that stand there.
 
-    Tried: COLAMD, reverse Cuthill-McKee and, up to `LARGE` unknowns, minimum degree and the natural order along the
-    bodies, each with pivots from the diagonal where they are not small, and with partial pivoting.
+    Tried: COLAMD and reverse Cuthill-McKee, each with pivots from the diagonal where they are not small, and with
+    partial pivoting.
     """
     natural = np.arange(A.shape[0])
     band = np.asarray(reverse_cuthill_mckee(sparse.csr_matrix(abs(A)), symmetric_mode=True), dtype=np.int64)
-    orders: list[tuple[Ints, Order]] = [(natural, "COLAMD"), (band, "NATURAL")]
-    if len(natural) <= LARGE:
-        orders += [(natural, "MMD_AT_PLUS_A"), (natural, "NATURAL")]
-    best: tuple[SuperLU, Ints, Ints] | None = None
-    for before, spec in orders:
-        B = Matrix(A[before][:, before])
+    found: list[tuple[int, SuperLU, Ints]] = []
+    for before, spec in ((natural, "COLAMD"), (band, "NATURAL")):
         for threshold in THRESHOLDS:
-            try:
-                lu = splu(B, permc_spec=spec, diag_pivot_thresh=threshold)
-            except RuntimeError:  # exactly singular in this order
-                continue
-            if best is None or lu.L.nnz + lu.U.nnz < best[0].L.nnz + best[0].U.nnz:
-                best = lu, before[np.argsort(lu.perm_r)], before[np.argsort(lu.perm_c)]
-    if best is None:
+            with suppress(RuntimeError):  # exactly singular in this order
+                lu = splu(Matrix(A[before][:, before]), permc_spec=spec, diag_pivot_thresh=threshold)  # type: ignore[call-overload]
+                found.append((lu.L.nnz + lu.U.nnz, lu, before))
+    if not found:
         raise np.linalg.LinAlgError("the matrix is singular in every order")
-    return best
-
-
-def solved(A: Matrix, right: Array) -> Array | None:
-    """Solution of A x = right; None where A is exactly singular, or x is not finite."""
-    try:
-        x = splu(A).solve(right)
-    except RuntimeError:  # exactly singular
-        return None
-    return x if np.isfinite(x).all() else None
+    _, lu, before = min(found, key=lambda one: one[0])
+    return lu, before[np.argsort(lu.perm_r)], before[np.argsort(lu.perm_c)]
 
 
 def factorise(A: Matrix, places: Ints) -> Factors:
     """Factors of a constant matrix; places (n, width) of its unknowns in the flat vectors."""
     if A.shape[0] == 0:
-        return no_factors(places)._replace(
-            width=(0,) * places.shape[1], upper=A.data, lower=A.data, inverse=A.data
-        )
+        return no_factors(places)._replace(width=places.shape[1], upper=A.data, lower=A.data, inverse=A.data)
     lu, rows, columns = order(A)
     lower = sparse.csc_array(sparse.tril(lu.L, -1))
     upper = sparse.csc_array(sparse.triu(lu.U, 1))
     lower.eliminate_zeros()
     upper.eliminate_zeros()
     return Factors(
-        (0,) * places.shape[1],
+        places.shape[1],
         places[rows].reshape(-1).astype(np.uint32),
         places[columns].reshape(-1).astype(np.uint32),
         *_arrays(lower),
@@ -128,7 +106,7 @@ def choose(A: Matrix, places: Ints) -> tuple[Pattern, Factors]:
         for part in fill_in(permuted.indptr.astype(np.int64), permuted.indices.astype(np.int64))
     )
     factors = Factors(
-        (0,) * places.shape[1],
+        places.shape[1],
         places[rows].reshape(-1).astype(np.uint32),
         places[columns].reshape(-1).astype(np.uint32),
         lower_first,
@@ -145,7 +123,7 @@ def choose(A: Matrix, places: Ints) -> tuple[Pattern, Factors]:
 def no_factors(places: Ints) -> Factors:
     """Only the places of the unknowns, for a dense solve."""
     at, ints, numbers = places.reshape(-1).astype(np.uint32), np.zeros(0, dtype=np.uint32), np.zeros(0)
-    return Factors((), at, at, ints, ints, numbers, ints, ints, numbers, numbers)
+    return Factors(0, at, at, ints, ints, numbers, ints, ints, numbers, numbers)
 
 
 def _arrays(A: sparse.csc_array) -> tuple[Index, Index, Array]:
@@ -153,7 +131,7 @@ def _arrays(A: sparse.csc_array) -> tuple[Index, Index, Array]:
     return A.indptr.astype(np.uint32), A.indices.astype(np.uint32), np.ascontiguousarray(A.data)
 
 
-@allocating_kernel
+@kernel
 def fill_in(first: Ints, row: Ints) -> tuple[Ints, Ints, Ints, Ints]:
     """Patterns of L (strictly lower) and U (strictly upper) of a permuted matrix, by columns, sorted."""
     n = len(first) - 1
@@ -224,23 +202,46 @@ def refactor(pattern: Pattern, data: Array, f: Factors, w: Array) -> bool:
     return good
 
 
-@inlined
+@kernel
 def solve_factored(f: Factors, right: Array, left: Array, z: Array) -> None:
     """Solve with the factors: from the flat vector `right` into the flat vector `left`; z (n width,) is scratch."""
-    n, width = len(f.inverse), len(f.width)
-    for p in range(n * width):
+    for p in range(len(f.source)):
         z[p] = right[f.source[p]]
-    for j in range(n):
+    if f.width == 2:
+        solve_two(f, z)
+    else:
+        solve_one(f, z)
+    for p in range(len(f.sink)):
+        left[f.sink[p]] = z[p]
+
+
+@kernel
+def solve_one(f: Factors, z: Array) -> None:
+    """Forward and backward substitution in place, of one right-hand side."""
+    for j in range(len(f.inverse)):
+        x = z[j]
+        for t in range(f.lower_first[j], f.lower_first[j + 1]):
+            z[f.lower_row[t]] -= f.lower[t] * x
+    for j in range(len(f.inverse) - 1, -1, -1):
+        x = z[j] * f.inverse[j]
+        z[j] = x
+        for t in range(f.upper_first[j], f.upper_first[j + 1]):
+            z[f.upper_row[t]] -= f.upper[t] * x
+
+
+@kernel
+def solve_two(f: Factors, z: Array) -> None:
+    """The same of two, which stand beside each other."""
+    for j in range(len(f.inverse)):
+        x, y = z[2 * j], z[2 * j + 1]
         for t in range(f.lower_first[j], f.lower_first[j + 1]):
             i, value = f.lower_row[t], f.lower[t]
-            for c in range(width):
-                z[width * i + c] -= value * z[width * j + c]
-    for j in range(n - 1, -1, -1):
-        for c in range(width):
-            z[width * j + c] *= f.inverse[j]
+            z[2 * i] -= value * x
+            z[2 * i + 1] -= value * y
+    for j in range(len(f.inverse) - 1, -1, -1):
+        x, y = z[2 * j] * f.inverse[j], z[2 * j + 1] * f.inverse[j]
+        z[2 * j], z[2 * j + 1] = x, y
         for t in range(f.upper_first[j], f.upper_first[j + 1]):
             i, value = f.upper_row[t], f.upper[t]
-            for c in range(width):
-                z[width * i + c] -= value * z[width * j + c]
-    for p in range(n * width):
-        left[f.sink[p]] = z[p]
+            z[2 * i] -= value * x
+            z[2 * i + 1] -= value * y

@@ -1,98 +1,32 @@
-"""Stability limit of the explicit integrator, from sparse K and M on the null space of the constraints."""
+"""Stability of explicit steps and of equilibria, from tangent and mass on the null space of the constraints."""
 
 from math import inf, sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
-from scipy.linalg import eigh
+from scipy.linalg import eigh, null_space
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 
-from anctmm.discretise.assembly import Bodies
-from anctmm.elements.tangent_blocks import TANGENT_BUFFER
 from anctmm.errors import StabilityError
-from reference.global_dae.assemble import assemble, matrix_of, system_of
-from reference.global_dae.loads import load_table
-from reference.global_dae.model import Matrix, Model
+from reference.global_dae.beams import Matrix
+from reference.global_dae.saddle import Saddle, independent_rows
+from reference.global_dae.system import System
 
 Array = NDArray[np.float64]
 
-#: Coordinates up to which the dense eigenvalue solver is used.
-DENSE = 400
+#: Part of the largest eigenvalue below which one is none; of J's singular values, below which a row is void.
+NOTHING, VOID = 1e-11, 1e-10
+#: Coordinates up to which dense eigenvalue solvers are used.
+DENSE = 600
 
 
-def stiffness(model: Model, bodies: Bodies | None = None) -> Matrix:
-    """K_T of the undeformed scene without torques, (dofs, dofs); with other bodies of the same nodes, theirs."""
-    return tangent(model, model.bodies.reference(), 0.0, bodies)
+class Stability(NamedTuple):
+    """Negative eigenvalues among free motions; whether one is zero; the coordinate that moves most, or −1."""
 
-
-def tangent(model: Model, q: Array, factor: float, bodies: Bodies | None = None) -> Matrix:
-    """K_T at coordinates q, (rows, nodes), with that of a part of the torques of t = 0, (dofs, dofs)."""
-    constants = (bodies or model.bodies).constants
-    system = system_of(model, 1.0)
-    rows, data = 2 * model.bodies.rows, np.zeros(len(system.row) + 1)
-    loads = factor * load_table(model.scene, np.zeros(1))[0]
-    scratch = np.zeros(TANGENT_BUFFER), np.zeros((rows, rows))
-    assemble(system, 0.0, model.parts._replace(constants=constants), model.loads, loads, q, *scratch, data)
-    return Matrix(matrix_of(system, data)[: model.dofs, : model.dofs])
-
-
-def null_space(model: Model) -> Matrix:
-    """Z with Φ Z = 0, (dofs, free coordinates): of vectors that rows connect, all follow from the first, or none moves.
-
-    A row holds a vector g_B = e^{iΔ} g_A, or a single one that is fixed; rows close no circles.
-    """
-    linked: dict[int, list[tuple[int, complex]]] = {}
-    fixed = set()
-    for row in model.joints:
-        at = [int(model.numbers[term.vector, term.node]) for term in row.terms]
-        if len(at) == 1:
-            fixed.add(at[0])
-            continue
-        ratio = -row.terms[0].factor / row.terms[1].factor
-        linked.setdefault(at[0], []).append((at[1], ratio))
-        linked.setdefault(at[1], []).append((at[0], 1.0 / ratio))
-    seen = np.zeros(model.vectors, dtype=bool)
-    entries: list[tuple[int, int, complex]] = []
-    free = 0
-    for first in range(model.vectors):
-        if seen[first]:
-            continue
-        group = {first: 1.0 + 0.0j}
-        queue = [first]
-        for here in queue:  # it grows meanwhile
-            for there, ratio in linked.get(here, ()):
-                if there not in group:
-                    group[there] = ratio * group[here]
-                    queue.append(there)
-        seen[queue] = True
-        if fixed.isdisjoint(queue):
-            entries.extend((vector, free, factor) for vector, factor in group.items())
-            free += 1
-    rows, columns, factors = zip(*entries, strict=True) if entries else ((), (), ())
-    where = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
-    Z = sparse.csc_array((np.array(factors, dtype=complex), where), shape=(model.vectors, free))
-    turn = np.array([[0.0, -1.0], [1.0, 0.0]])
-    return Matrix(sparse.kron(Z.real, np.eye(2)) + sparse.kron(Z.imag, turn))
-
-
-def highest_frequency(model: Model, bodies: Bodies | None = None) -> float:
-    """Largest angular frequency of the undeformed scene with its joints, rad/s; 0 if nothing is free.
-
-    With other bodies of the same nodes, their stiffness is taken.
-    """
-    Z = null_space(model)
-    K, M = Matrix(Z.T @ stiffness(model, bodies) @ Z), Matrix(Z.T @ model.mass @ Z)
-    n = K.shape[0]
-    if n == 0:
-        return 0.0
-    if n <= DENSE:
-        largest = eigh(K.toarray(), M.toarray(), eigvals_only=True, subset_by_index=[n - 1, n - 1])[0]
-    else:
-        inverse = LinearOperator((n, n), matvec=splu(M).solve, dtype=float)
-        start = np.random.default_rng(0).standard_normal(n)
-        largest = eigsh(K, 1, M, Minv=inverse, v0=start, tol=1e-8, return_eigenvectors=False)[0]
-    return sqrt(max(float(largest), 0.0))
+    negative: int
+    singular: bool
+    place: int
 
 
 def limit(psi: float, phi: float) -> float:
@@ -100,7 +34,35 @@ def limit(psi: float, phi: float) -> float:
     return sqrt(2.0 / psi) if psi == phi and psi >= 0.5 else 0.0
 
 
-def check_step(model: Model) -> None:
+def highest(system: System) -> tuple[float, float]:
+    """Largest angular frequency of the undeformed scene, rad/s, and largest rate of damping, 1/s."""
+    q, still = system.layout.reference, system.still
+    K = system.tangents(q, still, 0.0)
+    D = system.tangents(q, still, 0.0, by_velocity=1.0) - K
+    p = system.constraints.parameters(0.0)
+    J = system.constraints.jacobian(q, p)
+    J = J[independent_rows(J, system.layout.unit)]
+    if J.shape[0] == system.size:
+        return 0.0, 0.0
+    saddle, none = Saddle(system.mass, J), np.zeros(J.shape[0])
+    shape, start = K.shape, np.random.default_rng(0).standard_normal(system.size)
+    inverse = LinearOperator(shape, matvec=lambda f: saddle.solve(f, none)[0], dtype=float)
+
+    def largest(A: Matrix) -> float:
+        A = Matrix(0.5 * (A + A.T))
+        if not A.nnz:
+            return 0.0
+        if system.size <= DENSE:
+            Z = free_motions(system, q, p)
+            K, M, n = Z.T @ (A @ Z), Z.T @ (system.mass @ Z), Z.shape[1]
+            return float(eigh(K, M, eigvals_only=True, subset_by_index=[n - 1, n - 1])[0])
+        options: Any = {"M": system.mass, "Minv": inverse, "v0": inverse @ start, "tol": 1e-8}
+        return float(eigsh(A, 1, return_eigenvectors=False, **options)[0])
+
+    return sqrt(max(largest(K), 0.0)), max(largest(D), 0.0)
+
+
+def check_step(system: System) -> None:
     """Refuse a step above the stability limit.
 
     Raises
@@ -108,23 +70,76 @@ def check_step(model: Model) -> None:
     StabilityError
         Naming the step and the largest one allowed.
     """
-    run = model.run
-    allowed = limit(run.psi, run.phi)
-    if allowed == 0.0:
+    run = system.layout.run
+    frequency, largest = largest_step(system)
+    if run.dt > largest * (1.0 + 1e-9):
+        raise StabilityError(
+            f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "
+            f"{system.layout.scene.name!r} as discretised is {frequency:.6g} rad/s (check_stability=False runs it all "
+            f"the same)"
+        )
+
+
+def largest_step(system: System) -> tuple[float, float]:
+    """Highest angular frequency, rad/s, and the largest stable step of Zhai's integrator, s.
+
+    Raises
+    ------
+    StabilityError
+        If no step is stable with its parameters.
+    """
+    run = system.layout.run
+    if limit(run.psi, run.phi) == 0.0:
         raise StabilityError(
             f"psi is {run.psi!r} and phi is {run.phi!r}; psi = phi >= 0.5 is needed; other pairs are unstable "
             f"at any step or have no larger stable step (check_stability=False runs it all the same)"
         )
-    frequency = highest_frequency(model)
-    largest = allowed / frequency if frequency > 0.0 else inf
-    if model.bodies.damping is not None:
-        # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping
-        viscous = model.bodies.stiffened(model.bodies.damping)
-        rate = (0.5 + run.phi) * highest_frequency(model, viscous) ** 2
-        sum_of_both = rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2)
-        largest = 2.0 / sum_of_both if sum_of_both > 0.0 else inf
-    if run.dt > largest * (1.0 + 1e-9):
-        raise StabilityError(
-            f"dt is {run.dt!r} s; at most {largest:.6g} s is stable, for the highest frequency of scene "
-            f"{model.scene.name!r} as discretised is {frequency:.6g} rad/s (check_stability=False runs it all the same)"
-        )
+    frequency, damping = highest(system)
+    # an oscillation about rest changes sign in a step at ½ψ(hω)² + (½ + φ)hc = 1, c the highest rate of damping
+    rate = (0.5 + run.phi) * damping
+    both = rate + sqrt(rate * rate + 2.0 * run.psi * frequency**2)
+    return frequency, 2.0 / both if both > 0.0 else inf
+
+
+def free_motions(system: System, q: Array, p: Array) -> Array:
+    """Z with J Z = 0, (size, free), of columns without a unit: the same for small and large scenes."""
+    unit = system.layout.unit
+    J = system.constraints.jacobian(q, p).toarray() * unit
+    if not len(J):
+        return np.diag(unit)
+    sizes = np.linalg.norm(J, axis=1, keepdims=True)
+    return np.asarray(unit[:, None] * null_space(J / np.where(sizes > 0.0, sizes, 1.0), rcond=VOID))
+
+
+def stability(system: System, A: Matrix, q: Array, p: Array) -> Stability:
+    """Stability of an equilibrium q by its tangent: of a small scene by eigenvalues, else by signs of pivots."""
+    if system.size > DENSE:
+        return Stability(_negative_pivots(system, A, q, p), False, -1)
+    Z = free_motions(system, q, p)
+    if not Z.shape[1]:
+        return Stability(0, False, -1)
+    B = Z.T @ (0.5 * (A + A.T) @ Z)
+    scale = np.abs(np.diagonal(B))
+    scale = 1.0 / np.sqrt(np.where(scale > 0.0, scale, max(float(scale.max()), 1e-300)))
+    values, modes = np.linalg.eigh(scale[:, None] * B * scale)
+    nothing = NOTHING * max(float(np.abs(values).max()), 1e-300)
+    place = int(np.abs((Z @ (scale * modes[:, 0])) / system.layout.unit).argmax())
+    return Stability(int((values < -nothing).sum()), bool((np.abs(values) <= nothing).any()), place)
+
+
+def _negative_pivots(system: System, A: Matrix, q: Array, p: Array) -> int:
+    """Negative eigenvalues among free motions, by the pivots of A + s JᵀJ with a large s; 0 where pivoting fails."""
+    J = system.constraints.jacobian(q, p)
+    diagonal = (J.T @ J).diagonal()
+    large = 1e3 * float(np.abs(A.diagonal()).max()) / (float(diagonal.max()) or 1.0) if J.shape[0] else 0.0
+    B = Matrix(0.5 * (A + A.T) + large * (J.T @ J))
+    scale = 1.0 / np.sqrt(np.where(np.abs(B.diagonal()) > 0.0, np.abs(B.diagonal()), 1.0))
+    B = Matrix(B.multiply(scale[:, None]).multiply(scale))
+    for order in ("MMD_AT_PLUS_A", "NATURAL"):
+        try:
+            lu = splu(B, permc_spec=order, diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        except RuntimeError:  # a pivot of zero in this order
+            continue
+        if np.array_equal(lu.perm_r, lu.perm_c):
+            return int((lu.U.diagonal() < 0.0).sum())
+    return 0

@@ -6,35 +6,37 @@ process that uses it. The cost is the processor time of its steps, measured insi
 start of the process included, is `build_s`. OpenSees counts the Newton corrections of the last step only, so that
 `newton_iterations` stays 0. OpenSees is optional, the extra `peers`.
 
-What was measured: steps begin with accelerations of zero unless these are given, which makes all schemes of first
-order; `GeneralizedAlpha` converges linearly within a step, `HHTGeneralized`, the same scheme, quadratically; beams with
-a consistent mass keep it in their first direction, an error of second order in the elements' length.
+Steps begin with accelerations of zero unless these are given, which makes all schemes of first order;
+`GeneralizedAlpha` converges linearly within a step, `HHTGeneralized`, the same scheme, quadratically; beams with a
+consistent mass keep it in their first direction, an error of second order in the elements' length.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from time import process_time
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
-from anctmm.discretise.memory import check_memory
-from anctmm.elements.kinds import check_kinds, optional_beside
-from anctmm.errors import UnsupportedError, shown, unknown_option
-from anctmm.model.bodies import beam_of
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.elements.kinds import optional_beside
+from anctmm.errors import UnsupportedError, shown
 from anctmm.model.drives import tabulate
-from anctmm.model.needs import MECHANISMS, refuse
-from anctmm.model.scene import Clamp, Scene, checked_scene
-from anctmm.results.ended_early import nothing
-from anctmm.results.solution import Solution
+from anctmm.model.needs import MECHANISMS
+from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.results.fields import InterpolatedField
+from anctmm.results.solution import Cost, Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
-from reference.opensees.answer import solution
+from reference.adapters import Adapter, Answer, nodes_of, undamped
 from reference.opensees.frame import BEAMS, Frame
-from reference.opensees.process import analyse
+from reference.opensees.process import PACKAGES, Analysis, analyse
 
-NAME = "opensees"
+Array = NDArray[np.float64]
+
 #: Solvers of linear equations: those that were found to work; SparseSYM was seen to give wrong corrections.
 SYSTEMS = ("ProfileSPD", "BandGeneral", "BandSPD", "UmfPack", "SuperLU")
 ALGORITHMS = ("Newton", "ModifiedNewton", "KrylovNewton", "BFGS", "NewtonLineSearch")
@@ -46,18 +48,16 @@ CHOICES: tuple[Mapping[str, Any], ...] = (
     {"newton_tolerance": 1e-5, "algorithm": "ModifiedNewton"},
     {"newton_tolerance": 1e-3, "beam": "elastic-lumped"},
 )
-#: Kinds of element that a discretisation may name; frames use their own instead.
-ELEMENTS = ("cable", "shear")
 OFFER = Offer(
-    lacks=optional_beside(ELEMENTS) | {"zhai", "esdirk", "damping", "stability", *MECHANISMS},
+    lacks=optional_beside(("cable", "shear"))
+    | {"zhai", "esdirk", "damping", "stability", "energy", *MECHANISMS},
     element="frame",
     limits={"cable": "elastica"},
     choices=CHOICES,
 )
-#: Bytes that a model takes for each coordinate, and the history for each at an output, as measured.
-MEMORY, KEPT = 1_500.0, 150.0
-#: Angles at most beyond half a turn that rounding leaves, rad.
-ROUNDING = 1e-9
+#: Angles at most beyond half a turn that rounding leaves, rad; part of half a turn above which a chord is the reason of
+#: a failure.
+ROUNDING, NEAR = 1e-9, 0.85
 
 
 def solve(
@@ -94,19 +94,7 @@ def solve(
         With status "unsupported" where OpenSees is missing or cannot do the scene, "failed" where it gives up, or its
         process ends.
     """
-    began = process_time()
-    run = discretise(run, options)
-    checked_scene(scene)
-    _check(beam, algorithm, system)
-    check_memory(scene, run, MEMORY, kept_each=KEPT)
-    try:
-        _check_scene(scene, run, run.integrator)
-        _check_turns(scene, run)
-        frame = Frame(scene, run, beam)
-        analysis = analyse(frame.job(system, algorithm, run.steps))
-    except UnsupportedError as why:
-        return nothing(NAME, scene, run, Status("unsupported", str(why)))
-    return solution(NAME, frame, analysis, process_time() - began)
+    return Frames(scene, discretise(run, options), beam=beam, algorithm=algorithm, system=system).solution()
 
 
 def solve_static(
@@ -134,68 +122,170 @@ def solve_static(
     **options
         The fields of the discretisation, in its place.
     """
-    began = process_time()
-    run = discretise(run, options)
-    checked_scene(scene)
-    _check(beam, algorithm, system)
-    load_steps = parts_of_load(load_steps)
-    check_memory(scene, run, MEMORY, outputs=load_steps + 1, kept_each=KEPT)
+    run, load_steps = discretise(run, options), parts_of_load(load_steps)
+    return Frames(scene, run, True, load_steps, beam=beam, algorithm=algorithm, system=system).solution()
+
+
+@dataclass
+class Frames(Adapter):
+    """A scene in OpenSees; parameters as of `solve` and `solve_static`."""
+
+    beam: str = "elastic"
+    algorithm: str = "Newton"
+    system: str = "ProfileSPD"
+
+    name: ClassVar[str] = "opensees"
+    title: ClassVar[str] = "a model in OpenSees"
+    packages: ClassVar[tuple[str, ...]] = PACKAGES
+    offer: ClassVar[Offer] = OFFER
+    memory: ClassVar[tuple[float, float]] = (1_500.0, 150.0)
+    integrators: ClassVar[Mapping[str, str]] = {
+        "zhai": (
+            "OpenSees' explicit steps need a mass for every coordinate, and its beams give rotations none that is "
+            "diagonal: 'generalized-alpha' is needed"
+        ),
+        "esdirk": "OpenSees' implicit steps are of second order: 'generalized-alpha' is needed",
+    }
+
+    def __post_init__(self) -> None:
+        self.began = process_time()
+        one_of("beam", self.beam, BEAMS)
+        one_of("algorithm", self.algorithm, ALGORITHMS)
+        one_of("system", self.system, SYSTEMS)
+
+    @classmethod
+    def version(cls) -> str:
+        """Version of the code; empty where it is not installed, or hidden."""
+        return super().version() if any(map(_there, PACKAGES)) else ""
+
+    def check(self) -> None:
+        """Refuse damping, unknown kinds, and clamps that turn too far: a chord's angle is taken in (−π, π]."""
+        undamped(self.scene, "OpenSees damps whole models by stiffness matrices that turn nothing")
+        for thing, kinds in (
+            *((j, Pin | Weld | Clamp) for j in self.scene.joints),
+            *((x, Force | Torque) for x in self.scene.loads),
+        ):
+            if not isinstance(thing, kinds):
+                raise UnsupportedError(
+                    f"{shown(thing)} of type {type(thing).__name__} is not known to {self.title}"
+                )
+        for clamp, angles in () if self.static else self._driven():
+            far = np.flatnonzero(np.abs(angles) > np.pi + ROUNDING)
+            if far.size:
+                time = float(self.run.times(far[:1])[0])
+                raise UnsupportedError(
+                    f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; OpenSees' frames turn "
+                    f"with their chords, whose angles jump from π to −π; there Newton's iteration fails on every mesh: "
+                    f"at most half a turn is needed"
+                )
+
+    def build(self) -> Frame:
+        """Nodes and elements."""
+        return Frame(self.scene, self.run, self.beam, self.static)
+
+    def march(self, model: Frame) -> Answer:
+        """Analyse in a process of its own."""
+        steps = self.load_steps if self.static else self.run.steps
+        analysis = analyse(model.job(self.system, self.algorithm, steps))
+        t = analysis.t
+        if not self.static:
+            t = self.run.times(self.run.output_steps)[: len(t)]
+            analysis = _as_driven(model, t, analysis)
+        turns = _chord_turns(model, analysis)
+        kept, status = len(t), Status()
+        if (beyond := np.flatnonzero((np.abs(turns) > np.pi).any(axis=1))).size:
+            kept = int(beyond[0])
+            time = float(t[kept])
+            status = Status("failed", *_too_far(model, turns[kept], time))
+        elif analysis.trouble:
+            status = self._failure(model, analysis, turns)
+        fields = {body.name: _field(model, body, analysis).until(kept) for body in self.scene.beams}
+        spent = process_time() - self.began + analysis.whole - analysis.cpu
+        cost = Cost(analysis.cpu, analysis.wall, analysis.steps, build_s=spent, compile_s=0.0)
+        return Answer(t[:kept], fields, cost, status, model.dofs)
+
+    def _driven(self) -> Iterator[tuple[Clamp, Array]]:
+        """Driven clamps with their angles at the steps, rad."""
+        for joint in self.scene.joints:
+            if isinstance(joint, Clamp) and joint.angle is not None:
+                t = self.run.times(np.arange(self.run.steps + 1))
+                yield joint, tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 0]
+
+    def _failure(self, frame: Frame, analysis: Analysis, turns: Array) -> Status:
+        run, reached = self.run, float(analysis.t[-1]) if len(analysis.t) else 0.0
+        time, step = reached, None
+        where, advice = f"beyond load factor {reached:.6g}", "more load_steps may help, and hold every body"
+        if not self.static:
+            step = min(analysis.steps + 1, run.steps)
+            time = float(run.times(np.array([step]))[0])
+            where, advice = f"in step {step} (t = {time:.6g} s)", f"a dt below {run.dt:g} s may help"
+        if len(turns) and np.abs(turns[-1]).max() > NEAR * np.pi:
+            why, _, _, body, element = _too_far(frame, turns[-1], time)
+            return Status("failed", f"{analysis.trouble} {where}: {why}", time, step, body, element)
+        return Status("failed", f"{analysis.trouble} {where}; {advice}", time, step)
+
+
+def _there(package: str) -> bool:
     try:
-        _check_scene(scene, run, "statics")
-        frame = Frame(scene, run, beam, static=True)
-        analysis = analyse(frame.job(system, algorithm, load_steps))
-    except UnsupportedError as why:
-        return nothing(NAME, scene, run, Status("unsupported", str(why)))
-    return solution(NAME, frame, analysis, process_time() - began)
+        return find_spec(package) is not None
+    except ValueError:  # set to None, as where it is hidden
+        return False
 
 
-def _check(beam: str, algorithm: str, system: str) -> None:
-    one_of("beam", beam, BEAMS)
-    one_of("algorithm", algorithm, ALGORITHMS)
-    one_of("system", system, SYSTEMS)
+def _as_driven(frame: Frame, t: Array, analysis: Analysis) -> Analysis:
+    """The same with driven clamps at the angles of their drives, which OpenSees leaves where the step's balance was."""
+    assert analysis.velocities is not None
+    u, v = analysis.displacements.copy(), analysis.velocities.copy()
+    for tag, name, drive in frame.driven:
+        angles = tabulate(name, drive, t, 3)
+        u[:, tag - 1, 2], v[:, tag - 1, 2] = angles[:, 0], angles[:, 1]
+    return replace(analysis, displacements=u, velocities=v)
 
 
-def _check_scene(scene: Scene, run: Discretisation, mode: str) -> None:
-    match mode:
-        case "statics" | "generalized-alpha":
-            pass
-        case "zhai":
-            raise UnsupportedError(
-                f"integrator is {mode!r}; OpenSees' explicit steps need a mass for every coordinate, and its beams "
-                f"give rotations none that is diagonal: 'generalized-alpha' is needed"
-            )
-        case "esdirk":
-            raise UnsupportedError(
-                f"integrator is {mode!r}; OpenSees' implicit steps are of second order: 'generalized-alpha' is needed"
-            )
-        case _:
-            raise unknown_option("integrator", mode, INTEGRATORS)
-    refuse(scene, OFFER.lacks, "a model in OpenSees", mode)
-    for body in map(beam_of, scene.beams):
-        if body.material.damping > 0.0:
-            raise UnsupportedError(
-                f"damping is {body.material.damping!r} s for body {body.name!r}; OpenSees damps whole models by "
-                f"stiffness matrices that turn nothing, another model: 0 is needed here"
-            )
-    check_kinds(run.of(scene), ELEMENTS, "a model in OpenSees", UnsupportedError)
+def _chords(frame: Frame, body: Beam, analysis: Analysis) -> tuple[Array, Array]:
+    """Places of a body's nodes, (n, nodes, 2), and its rotations, (n, nodes)."""
+    q = analysis.displacements[:, np.array(frame.of_body[body.name]) - 1]
+    return nodes_of(body, frame.counts[body.name])[0] + q[..., :2], q[..., 2]
 
 
-def _check_turns(scene: Scene, run: Discretisation) -> None:
-    """Refuse clamps that turn too far: a chord's angle is taken in (−π, π], where its elements break."""
-    for clamp, angles in _driven(scene, run):
-        far = np.flatnonzero(np.abs(angles) > np.pi + ROUNDING)
-        if far.size:
-            time = float(run.times(far[:1])[0])
-            raise UnsupportedError(
-                f"{shown(clamp)} has turned by more than half a turn at t = {time:.6g} s; OpenSees' frames turn with "
-                f"their chords, whose angles jump from π to −π; there Newton's iteration fails on every "
-                f"mesh: at most half a turn is needed"
-            )
+def _chord_turns(frame: Frame, analysis: Analysis) -> Array:
+    """Angles that all chords have turned by, (n, elements), rad; whole turns are those of the nodes' rotations."""
+    found = []
+    for body in frame.scene.beams:
+        places, angles = _chords(frame, body, analysis)
+        chords = np.diff(places, axis=1)
+        seen = np.arctan2(chords[..., 1], chords[..., 0]) - body.angle
+        mean = 0.5 * (angles[:, 1:] + angles[:, :-1])
+        found.append(seen + 2.0 * np.pi * np.round((mean - seen) / (2.0 * np.pi)))
+    return np.concatenate(found, axis=1)
 
 
-def _driven(scene: Scene, run: Discretisation) -> Iterator[tuple[Clamp, Any]]:
-    """Driven clamps with their angles at the steps, rad."""
-    for joint in scene.joints:
-        if isinstance(joint, Clamp) and joint.angle is not None:
-            t = run.times(np.arange(run.steps + 1))
-            yield joint, tabulate(f"clamp {joint.end!r} angle", joint.angle, t, 3)[:, 0]
+def _too_far(frame: Frame, turns: Array, time: float) -> tuple[str, float, None, str, int]:
+    """Message, time, step, body and element of the chord that has turned furthest."""
+    index = int(np.argmax(np.abs(turns)))
+    angle = turns[index]
+    ends = np.cumsum([*frame.counts.values()])
+    k = int(np.searchsorted(ends, index, side="right"))
+    body, index = [*frame.counts][k], index - int(ends[k]) + [*frame.counts.values()][k]
+    why = (
+        f"element {index} of body {body!r} has turned by {angle:.3g} rad; OpenSees' frames, which turn with their "
+        f"chords, know no more than half a turn from the start"
+    )
+    return why, time, None, body, index
+
+
+def _field(frame: Frame, body: Beam, analysis: Analysis) -> InterpolatedField:
+    """Axis through the nodes in their directions; its stretch at a node is that of the chords beside it."""
+    places, angles = _chords(frame, body, analysis)
+    chords = np.linalg.norm(np.diff(places, axis=1), axis=-1) / frame.element_length(body)
+    stretch = np.empty(angles.shape)
+    stretch[:, 0], stretch[:, -1] = chords[:, 0], chords[:, -1]
+    stretch[:, 1:-1] = 0.5 * (chords[:, 1:] + chords[:, :-1])
+    angle = body.angle + angles
+    slope = stretch[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    rates = None
+    if analysis.velocities is not None:
+        v = analysis.velocities[:, np.array(frame.of_body[body.name]) - 1]
+        turning = v[..., 2:] * np.stack([-slope[..., 1], slope[..., 0]], axis=-1)
+        rates = np.stack([v[..., :2], turning], axis=2)
+    return InterpolatedField(np.stack([places, slope], axis=2), body.length, rates)

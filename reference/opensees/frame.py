@@ -5,21 +5,19 @@ prescribed rotation.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.mesh import BodyMesh, build
-from anctmm.errors import unknown_kind
 from anctmm.model.drives import Angle, tabulate, value_at
-from anctmm.model.loads import LOADS, Load, load_text, width_of
-from anctmm.model.needs import not_offered
+from anctmm.model.loads import load_text, width_of
 from anctmm.model.places import End
-from anctmm.model.scene import Beam, Force, LineLoad, Scene, Torque
+from anctmm.model.scene import Beam, Force, Scene, Torque
 from anctmm.model.topology import Junction, junctions_of
+from reference.adapters import nodes_of, slopes_of
 
 Array = NDArray[np.float64]
 
@@ -61,13 +59,13 @@ class Frame:
     """Node, its drive's name, and the drive."""
 
     def __post_init__(self) -> None:
-        self.meshes: dict[str, BodyMesh] = build(self.scene, replace(self.run, element="cable"))
+        self.counts = {name: count for name, (count, _) in self.run.of(self.scene).items()}
         ends: dict[End, int] = {}
         for junction in junctions_of(self.scene):
             self._add_junction(junction, ends)
         for body in self.scene.beams:
-            places = self.meshes[body.name].reference[1:-1, 0]
-            inner = [self._add_node(tuple(map(float, place))) for place in places]
+            places, _ = nodes_of(body, self.counts[body.name])
+            inner = [self._add_node(tuple(map(float, place))) for place in places[1:-1]]
             self.of_body[body.name] = [ends[body.name, 0], *inner, ends[body.name, 1]]
 
     @property
@@ -83,7 +81,7 @@ class Frame:
 
     def element_length(self, body: Beam) -> float:
         """Of each of a body's elements, m."""
-        return body.length / self.meshes[body.name].elements
+        return body.length / self.counts[body.name]
 
     def element_mass(self, body: Beam) -> Array:
         """Mass matrix of an element at rest, (6, 6), as OpenSees keeps it: it does not turn with the element."""
@@ -113,20 +111,14 @@ class Frame:
             loads[tags[1:]] += share[1]
         return loads
 
-    def node(self, load: Load) -> int:
-        """Node that a load acts on."""
-        if isinstance(load, LineLoad):
-            raise not_offered(load)
-        body, side = self.scene.body_end(load.end)
-        return self.of_body[body.name][-1 if side else 0]
-
     def velocities(self) -> Array:
         """Velocities of all nodes at t = 0 that supports and drives allow, (nodes, 3)."""
         found, seen = np.zeros((len(self.nodes), 3)), np.zeros(len(self.nodes))
         for body in self.scene.beams:
-            v, tags = self.meshes[body.name].initial_velocity, np.array(self.of_body[body.name]) - 1
-            along = self.meshes[body.name].reference[0, 1]
-            found[tags] += np.column_stack([v[:, 0], v[:, 1] @ np.array([-along[1], along[0]])])
+            count, tags = self.counts[body.name], np.array(self.of_body[body.name]) - 1
+            normal = np.array([-np.sin(body.angle), np.cos(body.angle)])
+            rates = slopes_of(body, count) @ normal
+            found[tags] += np.column_stack([nodes_of(body, count)[1], rates])
             seen[tags] += 1.0
         found /= seen[:, None]  # ends that are welded turn with the mean of their rates
         for tag, held in self.supports:
@@ -192,16 +184,10 @@ class Frame:
         """Constant forces and moments on all nodes, (nodes, 3), and those that vary: node, component, values."""
         constant, histories = self.weights(), []
         for load in self.scene.loads:
-            match load:
-                case Force():
-                    components = [0, 1]
-                case Torque():
-                    components = [2]
-                case LineLoad():
-                    raise not_offered(load)
-                case _:
-                    raise unknown_kind("load", load, LOADS)
-            tag, value = self.node(load), load.value
+            assert isinstance(load, Force | Torque)  # others are refused
+            components = [0, 1] if isinstance(load, Force) else [2]
+            body, side = self.scene.body_end(load.end)
+            tag, value = self.of_body[body.name][-1 if side else 0], load.value
             if not callable(value):
                 constant[tag - 1, components] += np.atleast_1d(value)
             elif self.static:

@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import UnsupportedError
+from reference.adapters import not_installed
 
 Array = NDArray[np.float64]
 
@@ -65,7 +64,6 @@ def analyse(job: dict[str, Any]) -> Analysis:
     UnsupportedError
         If OpenSees is not installed, or cannot be loaded.
     """
-    _check_installed()
     with TemporaryDirectory(prefix="opensees-") as folder:
         ended = subprocess.run(
             [sys.executable, "-P", str(WORKER), folder],
@@ -73,28 +71,12 @@ def analyse(job: dict[str, Any]) -> Analysis:
             check=False,
         )  # fmt: skip
         if "ImportError" in ended.stderr:
-            raise _missing(_last_lines(ended.stderr))
+            raise not_installed(PACKAGES, _last_lines(ended.stderr))
         rows = Path(folder, "rows")
         numbers = np.fromfile(rows) if rows.exists() else np.empty(0)
         end_file = Path(folder, "end.json")
         end = json.loads(end_file.read_text()) if ended.returncode == 0 and end_file.exists() else None
     return _read(job, numbers, end, ended)
-
-
-def _check_installed() -> None:
-    if not any(_found(package) for package in PACKAGES):
-        raise _missing(f"no module named {' or '.join(map(repr, PACKAGES))}")
-
-
-def _found(package: str) -> bool:
-    try:
-        return find_spec(package) is not None
-    except ValueError:  # set to None, as where it is hidden
-        return False
-
-
-def _missing(why: str) -> UnsupportedError:
-    return UnsupportedError(f"OpenSees is not installed; pip install 'anctmm[peers]' ({why})")
 
 
 def _read(

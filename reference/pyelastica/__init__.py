@@ -6,67 +6,40 @@ no implicit steps and no statics: equilibria are found by dynamic relaxation wit
 of the steps alone, each of them called from Python, in three dimensions. PyElastica is optional, the extra `peers`.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from math import ceil, pi, sqrt
 from time import perf_counter, process_time
-from types import ModuleType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.discretise.discretisation import INTEGRATORS, Discretisation, discretise, parts_of_load
-from anctmm.discretise.memory import check_memory
-from anctmm.elements.kinds import check_kinds, optional_beside
-from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, unknown_kind, unknown_option
-from anctmm.model.bodies import beam_of
-from anctmm.model.joints import unknown_joint
-from anctmm.model.loads import LOADS
-from anctmm.model.needs import MECHANISMS, not_offered, refuse
-from anctmm.model.scene import (
-    Clamp,
-    Force,
-    LineLoad,
-    Pin,
-    Prismatic,
-    Scene,
-    Slider,
-    Torque,
-    Weld,
-    checked_scene,
-)
-from anctmm.results.checks.divergence import STRETCH_LIMIT, checked
-from anctmm.results.checks.energy import all_energy, from_nowhere
-from anctmm.results.ended_early import nothing
+from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.elements.kinds import optional_beside
+from anctmm.errors import DiscretisationError, StabilityError, UnsupportedError, shown
+from anctmm.model.needs import MECHANISMS
+from anctmm.model.scene import Clamp, Force, Pin, Scene, Torque, Weld
+from anctmm.results.accounting import accounted
 from anctmm.results.fields import LagrangeField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of, positive
+from reference.adapters import Adapter, Answer, not_installed, undamped
 
 Array = NDArray[np.float64]
 
-NAME = "pyelastica"
 #: Kinds of element that a discretisation may name; rods use their own instead.
 ELEMENTS = ("cable", "shear")
 OFFER = Offer(
     lacks=optional_beside(ELEMENTS)
-    | {
-        "generalized-alpha",
-        "esdirk",
-        "joints",
-        "drives",
-        "varying-loads",
-        "damping",
-        "stability",
-        *MECHANISMS,
-    },
+    | {"generalized-alpha", "esdirk", "joints", "drives", "varying-loads", "damping", "stability"}
+    | set(MECHANISMS),
     element="reissner",
     limits={"shear": "reissner"},
 )
-#: Bytes that a model takes for each coordinate, and the history for each at an output, as measured.
-MEMORY, KEPT = 300.0, 24.0
 #: Lowest frequency of a beam by how its ends are held, of √(EI/(m' L⁴)): the damping of relaxation.
 LOWEST = {
     ("clamp", "free"): 3.516,
@@ -78,8 +51,11 @@ LOWEST = {
 SAFETY = 0.8
 #: Periods of the lowest frequency after which relaxation is given up. Each should gain a factor of 500.
 PERIODS = 40
+#: Stretch of an element beyond which a run has diverged.
+STRETCH_LIMIT = 1e3
 
 
+@accounted
 def solve(
     scene: Scene,
     run: Discretisation | None = None,
@@ -115,25 +91,10 @@ def solve(
     StabilityError
         If the step lies above the stability limit of the straight grid, and `check_stability` is set.
     """
-    run = discretise(run, options)
-    checked_scene(scene)
-    _check(clamp, shear_factor)
-    check_memory(scene, run, MEMORY, kept_each=KEPT)
-    try:
-        _check_run(run)
-        model = _model(scene, run)
-    except UnsupportedError as why:
-        return nothing(NAME, scene, run, Status("unsupported", str(why)))
-    system = System(model, scene, run, clamp, shear_factor)
-    limit = 2.0 / system.largest_frequency
-    if run.check_stability and run.dt > limit:
-        raise StabilityError(
-            f"dt (s) is {run.dt!r}; at most {limit:.6g} is stable for PyElastica's rods in scene {scene.name!r}: "
-            f"their sections' inertia bounds it, whatever the mesh"
-        )
-    return system.motion()
+    return Rods(scene, discretise(run, options), clamp=clamp, shear_factor=shear_factor).solution()
 
 
+@accounted
 def solve_static(
     scene: Scene,
     run: Discretisation | None = None,
@@ -161,127 +122,181 @@ def solve_static(
     **options
         The fields of the discretisation, in its place.
     """
-    run = discretise(run, options)
-    _check(clamp, shear_factor)
-    positive("rest", rest, DiscretisationError)
-    load_steps = parts_of_load(load_steps)
-    check_memory(checked_scene(scene), run, MEMORY, outputs=load_steps + 1, kept_each=KEPT)
-    try:
-        system = System(_model(scene, run), scene, run, clamp, shear_factor, relaxed=True)
-        return system.equilibria(load_steps, rest)
-    except UnsupportedError as why:
-        return nothing(NAME, scene, run, Status("unsupported", str(why)))
+    run, load_steps = discretise(run, options), parts_of_load(load_steps)
+    rods = Rods(scene, run, True, load_steps, clamp=clamp, shear_factor=shear_factor, rest=rest)
+    return rods.solution()
 
 
 @dataclass
-class System:
-    """Rods in PyElastica's simulator, and the history kept of them.
+class Rods(Adapter):
+    """A scene in PyElastica; parameters as of `solve` and `solve_static`."""
 
-    Parameters
-    ----------
-    model : module
-        `reference.pyelastica.model`, which needs PyElastica.
-    scene : Scene
-    run : Discretisation
-    clamp : str
-    shear_factor : float
-    relaxed : bool
-        Whether masses are fictitious.
-    """
+    clamp: str = "half-element"
+    shear_factor: float = 1.0
+    rest: float = 1e-8
+    positions: dict[str, list[Array]] = field(default_factory=dict)
+    velocities: dict[str, list[Array]] = field(default_factory=dict)
+    energies: list[tuple[float, ...]] = field(default_factory=list)
 
-    model: ModuleType
-    scene: Scene
-    run: Discretisation
-    clamp: str
-    shear_factor: float
-    relaxed: bool = False
+    name: ClassVar[str] = "pyelastica"
+    title: ClassVar[str] = "a model in PyElastica"
+    packages: ClassVar[tuple[str, ...]] = ("pyelastica",)
+    offer: ClassVar[Offer] = OFFER
+    memory: ClassVar[tuple[float, float]] = (300.0, 24.0)
+    integrators: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("generalized-alpha", "esdirk"), "PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
+    )
 
     def __post_init__(self) -> None:
+        one_of("clamp", self.clamp, ("half-element", "director"))
+        positive("shear_factor", self.shear_factor, DiscretisationError)
+        positive("rest", self.rest, DiscretisationError)
+
+    def check(self) -> None:
+        """Refuse joints between bodies, what varies, damping and single elements."""
+        run, scene = self.run, self.scene
+        if not self.static and (run.psi, run.phi) != (0.5, 0.5):
+            raise UnsupportedError(
+                f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
+            )
+        for joint in scene.joints:
+            match joint:
+                case Clamp(angle=None) | Pin(ends=(_,)):
+                    pass
+                case Clamp():
+                    raise UnsupportedError(f"{joint!r} turns; a fixed clamp is needed")
+                case Pin() | Weld():
+                    raise UnsupportedError(
+                        f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
+                        f"bodies held by the ground or free are allowed"
+                    )
+                case _:
+                    raise UnsupportedError(
+                        f"{shown(joint)} of type {type(joint).__name__} is not known to it"
+                    )
+        for load in scene.loads:
+            if callable(load.value):
+                raise UnsupportedError(f"{load!r} varies in time; a constant load is needed")
+            if not isinstance(load, Force | Torque):
+                raise UnsupportedError(f"{shown(load)} of type {type(load).__name__} is not known to it")
+        undamped(scene, "PyElastica damps otherwise")
+        for name, (count, _) in run.of(scene).items():
+            if count < 2:
+                raise UnsupportedError(f"body {name!r} has {count} element; PyElastica needs 2 or more")
+
+    def build(self) -> Any:
+        """Rods in PyElastica's simulator; refuses a step above the stability limit."""
+        try:
+            module = import_module("reference.pyelastica.model")
+        except ImportError as error:
+            raise not_installed(self.packages, error) from error
         self.rods = {
-            name: self.model.Rod(
-                self.scene, self.scene.beam(name), count, self.shear_factor, self.clamp, self.relaxed
+            name: module.Rod(
+                self.scene, self.scene.beam(name), count, self.shear_factor, self.clamp, self.static
             )
             for name, (count, _) in self.run.of(self.scene).items()
         }
-        self.simulator, self.stepper = self.model.Simulator(), self.model.ea.PositionVerlet()
-        self.positions: dict[str, list[Array]] = {name: [] for name in self.rods}
-        self.velocities: dict[str, list[Array]] = {name: [] for name in self.rods}
-        self.energies: list[tuple[float, ...]] = []
-        self.present = 0.0
+        limit = 2.0 / self.frequency
+        if not self.static and self.run.check_stability and self.run.dt > limit:
+            raise StabilityError(
+                f"dt (s) is {self.run.dt!r}; at most {limit:.6g} is stable for PyElastica's rods in scene "
+                f"{self.scene.name!r}: their sections' inertia bounds it, whatever the mesh"
+            )
+        self.simulator, self.stepper = module.Simulator(), module.ea.PositionVerlet()
+        self.positions = {name: [] for name in self.rods}
+        self.velocities = {name: [] for name in self.rods}
         for rod in self.rods.values():
             rod.add_to(self.simulator)
+        if self.static:
+            self.slowest = min(map(self._lowest_frequency, self.rods.values()))
+            self.dt = SAFETY * limit
+            for rod in self.rods.values():
+                damper = self.simulator.dampen(rod.rod)
+                damper.using(
+                    module.ea.AnalyticalLinearDamper,
+                    uniform_damping_constant=2.0 * self.slowest,
+                    time_step=self.dt,
+                )
+        self.simulator.finalize()
+        return self.simulator
 
     @property
-    def largest_frequency(self) -> float:
-        """Of all straight rods, rad/s."""
+    def frequency(self) -> float:
+        """Largest of all straight rods, rad/s."""
         return max(rod.largest_frequency for rod in self.rods.values())
 
-    def motion(self) -> Solution:
-        """Step to the end, or until the motion has diverged."""
-        run, kept, status = self.run, 0, Status()
-        self.simulator.finalize()
-        cpu, wall, step, dt = process_time(), perf_counter(), 0, run.exact_dt
+    def march(self, model: Any) -> Answer:
+        """Motion, or equilibria."""
+        cpu, wall = process_time(), perf_counter()
+        t, steps, status = self._equilibria() if self.static else self._motion()
+        cost = Cost(process_time() - cpu, perf_counter() - wall, steps)
+        n = len(t)
+        fields = {
+            name: LagrangeField(
+                np.array(kept[:n]), velocities=None if self.static else np.array(self.velocities[name][:n])
+            )
+            for name, kept in self.positions.items()
+        }
+        dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
+        energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
+        return Answer(t, fields, cost, status, dofs, energy, exact_work=True)
+
+    def _motion(self) -> tuple[Array, int, Status]:
+        """Times, steps and status of steps to the end, or until the motion has diverged."""
+        run, kept, step, dt, status = self.run, 0, 0, self.run.exact_dt, Status()
         for k in run.output_steps:
             elapsed = (k - step) * dt
             while step < k:
                 self.stepper.step(self.simulator, step * dt, dt)
                 step += 1
             self._keep(elapsed)
-            if self._diverged():
+            finite = np.isfinite(self.energies[-1]).all()
+            if not (finite and max(self._stretches().values()) <= STRETCH_LIMIT):
                 time = float(run.times(np.array([step]))[0])
                 why = f"the motion diverged before t = {time:.6g} s (step {step}); a dt below {run.dt:g} s may help"
                 status = Status("diverged", why, time, step, self._worst())
                 break
             kept += 1
-        cost = Cost(process_time() - cpu, perf_counter() - wall, step)
-        return self._solution(run.times(run.output_steps[:kept]), cost, status)
+        return run.times(run.output_steps[:kept]), step, status
 
-    def equilibria(self, load_steps: int, rest: float) -> Solution:
+    def _equilibria(self) -> tuple[Array, int, Status]:
         """Relax under growing parts of the load, until no more than `rest` moves."""
-        dt = SAFETY * 2.0 / self.largest_frequency
-        slowest = min(self._lowest_frequency(rod) for rod in self.rods.values())
-        for rod in self.rods.values():
-            self.simulator.dampen(rod.rod).using(
-                self.model.ea.AnalyticalLinearDamper, uniform_damping_constant=2.0 * slowest, time_step=dt
-            )
-        self.simulator.finalize()
-        factors = np.arange(load_steps + 1) / load_steps
-        cpu, wall, steps, status = process_time(), perf_counter(), 0, Status()
+        factors, steps, status = np.arange(self.load_steps + 1) / self.load_steps, 0, Status()
         self._keep()
-        for k in range(1, load_steps + 1):
+        count = 1
+        for factor in map(float, factors[1:]):
             for rod in self.rods.values():
-                rod.factor = float(factors[k])
-            taken, left = self._relax(dt, slowest, rest)
+                rod.factor = factor
+            taken, left = self._relax()
             steps += taken
-            if not left <= rest:
+            if not left <= self.rest:
                 why = (
-                    f"relaxation left a motion of {left:.2g} of the length at {factors[k]:.6g} of the load; "
-                    f"more load_steps may help, or a `rest` above {rest:g}"
+                    f"relaxation left a motion of {left:.2g} of the length at {factor:.6g} of the load; more "
+                    f"load_steps may help, or a `rest` above {self.rest:g}"
                 )
-                status = Status("diverged", why, float(factors[k]), body=self._worst())
+                status = Status("diverged", why, factor, body=self._worst())
                 break
             self._keep()
-        cost = Cost(process_time() - cpu, perf_counter() - wall, steps)
-        return self._solution(factors[: len(self.energies)], cost, status)
+            count += 1
+        return factors[:count], steps, status
 
-    def _relax(self, dt: float, slowest: float, rest: float) -> tuple[int, float]:
+    def _relax(self) -> tuple[int, float]:
         """Steps taken, and what still moves, of the length: places over a period, and speeds over the frequency."""
-        period, left = ceil(2.0 * pi / (slowest * dt)), np.inf
-        steps = 0
+        period, left, steps = ceil(2.0 * pi / (self.slowest * self.dt)), np.inf, 0
         for _ in range(PERIODS):
             before = {name: rod.rod.position_collection.copy() for name, rod in self.rods.items()}
             for _ in range(period):
-                self.stepper.step(self.simulator, 0.0, dt)
+                self.stepper.step(self.simulator, 0.0, self.dt)
             steps += period
             left = max(
                 max(
                     float(np.abs(rod.rod.position_collection - before[name]).max()),
-                    float(np.abs(rod.rod.velocity_collection).max()) / slowest,
+                    float(np.abs(rod.rod.velocity_collection).max()) / self.slowest,
                 )
                 / rod.body.length
                 for name, rod in self.rods.items()
             )
-            if not rest < left < STRETCH_LIMIT:
+            if not self.rest < left < STRETCH_LIMIT:
                 break
         return steps, left
 
@@ -297,7 +312,7 @@ class System:
         return LOWEST[held] * sqrt(rod.stiffness.EI / per_length) / rod.body.length**2
 
     def _keep(self, elapsed: float = 0.0) -> None:
-        """Keep positions and energies, `elapsed` (s) after those before."""
+        """Keep positions, velocities and energies, `elapsed` (s) after those before."""
         kinetic = strain = potential = work = 0.0
         for name, rod in self.rods.items():
             kept = self.positions[name]
@@ -311,14 +326,6 @@ class System:
             kinetic, strain = kinetic + T, strain + U
         self.energies.append((kinetic, strain, potential, work))
 
-    def _diverged(self) -> bool:
-        """Whether something is not finite, stretched beyond any material, or has energy from nowhere."""
-        if not np.isfinite(self.energies[-1]).all() or not max(self._stretches().values()) <= STRETCH_LIMIT:
-            return True
-        ends = Energy(*np.array([self.energies[0], self.energies[-1]]).T)
-        self.present = max(self.present, *all_energy(ends))
-        return bool(from_nowhere(ends, least=self.present)[-1])
-
     def _stretches(self) -> dict[str, float]:
         with np.errstate(all="ignore"):
             return {
@@ -330,84 +337,3 @@ class System:
         """Body that is stretched most, or not finite."""
         sizes = {n: s if np.isfinite(s) else np.inf for n, s in self._stretches().items()}
         return max(sizes, key=sizes.__getitem__)
-
-    def _solution(self, t: Array, cost: Cost, status: Status) -> Solution:
-        n = len(t)
-        fields = {
-            name: LagrangeField(
-                np.array(kept[:n]), velocities=None if self.relaxed else np.array(self.velocities[name][:n])
-            )
-            for name, kept in self.positions.items()
-        }
-        energy = Energy(*np.array(self.energies[:n]).reshape(n, 4).T)
-        dofs = sum(6 * rod.elements + 3 for rod in self.rods.values())
-        found = Solution(
-            NAME, self.scene, self.run, t, fields, energy, cost, status, dofs, static=self.relaxed
-        )
-        return checked(found, static=self.relaxed)
-
-
-def _check(clamp: str, shear_factor: float) -> None:
-    one_of("clamp", clamp, ("half-element", "director"))
-    positive("shear_factor", shear_factor, DiscretisationError)
-
-
-def _check_run(run: Discretisation) -> None:
-    match run.integrator:
-        case "zhai":
-            pass
-        case "generalized-alpha" | "esdirk":
-            raise UnsupportedError(
-                f"integrator is {run.integrator!r}; PyElastica's steps are explicit: 'zhai' with ψ = φ = ½ is needed"
-            )
-        case _:
-            raise unknown_option("integrator", run.integrator, INTEGRATORS)
-    if (run.psi, run.phi) != (0.5, 0.5):
-        raise UnsupportedError(
-            f"psi, phi are {run.psi!r}, {run.phi!r}; PyElastica has only the Verlet scheme, ½, ½"
-        )
-
-
-def _model(scene: Scene, run: Discretisation) -> ModuleType:
-    """The module that needs PyElastica, once it is known that PyElastica can do the scene."""
-    refuse(checked_scene(scene), OFFER.lacks, "PyElastica")
-    for joint in scene.joints:
-        match joint:
-            case Clamp(angle=None) | Pin(ends=(_,)):
-                pass
-            case Clamp():
-                raise UnsupportedError(f"{joint!r} turns; a fixed clamp is needed")
-            case Pin() | Weld():
-                raise UnsupportedError(
-                    f"{joint!r} joins ends of bodies; PyElastica's joints are penalty springs, another model: "
-                    f"bodies held by the ground or free are allowed"
-                )
-            case Slider() | Prismatic():
-                raise not_offered(joint)
-            case _:
-                raise unknown_joint(joint)
-    for load in scene.loads:
-        match load:
-            case Force() | Torque():
-                if callable(load.value):
-                    raise UnsupportedError(f"{load!r} varies in time; a constant load is needed")
-            case LineLoad():
-                raise not_offered(load)
-            case _:
-                raise unknown_kind("load", load, LOADS)
-    for body in map(beam_of, scene.beams):
-        if body.material.damping > 0.0:
-            raise UnsupportedError(
-                f"damping is {body.material.damping!r} s for body {body.name!r}; 0 is needed here"
-            )
-    cut = run.of(scene)
-    check_kinds(cut, ELEMENTS, "a model in PyElastica", UnsupportedError)
-    for name, (count, _) in cut.items():
-        if count < 2:
-            raise UnsupportedError(f"body {name!r} has {count} element; PyElastica needs 2 or more")
-    try:
-        return import_module("reference.pyelastica.model")
-    except ImportError as error:
-        raise UnsupportedError(
-            f"PyElastica is not installed; pip install 'anctmm[peers]' ({error})"
-        ) from error

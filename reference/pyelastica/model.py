@@ -14,24 +14,7 @@ import elastica as ea
 import numpy as np
 from numpy.typing import NDArray
 
-from anctmm.errors import unknown_kind
-from anctmm.model.joints import unknown_joint
-from anctmm.model.loads import LOADS
-from anctmm.model.needs import not_offered
-from anctmm.model.scene import (
-    Beam,
-    Clamp,
-    Force,
-    Joint,
-    LineLoad,
-    Load,
-    Pin,
-    Prismatic,
-    Scene,
-    Slider,
-    Torque,
-    Weld,
-)
+from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque
 
 Array = NDArray[np.float64]
 
@@ -92,21 +75,6 @@ class EndsAndWeight(ea.NoForces):  # type: ignore[misc]
             system.external_torques[0, end] += self.rod.factor * moment - spring * angle
 
 
-def _hold_of(joint: Joint) -> str:
-    """How a joint to the ground holds a rod's end: "clamp" or "pin"."""
-    match joint:
-        case Clamp():
-            return "clamp"
-        case Pin():
-            return "pin"
-        case Weld():
-            raise unknown_kind("joint to the ground", joint, (Pin, Clamp))  # type: ignore[arg-type]
-        case Slider() | Prismatic():
-            raise not_offered(joint)
-        case _:
-            raise unknown_joint(joint)
-
-
 @dataclass
 class Rod:
     """One body as a Cosserat rod, with PyElastica's own (`rod`) inside.
@@ -121,7 +89,6 @@ class Rod:
     relaxed : bool
         Whether masses are fictitious, chosen so that all parts of the rod have one largest frequency.
 
-    `seen` are the turn of the first element (rad) and the mean angular velocity (rad/s) at the last call of `turns`.
     """
 
     scene: Scene
@@ -136,15 +103,16 @@ class Rod:
     forces: Array = field(init=False)
     moments: dict[int, tuple[float, float]] = field(init=False)
     held: dict[int, str] = field(init=False)
-    seen: tuple[float, float] = field(init=False)
+    seen: tuple[float, float] = (0.0, 0.0)
+    """Turn of the first element (rad) and mean angular velocity (rad/s) at the last call of `turns`."""
 
     def __post_init__(self) -> None:
         self.stiffness = Stiffness.of(self.body, self.elements, self.shear_factor)
-        self.held, self.seen = {}, (0.0, 0.0)
+        self.held = {}
         for joint in self.scene.joints:
             body, side = self.scene.body_end(joint.ends[0])
             if body is self.body:
-                self.held[-1 if side else 0] = _hold_of(joint)
+                self.held[-1 if side else 0] = "clamp" if isinstance(joint, Clamp) else "pin"
         self.mass, self.inertia = self._inertias()
         self.forces = self._weight() + self._end_forces()
         self.moments = self._end_moments()
@@ -215,42 +183,25 @@ class Rod:
         nodal *= self.body.material.density * self.body.section.area
         return np.outer(np.asarray(self.scene.gravity), nodal)
 
-    def _on_ends(self) -> Iterator[tuple[int, Load]]:
-        """Loads on the body, by the place of the end: 0 or −1."""
+    def _on_ends(self, kind: type) -> Iterator[tuple[int, Any]]:
+        """Values of the loads of a kind on the body, by the place of the end: 0 or −1."""
         for load in self.scene.loads:
-            if isinstance(load, LineLoad):
-                raise not_offered(load)
-            body, side = self.scene.body_end(load.end)
-            if body is self.body:
-                yield -1 if side else 0, load
+            if isinstance(load, kind):
+                body, side = self.scene.body_end(load.end)  # type: ignore[union-attr]
+                if body is self.body:
+                    yield -1 if side else 0, load.value
 
     def _end_forces(self) -> Array:
         forces = np.zeros((2, self.elements + 1))
-        for end, load in self._on_ends():
-            match load:
-                case Force():
-                    forces[:, end] += np.asarray(load.value, dtype=float)
-                case Torque():
-                    pass
-                case LineLoad():
-                    raise not_offered(load)
-                case _:
-                    raise unknown_kind("load", load, LOADS)
+        for end, value in self._on_ends(Force):
+            forces[:, end] += value
         return forces
 
     def _end_moments(self) -> dict[int, tuple[float, float]]:
         """Moment (N m) and spring (N m/rad) of each end that has one."""
         moments = {0: 0.0, -1: 0.0}
-        for end, load in self._on_ends():
-            match load:
-                case Torque():
-                    moments[end] += float(np.asarray(load.value, dtype=float))
-                case Force():
-                    pass
-                case LineLoad():
-                    raise not_offered(load)
-                case _:
-                    raise unknown_kind("load", load, LOADS)
+        for end, value in self._on_ends(Torque):
+            moments[end] += float(value)
         spring = 2.0 * self.stiffness.EI / self.stiffness.l if self.clamp == "half-element" else 0.0
         springs = {end: spring if self.held.get(end) == "clamp" else 0.0 for end in moments}
         return {end: (m, springs[end]) for end, m in moments.items() if m or springs[end]}

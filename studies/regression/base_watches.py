@@ -66,7 +66,7 @@ def _fall(base: BaseScene) -> tuple[Watch, ...]:
         f"cable-{rule}-implicit": implicit("cable", rule) for rule in ("reduced", "lobatto")
     }
     return (
-        _watch(base, {"cable-zhai": explicit("cable", 5e-5, 1.0)}, (*ALL, "exudyn-cable")),
+        _watch(base, {"cable-zhai": explicit("cable", 5e-5, 1.0)}, ALL),
         _watch(base, {"shear-zhai": explicit("shear", 2.5e-6, 0.2)}, OURS),
         _watch(base, {"cable-implicit": implicit("cable"), **rules}, CABLE),
         _watch(base, {"shear-implicit": implicit("shear")}, (*ALL, "exudyn-reissner")),

@@ -42,8 +42,7 @@ __all__ = ["CheckError", "Finding", "Static", "Watch", "check", "passed", "selec
 #: Stored histories of the base scenes: package data, so that an installed package has them, too.
 BASELINES = Path(__file__).parent / "baselines"
 OURS = "anctmm"
-#: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable, stepped implicitly or at rest (its
-#: explicit clamps are large inertias).
+#: Solvers of ANC-TMM's own discrete equations; of Exudyn that is the cable.
 SAME_EQUATIONS = ("global-dae", "global-dae-dense", "exudyn-cable", *READABLE)
 #: Growth of the number of Newton corrections that is reported. Rotation of a scene changes it by a third (statics) or
 #: a fiftieth (dynamics), a wrong tangent doubles it.
@@ -234,8 +233,7 @@ def _own(task: Task, status: Status, history: History | None, baselines: Path) -
 
 def _ours(task: Task, baselines: Path) -> Baseline | None:
     """The displacements stored for ANC-TMM, if a peer solves the same equations and both have stored histories."""
-    explicit = not iterations_of(task.run)
-    if task.solver not in SAME_EQUATIONS or (task.solver == "exudyn-cable" and explicit):
+    if task.solver not in SAME_EQUATIONS:
         return None
     try:
         own = read_baseline(task.path(baselines))

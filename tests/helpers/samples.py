@@ -6,12 +6,12 @@ from math import cos, pi, sin
 import numpy as np
 import pytest
 
-from anctmm.system.system import System
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
+from anctmm.system.system import System
 
 SOFT = Material(E=1e7, density=1000.0)
 SQUARE = Rectangle(0.02, 0.02)

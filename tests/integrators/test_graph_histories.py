@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from random_graphs import Kinds, random_graph
 
+from anctmm import solve, solve_static
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.solve import solve, solve_static
 from reference import global_dae
-from reference.global_dae.model import Model
-from reference.global_dae.stability import highest_frequency
+from reference.global_dae.layout import Layout
+from reference.global_dae.stability import highest
+from reference.global_dae.system import System
 
 GRAPHS = {
     "trees": Kinds(loops=False),
@@ -32,7 +33,7 @@ def gap(one, two):
 
 def explicit(scene, run) -> Discretisation:
     """The same mesh in explicit steps, at most half the stable one."""
-    steps = int(np.ceil(run.t_end * max(highest_frequency(Model.of(scene, run)), 1.0)))
+    steps = int(np.ceil(run.t_end * max(highest(System(Layout(scene, run)))[0], 1.0)))
     return replace(run, integrator="zhai", dt=run.t_end / steps)
 
 

@@ -5,16 +5,17 @@ from math import pi
 
 import numpy as np
 import pytest
-from samples import KINDS, SOFT, SQUARE, chain_of, gap, row_scene
+from samples import KINDS, SOFT, SQUARE, gap, row_scene
 
+from anctmm import solve, solve_static
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.integrators.stability import highest_frequency
-from anctmm.integrators.statics import solve_static
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Pin, Scene, Torque, Weld
 from anctmm.results.metrics import compare
-from anctmm.solve import solve
 from reference import exudyn_cable, global_dae
+from reference.global_dae.layout import Layout
+from reference.global_dae.stability import highest
+from reference.global_dae.system import System
 from studies.scenes import (
     FOUR_BAR_PROBES,
     LENGTH,
@@ -33,12 +34,12 @@ every_four_bar = pytest.mark.parametrize("base", [four_bar, four_bar_moment])
 
 
 def implicit(mesh, dt, t_end, **options):
-    return Discretisation(mesh=mesh, dt=dt, t_end=t_end, newton_tolerance=1e-12, **options)
+    return Discretisation(mesh=mesh, dt=dt, t_end=t_end, newton_tolerance=1e-14, **options)
 
 
 def explicit(scene, mesh, kind, t_end, output_dt):
     """A run at a fifth of the stability limit."""
-    frequency = highest_frequency(chain_of(scene, mesh=mesh, element=kind))
+    frequency = highest(System(Layout(scene, Discretisation(mesh=mesh, element=kind))))[0]
     dt = output_dt / int(np.ceil(output_dt * frequency / 0.4))
     return Discretisation(mesh=mesh, element=kind, integrator="zhai", dt=dt, t_end=t_end, output_dt=output_dt)
 
@@ -63,8 +64,6 @@ def test_falling_cantilever_is_exudyns(quadrature):
     assert peer.status.ok
     assert max(gap(ours, peer, fraction) for fraction in (0.25, 0.5, 1.0)) < 1e-9 * LENGTH
     assert np.abs(ours.displacement("beam.end")).max() > 0.9 * LENGTH
-    strain = np.abs(ours.energy.strain - peer.energy.strain).max()
-    assert strain < 1e-7 * ours.energy.strain.max()
 
 
 def test_quadratures_are_told_apart():
@@ -123,7 +122,9 @@ def test_four_bar_by_generalized_alpha_is_that_of_the_global_dae(kind, base):
     assert difference(ours, peer) < 2e-9
     for name, series in vars(ours.energy).items():
         scale = np.abs(ours.energy.kinetic).max()
-        assert np.abs(series - getattr(peer.energy, name)).max() < 1e-5 * scale
+        # of a drive or a moment ours sums force times Δr, the global DAE moment times Δθ
+        level = 2e-5 if name == "work" else 1e-9
+        assert np.abs(series - getattr(peer.energy, name)).max() < level * scale
 
 
 def both(scene, run, probes):

@@ -3,7 +3,9 @@
 import os
 import signal
 import sys
+from dataclasses import replace
 from threading import Event, Thread
+from types import SimpleNamespace
 
 import pytest
 
@@ -102,28 +104,31 @@ def test_ctrl_c_in_compiled_code_is_ctrl_c():
 
 
 def test_ctrl_c_in_exudyn_is_ctrl_c(monkeypatch):
-    """As its solver ends then in a function of C; and where it calls a force of the user."""
+    """As its solver ends then in a function of C; and where it calls a law of the user."""
     exu = pytest.importorskip("exudyn")
-    import reference.exudyn.run as exudyn_run
     from reference import exudyn_cable
+    from reference.exudyn.cable import Cables
+    from reference.exudyn.run import ExudynAdapter
 
+    beam = at.Beam("beam", (0, 0), (1, 0), at.Rectangle(0.02, 0.02), at.Material(E=1e7, density=1000.0))
+    clamped = at.Scene("clamped", [beam], [at.Clamp("beam.start")])
+    adapter = Cables(clamped, at.Discretisation(mesh=2)).adapter()
     with pytest.raises(KeyboardInterrupt):
-        exudyn_run._timed(exu, in_compiled_code, None)
+        adapter._solved(SimpleNamespace(exu=exu), in_compiled_code, None)
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
-    solving, timed = [], exudyn_run._timed
+    solving, solved = [], ExudynAdapter._solved
 
-    def marked(exu, solve, settings):
+    def marked(*arguments):
         solving.append(True)
-        return timed(exu, solve, settings)
+        return solved(*arguments)
 
-    def force(t):
+    def law(elongation, rate, t):
         if solving:
             os.kill(os.getpid(), signal.SIGINT)
-        return (0.0, -0.1)
+        return 0.1 * elongation
 
-    monkeypatch.setattr(exudyn_run, "_timed", marked)
-    beam = at.Beam("beam", (0, 0), (1, 0), at.Rectangle(0.02, 0.02), at.Material(E=1e7, density=1000.0))
-    scene = at.Scene("pulled", [beam], [at.Clamp("beam.start")], [at.Force("beam.end", force)])
+    monkeypatch.setattr(ExudynAdapter, "_solved", marked)
+    scene = replace(clamped, connectors=[at.Spring("beam.end", (1.0, 1.0), law=law)])
     try:
         with pytest.raises(KeyboardInterrupt):
             exudyn_cable.solve(scene, at.Discretisation(mesh=2, dt=1e-3, t_end=1.0))

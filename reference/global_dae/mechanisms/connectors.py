@@ -10,10 +10,10 @@ from math import pi
 
 import numpy as np
 from numpy.typing import NDArray
+from reference.global_dae.mechanisms.layout import Layout
 
 from anctmm.model.connectors import Connector, Law, Spring, ends_of, free_of, law_value, name_of
 from anctmm.model.places import Place
-from reference.global_dae.mechanisms.layout import Layout
 from reference.global_dae.mechanisms.vectors import Vector, together
 
 Array = NDArray[np.float64]

@@ -10,12 +10,13 @@ from random import Random
 
 from hypothesis import strategies as st
 
-from anctmm.system.system import System
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march.stability import largest_step
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Circle, Rectangle
+from reference.global_dae.layout import Layout
+from reference.global_dae.stability import largest_step
+from reference.global_dae.system import System
 
 EIGHTHS = st.integers(-16, 16).map(lambda n: n / 8)
 VECTORS = st.tuples(EIGHTHS, EIGHTHS)
@@ -356,7 +357,7 @@ def some_steps(random, scene, method, mesh, element):
         psi = random.choice([0.5, 0.5, 0.7, 1.0])
         options |= {"psi": psi, "phi": psi}
         coarse = Discretisation(integrator="zhai", dt=1.0, t_end=1.0, **options)
-        limit = largest_step(System(scene, coarse), System(scene, coarse).mesh.reference())
+        limit = largest_step(System(Layout(scene, coarse)))[1]
         dt, steps = float(f"{min(0.5 * limit, 2e-3):.2g}"), 40
     return Discretisation(
         integrator=method, dt=dt, t_end=dt * steps, output_dt=dt * steps / 4, check_stability=False, **options

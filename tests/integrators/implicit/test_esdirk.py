@@ -16,9 +16,10 @@ from anctmm.discretise.methods import stages
 from anctmm.errors import StepError, UnsupportedError
 from anctmm.model.drives import Quintic
 from reference import global_dae
-from reference.global_dae.loads import drive_table, load_table
-from reference.global_dae.model import Model
-from reference.global_dae.reduced import Reduced
+from reference.global_dae.layout import Layout
+from reference.global_dae.saddle import Nearest, Saddle
+from reference.global_dae.stability import free_motions
+from reference.global_dae.system import System
 
 GRAVITY = (0.0, -9.81)
 
@@ -89,56 +90,69 @@ def coordinates(found):
 
 
 class Dense:
-    """The same equations of a scene for SciPy: ÿ = M⁻¹ F(y, t), all matrices dense."""
+    """The same equations of a scene for SciPy, all matrices dense."""
 
     def __init__(self, scene, run):
-        self.reduced, self.scene = Reduced(Model.of(scene, run)), scene
-        model, (given, _) = self.reduced.model, self.at(0.0)
-        self.y = self.reduced.independent(model.mesh.reference().reshape(-1)[self.reduced.places], given)
-        v = model.bodies.initial_velocity().reshape(-1)[self.reduced.places]
-        self.v = self.reduced.speeds(v, self.y, given)
+        self.system = System(Layout(scene, run))
+        layout, c = self.system.layout, self.system.constraints
+        self.q, p = layout.reference.copy(), c.parameters(0.0)
+        J = c.jacobian(self.q, p)
+        self.v = layout.velocity - Nearest(J)(J @ layout.velocity + c.rate(self.q, p))
 
-    def at(self, t):
-        times = np.array([t])
-        return self.reduced.given(drive_table(self.scene, times)[0]), load_table(self.scene, times)[0]
+    def force(self, t, q, v):
+        return self.system.force(q, v, t) + self.system.beams.damping(q, v)
 
-    def accelerations(self, t, y, v):
-        return self.reduced.accelerations(y, v, *self.at(t))
-
-    def coordinates(self, t, y):
-        return self.reduced.motion(y, y, y, self.at(t)[0])[0]
+    def accelerations(self, t, q, v):
+        c = self.system.constraints
+        p = c.parameters(t)
+        return Saddle(self.system.mass, c.jacobian(q, p)).solve(self.force(t, q, v), c.right(q, v, p))[0]
 
     def by_scipy(self, times):
         """DOP853, explicit and of order 8."""
-        n = len(self.y)
+        n = len(self.q)
         found = solve_ivp(
             lambda t, x: np.concatenate([x[n:], self.accelerations(t, x[:n], x[n:])]),
-            (0.0, times[-1]), np.concatenate([self.y, self.v]), "DOP853", times, rtol=1e-10, atol=1e-12,
+            (0.0, times[-1]), np.concatenate([self.q, self.v]), "DOP853", times, rtol=1e-10, atol=1e-12,
         )  # fmt: skip
         assert found.success
-        return np.array([self.coordinates(t, x[:n]) for t, x in zip(times, found.y.T, strict=True)])
+        return found.y[:n].T
 
     def by_stages(self, h, steps):
-        """The method as it is written in a textbook, for the system of first order, by full Newton's iteration."""
-        A, _, c = stages()
-        y, v, found = self.y, self.v, [self.coordinates(0.0, self.y)]
-        w, reduced = self.accelerations(0.0, y, v), self.reduced
+        """The method as it is written in a textbook, for the system of first order, by full Newton's iteration.
+
+        Coordinates are q = Z y + known(t), J Z = 0: what drives prescribe is known.
+        """
+        system, c = self.system, self.system.constraints
+        assert c.constant
+        Z = free_motions(system, self.q, c.parameters(0.0))
+        least = np.linalg.pinv(c.jacobian(self.q, c.parameters(0.0)).toarray())
+
+        def known(t):
+            p, none = c.parameters(t), system.still
+            return least @ np.stack([-c.value(none, p), -c.rate(none, p), c.right(none, none, p)], axis=1)
+
+        A, _, weights = stages()
+        to_y = np.linalg.pinv(Z)
+        start = np.stack([self.q, self.v, self.accelerations(0.0, self.q, self.v)], axis=1) - known(0.0)
+        (y, v, w), M = (to_y @ start).T, Z.T @ (system.mass @ Z)
+        found = [self.q]
         for n in range(steps):
             rates, seconds = [v], [w]
-            for i in range(1, len(c)):
-                t, g = (n + c[i]) * h, A[i, i] * h
+            for i in range(1, len(weights)):
+                t, g = (n + weights[i]) * h, A[i, i] * h
                 known_y = y + h * sum(A[i, j] * rates[j] for j in range(i))
                 known_v = v + h * sum(A[i, j] * seconds[j] for j in range(i))
-                given, values = self.at(t)
+                q0, v0, a0 = known(t).T
                 for _ in range(12):
                     rate = known_v + g * w
-                    place = known_y + g * rate
-                    A_w = reduced.inertia(given) + g * g * reduced.stiffness(place, given, values)
-                    w = w + np.linalg.solve(A_w.toarray(), reduced.residual(place, rate, w, given, values))
+                    place, speed = Z @ (known_y + g * rate) + q0, Z @ rate + v0
+                    residual = Z.T @ (self.force(t, place, speed) - system.mass @ (Z @ w + a0))
+                    K = Z.T @ (system.tangents(place, speed, t, by_velocity=1.0 / g) @ Z)
+                    w = w + np.linalg.solve(M + g * g * K, residual)
                 seconds.append(w)
                 rates.append(known_v + g * w)
             y, v = known_y + g * rates[-1], rates[-1]
-            found.append(self.coordinates((n + 1) * h, y))
+            found.append(place)
         return np.array(found)
 
 

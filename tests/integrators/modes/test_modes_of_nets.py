@@ -6,7 +6,6 @@ import pytest
 import anctmm as at
 
 
-
 def net(count, stretch=1.0, gravity=(0.3, -9.81), columns=(0,)):
     """Masses in squares, springs along their sides and one diagonal, stretched so many times; columns that are held."""
     places = {(i, j): (0.1 * i, 0.1 * j) for i in range(count) for j in range(count)}

@@ -5,9 +5,9 @@ import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
 import anctmm as at
-from anctmm.solve import solve_static
 from anctmm.model.scene import Beam, Clamp, Material, Pin, Scene
 from anctmm.model.sections import Rectangle
+from anctmm.solve import solve_static
 from reference import exact
 
 SPAN, LENGTH, WEIGHT, AXIAL = 80.0, 100.0, 10.0, 1e7

@@ -7,11 +7,10 @@ import pytest
 from samples import KINDS, SOFT, SQUARE, bar
 
 import anctmm as at
-from anctmm.solve import solve_static
 from anctmm.model.drives import Pulse
 from anctmm.model.scene import Clamp, Force, Material, Torque
 from anctmm.model.sections import Rectangle
-from anctmm.solve import solve
+from anctmm.solve import solve, solve_static
 from reference import exact
 from studies.scenes import END_MOMENT, LENGTH, MATERIAL, SECTION, cantilever_end_moment, cantilever_tip_force
 

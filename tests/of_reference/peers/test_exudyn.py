@@ -156,18 +156,6 @@ class Cantilever:
             history.append(q.copy())
         return np.array(history)
 
-    def verlet(self, gravity, dt, steps):
-        q, inverse = self.reference.copy(), np.linalg.inv(self.mass[2:, 2:])
-        load, v, history = np.outer(self.weight, [0.0, -gravity]), np.zeros_like(q[2:]), [q.copy()]
-        a = inverse @ (load - self.force(q))[2:]
-        for _ in range(steps):
-            v += 0.5 * dt * a
-            q[2:] += dt * v
-            a = inverse @ (load - self.force(q))[2:]
-            v += 0.5 * dt * a
-            history.append(q.copy())
-        return np.array(history)
-
 
 def coordinates(solution, body="beam"):
     q = solution.fields[body].coordinates
@@ -217,7 +205,6 @@ def test_static_cantilever_is_the_minimum_of_the_cable_energy(quadrature):
     )  # fmt: skip
     x = found.x - np.linalg.solve(check.tangent(full(found.x))[4:, 4:], gradient(found.x))
     assert np.abs(coordinates(rest)[-1] - full(x)).max() < 1e-9
-    assert rest.energy.strain[-1] == pytest.approx(check.energy(full(x)), rel=1e-9)
 
 
 def test_end_moment_rolls_up_a_circle():
@@ -225,8 +212,6 @@ def test_end_moment_rolls_up_a_circle():
     rest = exudyn_cable.solve_static(cantilever(Torque("beam.end", angle * EI / L)), mesh=16)
     tip = L / angle * np.array([sin(angle), 1 - cos(angle)])
     assert rest.position("beam", 1.0)[-1] == pytest.approx(tip, abs=2e-6)
-    work = rest.energy.strain[-1]
-    assert work == pytest.approx(0.5 * EI * angle**2 / L, rel=1e-5)
 
 
 @pytest.mark.parametrize(("order", "elements", "error"), [(1, 32, 5e-4), (2, 8, 1e-6)])
@@ -262,33 +247,6 @@ def test_prescribed_coordinates_enter_by_their_position_alone():
     assert np.abs(ours[-1] - ours[0]).max() > 0.1
 
 
-def test_explicit_is_velocity_verlet_with_the_clamp_held():
-    dt, steps = 2e-5, 2000
-    ours = Cantilever(4, "reduced").verlet(G, dt, steps)
-    times = {"dt": dt, "t_end": dt * steps, "output_dt": dt * 10}
-    run = Discretisation(mesh=4, quadrature="reduced", integrator="zhai", **times)
-    peer = exudyn_cable.solve(cantilever(gravity=G), run)
-    assert peer.status.ok, peer.status
-    assert (peer.cost.steps, peer.cost.newton_iterations, peer.cost.factorizations) == (steps, 0, 1)
-    assert np.abs(coordinates(peer) - ours[::10]).max() < 1e-12
-
-
-@pytest.mark.parametrize("peer", PEERS)
-def test_explicit_and_implicit_agree_as_the_step_falls(peer):
-    def difference(dt):
-        runs = [
-            peer.solve(cantilever(gravity=G), mesh=2, integrator=kind, dt=dt, t_end=0.012, output_dt=0.002)
-            for kind in ("zhai", "generalized-alpha")
-        ]
-        assert all(r.status.ok for r in runs)
-        return compare(*runs, probes=["beam.end"]).error
-
-    dt = 2e-5 if peer is exudyn_cable else 2e-6
-    coarse, fine = difference(dt), difference(dt / 2)
-    assert fine < 1e-6
-    assert coarse / fine == pytest.approx(4.0, rel=0.3)
-
-
 @pytest.mark.parametrize("peer", PEERS)
 def test_falling_cantilever(peer):
     run = Discretisation(mesh=16, dt=1e-3, t_end=1.0, output_dt=0.03, spectral_radius=1.0)
@@ -299,7 +257,6 @@ def test_falling_cantilever(peer):
     assert 1 <= fall.cost.factorizations < 1000
     np.testing.assert_array_equal(fall.t, run.times(run.output_steps))
     assert fall.t[[1, -2, -1]] == pytest.approx([0.03, 0.99, 1.0], abs=1e-15)
-    assert np.abs(fall.energy.balance).max() < 1e-4 * fall.energy.kinetic.max()
     assert fall.position("beam", 0.0) == pytest.approx(np.zeros_like(fall.position("beam", 0.0)), abs=1e-12)
 
 
@@ -326,15 +283,13 @@ def test_four_bar(peer, first):
     for one, two in (("crank", "coupler"), ("coupler", "follower")):
         assert np.abs(run.position(one, 1.0) - run.position(two, 0.0)).max() < 1e-9
     assert np.abs(run.position("follower", 1.0) - run.position("follower", 1.0)[0]).max() < 1e-9
-    assert np.abs(run.energy.balance).max() < 3e-2 * run.energy.kinetic.max()  # ρ∞ = 0.9 takes some
-    assert run.energy.kinetic.max() > 1.0
     if driven:
         after = run.position("crank", 1.0)[run.t > 2.0]
         assert np.abs(after - [0.2, 0.0]).max() < 1e-2
 
 
 def test_drives_known_and_unknown_to_exudyn_are_the_same():
-    """Quintic and Pulse are compiled into expressions; any other callable is called."""
+    """Quintic and Pulse are compiled into expressions; any other callable is set at each step."""
     quintic, pulse = Quintic(2 * pi, 2.0), Pulse(2.0, 1.0)
     options = {"mesh": 2, "dt": 2e-3, "t_end": 0.4, "output_dt": 0.1}
     pairs = [
@@ -378,14 +333,11 @@ def test_weld_at_any_angle_and_bodies_in_either_direction(peer, bend):
 
 
 @pytest.mark.parametrize("peer", PEERS)
-@pytest.mark.parametrize("integrator", ["zhai", "generalized-alpha"])
-def test_free_and_pinned_bodies_in_one_scene(peer, integrator):
+def test_free_and_pinned_bodies_in_one_scene(peer):
     """A thrown, spinning beam keeps its momenta; a pendulum beside it keeps its pivot."""
     thrown = beam("thrown", (0.0, 1.0), (1.0, 1.0), velocity=lambda s: (0.5, 2.0 + 4.0 * (s - 0.5)))
     scene = Scene("two", [thrown, beam("hung", (0, 0), (1, 0))], [Pin("hung.start")], gravity=(0.0, -G))
-    dt = 2e-6 if integrator == "zhai" else 1e-3  # Reissner's beam has the higher frequencies
-    times = {"dt": dt, "t_end": 0.1, "output_dt": 0.01}
-    run = peer.solve(scene, mesh=2, integrator=integrator, spectral_radius=1.0, **times)
+    run = peer.solve(scene, mesh=2, spectral_radius=1.0, dt=1e-3, t_end=0.1, output_dt=0.01)
     assert run.status.ok, run.status
     middle = 0.5 * (run.position("thrown", 0.0) + run.position("thrown", 1.0))
     t = run.t
@@ -393,23 +345,26 @@ def test_free_and_pinned_bodies_in_one_scene(peer, integrator):
     turn = np.arctan2(*(run.position("thrown", 1.0) - middle)[-1, ::-1])
     assert turn == pytest.approx(0.4, abs=1e-4)
     assert np.abs(run.position("hung", 0.0)).max() < 1e-10
-    assert np.abs(run.energy.balance).max() < 1e-3 * run.energy.kinetic[0]
 
 
 @pytest.mark.parametrize("peer", PEERS)
 def test_unsupported_scenes_say_why(peer):
-    options = {"mesh": 2, "integrator": "zhai", "dt": 1e-5, "t_end": 1e-3}
-    cases = [
-        (four_bar(Pin("crank.start")), {}, "Pin"),
-        (cantilever(angle=Quintic(1.0, 1.0)), {}, "Clamp"),
-        (cantilever(), {"psi": 0.25}, "psi"),
-    ]
-    for scene, more, named in cases:
-        answer = peer.solve(scene, **options, **more)
+    free = cantilever()
+    free = Scene("free", free.bodies, [Clamp("beam.start", stretch="free")])
+    for scene, more, named in ((cantilever(), {"integrator": "zhai"}, "explicit"), (free, {}, "stretch")):
+        answer = peer.solve(scene, mesh=2, dt=1e-5, t_end=1e-3, **more)
         assert answer.status == "unsupported"
         assert named in answer.status.message
         assert len(answer.t) == 0
         assert answer.cost.steps == 0
+
+
+def test_scenes_that_call_python_are_known():
+    known = four_bar(Clamp("crank.start", Quintic(2 * pi, 2.0)))
+    assert not exudyn_cable.python_callbacks(known)
+    assert exudyn_cable.python_callbacks(
+        four_bar(Clamp("crank.start", lambda t: (0.0 * t, 0.0 * t, 0.0 * t)))
+    )
 
 
 def test_without_exudyn(monkeypatch):
@@ -432,18 +387,6 @@ def test_bad_options_raise_before_any_work():
         exudyn_cable.solve_static(scene, mesh=2, load_steps=0)
     with pytest.raises(DiscretisationError, match="order"):
         exudyn_reissner.solve(scene, mesh=2, order=3)
-
-
-@pytest.mark.parametrize("peer", PEERS)
-def test_unstable_explicit_run_is_cut_where_it_diverged(peer):
-    run = Discretisation(mesh=8, integrator="zhai", dt=5e-4, t_end=1.0)
-    answer = peer.solve(cantilever(gravity=G), run)
-    assert answer.status == "diverged"
-    assert 0 < answer.status.step == len(answer.t) < 200
-    assert answer.status.time == pytest.approx(answer.status.step * run.dt)
-    assert answer.status.message
-    assert np.isfinite(answer.position("beam", 1.0)).all()
-    assert len(answer.energy.strain) == len(answer.t)
 
 
 def test_newton_that_fails_keeps_the_history_until_then():

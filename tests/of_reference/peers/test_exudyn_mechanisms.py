@@ -185,6 +185,7 @@ def at_rest(scene):
 
 #: Without stiffness at the start of the load, or where the curvature of constraints counts: Exudyn's tangent has none.
 NOT_FOUND = {
+    "a mass on a line",
     "a mass on a spring", "a plate that hangs", "two plates with springs", "a motor's law", "a plate on a slider",
     "a plate turned against a plate", "a driven crank", "a plate that slides and does not turn",
     "a mass in a plate's guide", "a plate in a plate's guide", "a plate driven in a plate", "welded plates",

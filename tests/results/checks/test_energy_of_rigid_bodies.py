@@ -7,7 +7,6 @@ import anctmm as at
 from reference import global_dae
 
 
-
 def pendulum():
     bar = at.RigidBody("bar", 1.0, 1.0 / 12.0, (0.5, 0.0), points={"a": (0.0, 0.0)})
     return at.Scene("pendulum", [bar], [at.Pin("bar.a")], gravity=(0.0, -9.81))

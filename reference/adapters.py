@@ -1,0 +1,230 @@
+"""What all solvers beside ANC-TMM share: an adapter to another code, the memory check, nodes of beams."""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
+from anctmm.elements.kinds import check_kinds, kind_of
+from anctmm.errors import MemoryLimitError, UnsupportedError, unknown_option
+from anctmm.model.needs import refuse
+from anctmm.model.scene import Beam, Scene, checked_scene
+from anctmm.results.checks.divergence import checked
+from anctmm.results.ended_early import nothing
+from anctmm.results.fields import Field
+from anctmm.results.solution import Cost, Energy, Solution
+from anctmm.results.status import Status
+from anctmm.solvers.capabilities import Offer
+
+Array = NDArray[np.float64]
+
+#: Bytes that are kept of each coordinate at an output: itself, its velocity and its acceleration.
+KEPT = 24.0
+#: Runs that take less are not looked at: every machine has so much.
+SMALL = 1 << 26
+
+
+@dataclass
+class Answer:
+    """What another code has left.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        Times, s, or load factors.
+    fields : mapping of body name to Field
+    cost : Cost
+        Of the steps: clocks run from the first step to the last, without building the model and reading results.
+    status : Status
+    dofs : int
+    energy : Energy, optional
+    exact_work : bool
+        Whether the energies tell whether a run has made some: whether the work is summed over steps.
+    """
+
+    t: Array
+    fields: Mapping[str, Field]
+    cost: Cost
+    status: Status
+    dofs: int
+    energy: Energy | None = None
+    exact_work: bool = False
+
+
+@dataclass
+class Adapter:
+    """A scene as another code has it; an adapter says `check`, `build`, `march` and the class variables.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation
+    static : bool
+        Whether equilibria are asked for, under loads and drives as they are at t = 0.
+    load_steps : int
+        Of statics.
+    """
+
+    scene: Scene
+    run: Discretisation
+    static: bool = False
+    load_steps: int = 1
+
+    name: ClassVar[str]
+    """As registered."""
+    title: ClassVar[str]
+    """In messages."""
+    packages: ClassVar[tuple[str, ...]]
+    """Of which one is needed."""
+    offer: ClassVar[Offer]
+    elements: ClassVar[tuple[str, ...]] = ("cable", "shear")
+    """Kinds of element that a discretisation may name; the code uses its own instead."""
+    integrators: ClassVar[Mapping[str, str]] = {}
+    """Integrators that are lacking, with what is needed instead."""
+    memory: ClassVar[tuple[float, float]] = (1_000.0, KEPT)
+    """Bytes of a model, and of an output, for each coordinate."""
+    built: Any = field(init=False, default=None)
+
+    def check(self) -> None:
+        """Refuse, by UnsupportedError, what features do not tell."""
+
+    def build(self) -> Any:
+        """The model."""
+        raise NotImplementedError
+
+    def march(self, model: Any) -> Answer:
+        """Do the steps."""
+        raise NotImplementedError
+
+    @classmethod
+    def version(cls) -> str:
+        """Version of the code; empty where it is not installed."""
+        for package in cls.packages:
+            with suppress(PackageNotFoundError):
+                return version(package)
+        return ""
+
+    @property
+    def mode(self) -> str:
+        """What is asked for: statics, or an integrator."""
+        return "statics" if self.static else self.run.integrator
+
+    def solution(self) -> Solution:
+        """The answer of the code; where it lacks something its status is "unsupported"."""
+        scene, run = checked_scene(self.scene), self.run
+        each, kept = self.memory
+        check_memory(scene, run, each, outputs=self.load_steps + 1 if self.static else None, kept=kept)
+        try:
+            self._refuse()
+            model = self.build()
+        except UnsupportedError as why:
+            return nothing(self.name, scene, run, Status("unsupported", str(why)))
+        found = self.march(model)
+        energy = found.energy or Energy.unknown(len(found.t))
+        solved = Solution(
+            self.name, scene, run, found.t, found.fields, energy, found.cost, found.status, found.dofs,
+            static=self.static,
+        )  # fmt: skip
+        return checked(solved, static=self.static, energies=found.exact_work)
+
+    def _refuse(self) -> None:
+        if not self.static and self.mode not in INTEGRATORS:
+            raise unknown_option("integrator", self.mode, INTEGRATORS)
+        if self.mode in self.integrators:
+            raise UnsupportedError(f"integrator is {self.mode!r}; {self.integrators[self.mode]}")
+        refuse(self.scene, self.offer.lacks, self.title, self.mode)
+        check_kinds(self.run.of(self.scene), self.elements, self.title, UnsupportedError)
+        if not self.version():
+            raise not_installed(self.packages)
+        self.check()
+
+
+def not_installed(packages: tuple[str, ...], why: object = "not found") -> UnsupportedError:
+    """What to raise where another code is missing."""
+    return UnsupportedError(f"{packages[0]} is not installed; pip install 'anctmm[peers]' ({why})")
+
+
+def undamped(scene: Scene, why: str) -> None:
+    """Refuse damped materials."""
+    for body in scene.beams:
+        if body.material.damping > 0.0:
+            raise UnsupportedError(
+                f"damping is {body.material.damping!r} s for body {body.name!r}; {why}: 0 is needed"
+            )
+
+
+def nodes_of(body: Beam, intervals: int) -> tuple[Array, Array]:
+    """Places of equally spaced nodes of a beam, (nodes, 2), m, and their velocities at t = 0, m/s."""
+    fractions = np.linspace(0.0, 1.0, intervals + 1)
+    s = fractions[:, None]
+    places = (1.0 - s) * np.array(body.start) + s * np.array(body.end)
+    return places, np.array([body.velocity_at(x) for x in fractions.tolist()])
+
+
+def slopes_of(body: Beam, intervals: int) -> Array:
+    """Derivatives by x of the velocities at t = 0 at equally spaced nodes, (nodes, 2), 1/s."""
+    fractions = np.linspace(0.0, 1.0, intervals + 1).tolist()
+    return np.array([body.velocity_slope_at(x) for x in fractions]) / body.length
+
+
+def check_memory(
+    scene: Scene,
+    run: Discretisation,
+    each: float,
+    pair: float = 0.0,
+    outputs: int | None = None,
+    kept: float = KEPT,
+) -> None:
+    """Refuse a run that takes more memory than is free.
+
+    Parameters
+    ----------
+    scene : Scene
+    run : Discretisation
+    each, pair : float
+        Bytes that the solver takes for each coordinate, and for each pair of coordinates.
+    outputs : int, optional
+        States that are kept; those of the run without it.
+    kept : float
+        Bytes that are kept of each coordinate at an output.
+
+    Raises
+    ------
+    MemoryLimitError
+        Naming the figures, and what would do.
+    """
+    cut = run.of(scene)
+    nodes = sum(count + 1 for count, _ in cut.values())
+    size = sum(2 * len(kind_of(kind).vectors) * (count + 1) for count, kind in cut.values())
+    outputs = run.steps // run.stride + 2 if outputs is None else outputs
+    system, history = size * (each + pair * size), outputs * size * kept
+    free = _free_memory() if system + history > SMALL else None
+    if free is None or system + history <= free:
+        return
+    needed = (
+        "a larger output_dt or a coarser mesh"
+        if history > system
+        else f"a coarser mesh, below {nodes} nodes,"
+    )
+    raise MemoryLimitError(
+        f"scene {scene.name!r} with {nodes} nodes and {outputs} outputs takes about {system + history:.3g} bytes of "
+        f"memory, {history:.3g} of them for the outputs, and {free:.3g} are free; {needed} is needed"
+    )
+
+
+def _free_memory() -> float | None:
+    """Bytes that this process may still allocate; None if the system does not report it."""
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable"):
+                return 1024.0 * int(line.split()[1])
+    with suppress(OSError, ValueError, AttributeError):
+        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    return None
