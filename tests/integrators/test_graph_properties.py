@@ -7,14 +7,12 @@ import pytest
 from graphs import binary_tree, polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from odd_graphs import ODD
 from random_graphs import Kinds, random_graph
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.march.stability import highest_frequency
 from anctmm.system.system import System
-from reference import global_dae
 
 #: How far rounding, or what Newton's iteration leaves, may lead two equal runs of 40 or 10 steps apart, relative.
 ROUNDING = {"zhai": 1e-11, "generalized-alpha": 1e-9}
@@ -78,45 +76,6 @@ def test_order_direction_and_root_do_not_matter(integrator, seed):
     )
     other = replace(scene, bodies=bodies, joints=joints, loads=loads)
     same(at.solve(scene, run), at.solve(other, run), integrator, turned)
-
-
-@every_integrator
-@settings(max_examples=10)
-@given(seed=st.integers(0, 10**6))
-def test_a_body_cut_in_two_by_a_weld_moves_as_before(integrator, seed):
-    scene, run = random_graph(seed, Kinds(bodies=(2, 12)))
-    body = scene.bodies[seed % len(scene.bodies)]
-    run = replace(run, mesh={**run.mesh, body.name: 2})
-    run = stepped(scene, run, integrator)
-    middle = tuple(0.5 * (p + q) for p, q in zip(body.start, body.end, strict=True))
-
-    def half(name, start, end, first):
-        velocity = body.velocity and (lambda s: body.velocity(first + 0.5 * s))
-        return replace(body, name=name, start=start, end=end, velocity=velocity)
-
-    ends = {f"{body.name}.start": "one.start", f"{body.name}.end": "two.end"}
-    joints, loads = renamed(scene, lambda end: ends.get(end, end))
-    bodies = [b for b in scene.bodies if b is not body]
-    bodies += [half("two", middle, body.end, 0.5), half("one", body.start, middle, 0.0)]
-    others = [b.name for b in bodies[:-2]]
-    cut = replace(scene, bodies=bodies, joints=[*joints, at.Weld("one.end", "two.start")], loads=loads)
-    parted = replace(
-        run,
-        mesh={**{n: run.mesh[n] for n in others}, "one": 1, "two": 1},
-        element={
-            **{n: run.element[n] for n in others},
-            **dict.fromkeys(("one", "two"), run.element[body.name]),
-        },
-    )
-    whole, halves = at.solve(scene, run), at.solve(cut, parted)
-    same(whole, halves, integrator, names=others)
-    assert np.abs(whole.displacement((body.name, 0.25)) - halves.displacement(("one", 0.5))).max() < 1e-11
-
-
-@pytest.mark.parametrize("name", [n for n in ODD if n.endswith(("free", "driven", "between them", "rim"))])
-def test_odd_graphs_move_as_by_the_global_dae(name):
-    run = stepped(ODD[name], Discretisation(mesh=1), "zhai")
-    same(at.solve(ODD[name], run), global_dae.solve(ODD[name], run), "zhai")
 
 
 def spinning(scene, rate=2.0):

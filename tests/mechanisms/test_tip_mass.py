@@ -6,8 +6,6 @@ from random_mechanisms import turn
 from scipy.optimize import brentq
 
 import anctmm as at
-from anctmm.discretise.discretisation import Discretisation
-from anctmm.system.system import System
 from reference import global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
@@ -90,38 +88,6 @@ def test_it_moves_as_in_the_global_dae(name, how):
     scene, (run, allowed) = scene_of(name), RUNS[how]
     ours, dae = (solve(scene, mesh=MESH, **run) for solve in (at.solve, global_dae.solve))
     assert_alike(scene, ours, dae, allowed)
-
-
-@pytest.mark.parametrize("how", RUNS)
-@pytest.mark.parametrize("name", ["behind", "named first", "behind two beams", "before a driven clamp"])
-def test_it_moves_as_a_rigid_body_that_is_pinned_at_its_centre(name, how):
-    """Such a body is kept, and eliminated with all others that are: nothing of the road is shared."""
-    scene, (run, allowed) = scene_of(name), RUNS[how]
-    bodies, joints = SCENES[name]
-    rigid = [at.RigidBody("load", LOAD, 1e-4, TIP) if body.name == "load" else body for body in bodies]
-    heavy = scene_of(name, {name: (rigid, joints)})
-    assert System(heavy, Discretisation(mesh=MESH)).plan.kept
-    ours, other = (at.solve(one, mesh=MESH, **run) for one in (scene, heavy))
-    assert_alike(scene, ours, other, allowed)
-
-
-@pytest.mark.exhaustive  # some hundreds of steps by every method
-@pytest.mark.parametrize("name", ["behind", "first at the start", "behind two beams"])
-def test_other_steps_come_to_the_same(name):
-    """Steps of fourth order, and steps of both methods that an error drives."""
-    scene, (run, _) = scene_of(name), RUNS["implicit"]
-    times = {"t_end": run["t_end"], "output_dt": run["dt"]}
-    fine = at.solve(scene, mesh=MESH, dt=run["dt"] / 50, **times)
-    way = np.abs(fine.displacement("load.center")).max()
-    for how in (
-        {"integrator": "esdirk", "dt": run["dt"] / 10},
-        {"integrator": "esdirk", "tolerance": 1e-5},
-        {"integrator": "generalized-alpha", "tolerance": 1e-5},
-    ):
-        other = at.solve(scene, mesh=MESH, **how, **times)
-        assert other.status.ok
-        for place in ("load.center", ("b", 0.3)):
-            assert np.abs(other.position(place) - fine.position(place)).max() < 1e-3 * way
 
 
 def test_its_pin_carries_what_it_weighs_and_its_inertia():

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from test_kept_motions import cut, four_bar, slider_crank
+from test_explicit_mechanisms import cut, four_bar, slider_crank
 
 import anctmm as at
 from reference import global_dae

@@ -13,12 +13,9 @@ from scipy.integrate import solve_ivp
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.discretise.methods import stages
-from anctmm.errors import StepError, UnsupportedError
 from anctmm.model.drives import Quintic
-from reference import global_dae
 from reference.global_dae.layout import Layout
 from reference.global_dae.saddle import Nearest, Saddle
-from reference.global_dae.stability import free_motions
 from reference.global_dae.system import System
 
 GRAVITY = (0.0, -9.81)
@@ -74,8 +71,6 @@ SCENES = {
     "linkage, quintic": (partial(linkage, 0.4), 1, "quintic"),
     "fan, quintic": (fan, 1, "quintic"),
 }
-#: Those whose steps are the method's, applied to independent coordinates.
-INDEPENDENT = [name for name in SCENES if name.partition(",")[0] not in ("freed", "fan")]
 
 
 def of_quintics(name):
@@ -117,44 +112,6 @@ class Dense:
         assert found.success
         return found.y[:n].T
 
-    def by_stages(self, h, steps):
-        """The method as it is written in a textbook, for the system of first order, by full Newton's iteration.
-
-        Coordinates are q = Z y + known(t), J Z = 0: what drives prescribe is known.
-        """
-        system, c = self.system, self.system.constraints
-        assert c.constant
-        Z = free_motions(system, self.q, c.parameters(0.0))
-        least = np.linalg.pinv(c.jacobian(self.q, c.parameters(0.0)).toarray())
-
-        def known(t):
-            p, none = c.parameters(t), system.still
-            return least @ np.stack([-c.value(none, p), -c.rate(none, p), c.right(none, none, p)], axis=1)
-
-        A, _, weights = stages()
-        to_y = np.linalg.pinv(Z)
-        start = np.stack([self.q, self.v, self.accelerations(0.0, self.q, self.v)], axis=1) - known(0.0)
-        (y, v, w), M = (to_y @ start).T, Z.T @ (system.mass @ Z)
-        found = [self.q]
-        for n in range(steps):
-            rates, seconds = [v], [w]
-            for i in range(1, len(weights)):
-                t, g = (n + weights[i]) * h, A[i, i] * h
-                known_y = y + h * sum(A[i, j] * rates[j] for j in range(i))
-                known_v = v + h * sum(A[i, j] * seconds[j] for j in range(i))
-                q0, v0, a0 = known(t).T
-                for _ in range(12):
-                    rate = known_v + g * w
-                    place, speed = Z @ (known_y + g * rate) + q0, Z @ rate + v0
-                    residual = Z.T @ (self.force(t, place, speed) - system.mass @ (Z @ w + a0))
-                    K = Z.T @ (system.tangents(place, speed, t, by_velocity=1.0 / g) @ Z)
-                    w = w + np.linalg.solve(M + g * g * K, residual)
-                seconds.append(w)
-                rates.append(known_v + g * w)
-            y, v = known_y + g * rates[-1], rates[-1]
-            found.append(place)
-        return np.array(found)
-
 
 # --- coefficients ------------------------------------------------------------------------------------------
 
@@ -175,19 +132,6 @@ def test_conditions_of_order_four():
 
 
 # --- motion ------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", INDEPENDENT)
-def test_steps_are_those_of_the_method_written_out_densely(name):
-    """Newton's iteration, recursion, known coordinates: to rounding, whatever the step."""
-    make, mesh, element = SCENES[name]
-    scene = make()
-    run = Discretisation(
-        mesh, element=element, integrator="esdirk", dt=5e-3, t_end=0.05, newton_tolerance=1e-13
-    )
-    found = at.solve(scene, run)
-    assert found.status.ok
-    assert np.abs(coordinates(found) - Dense(scene, run).by_stages(5e-3, 10)).max() < 2e-11
 
 
 #: Largest error of any coordinate in 0.03 s by steps of 0.5 ms, or of 0.25 ms where those do not resolve what vibrates;
@@ -250,16 +194,6 @@ def test_energy_of_a_long_swing_stays():
 
 
 # --- what is refused, and how runs end ---------------------------------------------------------------------
-
-
-def test_explicit_tolerances_and_what_the_other_road_lacks_are_refused_by_name():
-    with pytest.raises(
-        StepError, match="'zhai'; 'esdirk' or 'generalized-alpha' is needed: stability bounds"
-    ):
-        Discretisation(1, integrator="zhai", tolerance=1e-3)
-    for scene in (acted_on(), bar([at.Pin("bar.start")], material=at.Material(1e6, 1000.0, damping=1e-3))):
-        with pytest.raises(UnsupportedError, match="esdirk"):
-            global_dae.solve(scene, mesh=2, integrator="esdirk", dt=1e-3, t_end=1e-2)
 
 
 def test_a_point_mass_a_slider_and_an_object_as_integrator():

@@ -8,11 +8,10 @@ from samples import KINDS, SOFT, SQUARE, bar, row_scene
 from scipy.optimize import brentq
 
 import anctmm as at
-from anctmm.errors import UnknownOptionError
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
+from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Weld
 from anctmm.model.sections import Rectangle
 from anctmm.solve import solve_static
-from reference import exact, exudyn_cable, exudyn_reissner, global_dae
+from reference import exact, global_dae
 
 SLENDER, STIFF = Rectangle(0.01, 0.01), Material(E=1e9, density=1000.0)
 EA, EI = STIFF.E * SLENDER.area, STIFF.E * SLENDER.second_moment
@@ -39,35 +38,6 @@ def test_every_further_load_adds_a_negative_eigenvalue(load, negative):
         below = max(t for t in (0.0, 0.25, 0.5, 0.75) if t * load < 1.0)
         assert found.status.time == below + 0.25
         assert (f"at {below:g} it was stable" in found.status.message) == (below > 0.0)
-
-
-@pytest.mark.parametrize("peer", [exudyn_cable, exudyn_reissner])
-def test_exudyn_agrees_about_columns_and_pendulums(peer):
-    """By the eigenvalues of Exudyn's own linearisation."""
-    for scene, kind in (
-        (column(0.95 * EULER), "ok"),
-        (column(1.05 * EULER), "unstable"),
-        (pendulum(-1.0), "ok"),
-        (pendulum(1.0), "unstable"),
-    ):
-        found = peer.solve_static(scene, mesh=8)
-        if found.status == "unsupported":
-            pytest.skip(found.status.message)
-        assert found.status == kind, found.status
-        assert "not known" not in found.status.message
-
-
-def test_exudyn_says_where_it_cannot_tell():
-    for scene, why in (
-        (bar([Clamp("bar.start")], [Torque("bar.end", 0.02)]), "leaves out that of torques"),
-        (bar([Pin("bar.start")]), "no more than rounding"),
-    ):
-        found = exudyn_cable.solve_static(scene, mesh=3)
-        if found.status == "unsupported":
-            pytest.skip(found.status.message)
-        assert found.status.ok
-        assert "stability not known" in found.status.message
-        assert why in found.status.message
 
 
 # --- the stable branch -----------------------------------------------------------------------------------------
@@ -144,15 +114,6 @@ def test_a_roof_snaps_through_beyond_its_limit_load():
             assert found.position("one", 1.0)[1, 1] > 0.0  # under half of the load it still stands
 
 
-@every_kind
-def test_rolled_up_beams_are_stable_on_both_branches(kind):
-    scene = Scene("rolled", column(0.0).bodies, [Clamp("bar.start")], [Torque("bar.end", 2.0 * pi * EI)])
-    path, stable = (solve_static(scene, mesh=16, element=kind, branch=b) for b in ("path", "stable"))
-    assert path.status.ok
-    assert stable.status.ok
-    assert np.abs(path.position("bar", 1.0)[-1] - stable.position("bar", 1.0)[-1]).max() < 1e-9
-
-
 # --- singular ones -----------------------------------------------------------------------------------------------
 
 
@@ -203,48 +164,11 @@ def test_a_body_above_its_joint_stands_where_a_spring_outweighs_it(solve, mass, 
         assert solve(scene).status.code == ("ok" if part > 1.0 else "unstable"), part
 
 
-@every_kind
-@pytest.mark.parametrize("scene", [pendulum(1.0), bar([Pin("bar.start")], gravity=(0.0, -9.81))])
-def test_the_stable_branch_swings_down(kind, scene):
-    """From upright, and from where Newton's iteration finds nothing and says why."""
-    down = solve_static(scene, mesh=3, element=kind, branch="stable")
-    assert down.status.ok
-    hanging = solve_static(pendulum(-1.0), mesh=3, element=kind)
-    assert np.abs(down.position("bar", 1.0)[-1] - hanging.position("bar", 1.0)[-1]).max() < 1e-9
-
-
 @pytest.mark.parametrize("branch", ["path", "stable"])
 def test_what_falls_forever_has_no_equilibrium(branch):
     found = solve_static(bar(gravity=(0.0, -9.81)), mesh=1, branch=branch)
     assert found.status == "diverged"
     assert found.t.tolist() == [0.0]
-
-
-@every_kind
-@pytest.mark.parametrize("branch", ["path", "stable"])
-def test_a_body_without_unknowns_stands(kind, branch):
-    scene = bar([Clamp("bar.start"), Clamp("bar.end")], gravity=(0.0, -9.81))
-    for found in (
-        solve_static(scene, mesh=1, element=kind, branch=branch),
-        global_dae.solve_static(scene, mesh=1, element=kind),
-    ):
-        assert found.status.ok, found.status
-
-
-@pytest.mark.parametrize("solver", [solve_static, global_dae.solve_static])
-@pytest.mark.parametrize("slenderness", [1e3, 1e5])
-def test_very_slender_elements_are_not_called_unstable(solver, slenderness):
-    """Stretch is stiffer than bending by the square of l/h: its rounding shall not hide the lowest eigenvalue."""
-    section = Rectangle(1.0 / slenderness, 1.0 / slenderness)
-    beam = Beam("bar", (0.0, 0.0), (8.0, 0.0), section, STIFF)
-    force = 1e-6 * STIFF.E * section.second_moment / 64.0
-    found = solver(Scene("slender", [beam], [Clamp("bar.start")], [Force("bar.end", (0.0, force))]), mesh=8)
-    assert found.status.ok, found.status
-
-
-def test_branches_are_named():
-    with pytest.raises(UnknownOptionError, match=r"branch is 'low'.*path.*stable"):
-        solve_static(bar([Clamp("bar.start")]), mesh=1, branch="low")
 
 
 def test_a_welded_frame_buckles_between_parts_of_eulers_load():
@@ -269,25 +193,3 @@ def test_a_body_that_a_damper_alone_holds_is_singular_in_any_unit_of_length(unit
     found = at.solve_static(at.Scene("held", [bar], [at.Pin("bar.hinge")], connectors=[damper]))
     assert found.status.code == "singular", found.status
     assert not found.stable.any()
-
-
-def test_a_stiffness_that_rounding_hides_is_told_beside_other_reasons():
-    """A beam on a soft one, whose stiffness is less than rounding of the other's; and a mechanism of beams alike."""
-
-    def pair(E, inner):
-        materials = at.Material(E=1e6, density=1000.0), at.Material(E=E, density=1000.0)
-        places = ((0.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (2.0, 0.0))
-        bodies = [
-            at.Beam(name, *place, SQUARE, material)
-            for name, place, material in zip(("soft", "stiff"), places, materials, strict=True)
-        ]
-        joints = [inner("soft.start"), at.Weld("soft.end", "stiff.start")]
-        return at.solve_static(at.Scene("pair", bodies, joints), mesh=8).status
-
-    hidden, held, loose = pair(1e20, at.Clamp), pair(1e8, at.Clamp), pair(1e8, at.Pin)
-    assert held.ok, held
-    assert hidden.code == loose.code == "singular"
-    assert (
-        "rounding hides its stiffness, as body 'stiff' is 1e+14 times stiffer than 'soft'" in hidden.message
-    )
-    assert "rounding" not in loose.message

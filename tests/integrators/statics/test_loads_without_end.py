@@ -12,6 +12,10 @@ def body(name="body", center=(0.0, 0.0), **points):
     return at.RigidBody(name, 2.0, 0.1, center, points=points)
 
 
+def beam():
+    return at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), at.Material(2e9, 7800.0))
+
+
 def scene(bodies, joints=(), loads=(), connectors=(), gravity=(0.0, 0.0)):
     return at.Scene("scene", bodies, joints, loads, gravity, connectors=connectors)
 
@@ -22,6 +26,35 @@ def carriage(*loads, **options):
     joints = [at.Prismatic("body.p"), at.Pin("body.p", "arm.p")]
     return scene(bodies, joints, loads, gravity=WEIGHT, **options)
 
+
+FALLING = {
+    "on a line": (scene([body(p=(0.0, 0.3))], [at.Slider("body.p")], [PUSH], gravity=WEIGHT), "(1, 0)", "1 N"),
+    "on a slope": (
+        scene([body(p=(0.0, 0.0))], [at.Prismatic("body.p", (1.0, 1.0))], gravity=WEIGHT),
+        "(-0.7071, -0.7071)", "13.87 N",
+    ),
+    "on two parallel lines": (
+        scene([beam()], [at.Slider("beam.start"), at.Slider("beam.end")], [at.LineLoad("beam", (3.0, -1.0))]),
+        "(1, 0)", "3 N",
+    ),
+    "in the air": (scene([at.PointMass("body", 2.0, (0.0, 0.0))], gravity=WEIGHT), "(0, -1)", "19.62 N"),
+    "a beam": (scene([beam()], loads=[at.Force("beam.end", (0.0, 1.0))]), "(0, 1)", "1 N"),
+    "with a pendulum": (carriage(PUSH), "(1, 0)", "1 N"),
+    "on a spring between them": (
+        scene(
+            [body(), body("other", (1.0, 0.0))],
+            connectors=[at.Spring("body.center", "other.center", stiffness=5.0)],
+            loads=[at.Force("other.center", (0.0, 2.0))],
+        ),
+        "(0, 1)", "2 N",
+    ),
+    "with a damper to the ground": (
+        scene([body()], connectors=[at.Spring("body.center", (1.0, 1.0), **DAMPED)], gravity=WEIGHT),
+        "(0, -1)", "19.62 N",
+    ),
+    "about a pin": (scene([body(p=(0.0, 0.0))], [at.Pin("body.p")], [TURN], gravity=WEIGHT), "(0.0, 0.0)", "0.5 N m"),
+    "about nothing": (scene([body()], loads=[TURN]), "turn without end", "0.5 N m"),
+}  # fmt: skip
 
 RESTING = {
     "a pendulum that a moment turns": scene(
@@ -50,6 +83,17 @@ RESTING = {
         [body(p=(0.0, 0.0))], [at.Prismatic("body.p", position=lambda t: (t * t, 2.0 * t, 2.0))], [PUSH]
     ),
 }  # fmt: skip
+
+
+@pytest.mark.parametrize("options", [{}, {"branch": "stable"}, {"path": "arclength"}], ids=str)
+@pytest.mark.parametrize("name", FALLING)
+def test_what_moves_without_end_is_told(name, options):
+    what, *said = FALLING[name]
+    rest = at.solve_static(what, **{"mesh": 2} if what.beams else {}, **options)
+    assert (rest.status.code, rest.status.body) == ("diverged", what.bodies[0].name)
+    assert rest.t.tolist() == [0.0]
+    for text in ("without end", *said, *(f"'{one.name}'" for one in what.bodies)):
+        assert text in rest.status.message
 
 
 @pytest.mark.parametrize("name", RESTING)
