@@ -2,9 +2,7 @@
 
 from dataclasses import replace
 from itertools import combinations, product
-from math import sqrt
 
-import numpy as np
 import pytest
 from samples import SOFT, SQUARE
 
@@ -121,22 +119,6 @@ def hinged(section=SECTION, **changes):
     return replace(scene, **changes)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_an_entry_is_all_that_a_kind_needs_which_shares_kernels(double, integrator):
-    run = {"mesh": 2, "integrator": integrator, "dt": 1e-5, "t_end": 5e-4}
-    found = at.solve(hinged(), element="double", **run)
-    global_ = reference.global_dae.solve  # knows cables and shear elements, and does not take others for them
-    with pytest.raises(
-        DiscretisationError, match=r"element is 'double' for body 'a'; the global solver needs"
-    ):
-        global_(hinged(), element="double", **run)
-    high = at.Rectangle(0.05 / sqrt(2.0), 0.05 * sqrt(2.0))  # as large, and twice as stiff
-    same = at.solve(hinged(high), element="cable", **run)
-    assert found.status.ok
-    moved = np.abs(found.displacement("c.end")).max()
-    assert np.abs(found.position("c", 1.0) - same.position("c", 1.0)).max() < 1e-9 * moved
-
-
 def test_a_kind_that_others_do_not_know_is_unsupported_there(double):
     for solve, integrator in (
         (reference.exudyn.cable.solve, "generalized-alpha"),
@@ -159,13 +141,6 @@ def test_a_kind_without_an_integrator_or_statics_is_refused_there(double, monkey
                 at.solve(hinged(), mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
         with pytest.raises(DiscretisationError, match="element is 'double' for body 'a'; statics needs"):
             at.solve_static(hinged(), mesh=2, element="double")
-
-
-def test_a_kind_of_other_vectors_cannot_be_welded(double, monkeypatch):
-    monkeypatch.setitem(kinds.KINDS, "double", replace(double, vectors=("r", "r_x", "r_y")))
-    welded = hinged(joints=[at.Clamp("a.start"), at.Weld("a.end", "c.start")])
-    with pytest.raises(DiscretisationError, match=r"'double' of 'a', 'cable' of 'c'; a weld needs one kind"):
-        at.solve(welded, mesh=1, element={"a": "double", "c": "cable"}, dt=1e-3, t_end=1e-3)
 
 
 def test_a_rigid_body_is_one_element():

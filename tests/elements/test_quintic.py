@@ -7,7 +7,7 @@ import pytest
 from samples import SOFT, SQUARE
 
 import anctmm as at
-from anctmm.errors import DiscretisationError, UnsupportedError
+from anctmm.errors import UnsupportedError
 from anctmm.model.scene import Material
 from anctmm.model.sections import Circle
 from anctmm.results.fields import QuinticField
@@ -153,11 +153,14 @@ def test_quintic_and_plain_cables_are_welded_to_each_other():
     assert np.abs(mixed.position("c", 1.0)[-1] - tip).max() < 1e-7
 
 
-def test_other_kinds_are_refused_at_a_weld():
-    with pytest.raises(DiscretisationError, match="'quintic' of 'a', 'shear' of 'c'"):
-        solve_static(arms(), mesh=2, element={"a": "quintic", "c": "shear"})
-    with pytest.raises(DiscretisationError, match="element 'shear'"):
-        global_dae.solve_static(arms(), mesh=2, element={"a": "quintic", "c": "shear"})
+@pytest.mark.parametrize("kinds", [("quintic", "shear"), ("cable", "shear"), ("shear", "cable")])
+def test_slender_elements_of_any_kind_are_welded_to_each_other(kinds):
+    scene = arms(0.4)
+    mixed = solve_static(scene, mesh=32, element=dict(zip("ac", kinds, strict=True)))
+    assert mixed.status.ok
+    whole = solve_static(scene, mesh=32)
+    way = np.abs(whole.displacement("c.end")).max()
+    assert np.abs(mixed.position("c", 1.0) - whole.position("c", 1.0)).max() < 1e-2 * way
 
 
 @pytest.mark.parametrize("road", [solve_static, global_dae.solve_static, at.modes])

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.march.stability import highest_frequency
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
@@ -106,6 +107,12 @@ def outer(i, turned=()):
 def system_of(scene, **options):
     """The equations of a scene as discretised."""
     return System(scene, Discretisation(**{"mesh": 2, **options}))
+
+
+def frequency_of(scene, **options):
+    """Highest frequency of a scene as discretised, rad/s."""
+    system = system_of(scene, **options)
+    return highest_frequency(system, system.mesh.reference)
 
 
 def gap(one, two, fraction=1.0, body=None, other=None, mirrored=False):

@@ -4,10 +4,9 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from samples import KINDS, bar, gap, row_scene, system_of
+from samples import KINDS, bar, frequency_of, gap, row_scene
 
 from anctmm.errors import StabilityError
-from anctmm.march.stability import highest_frequency
 from anctmm.model.drives import Quintic
 from anctmm.model.scene import Clamp, Force, Pin
 from anctmm.solve import solve
@@ -23,7 +22,7 @@ def run(scene, dt, steps, stride=1, **options):
 
 def limit_step(scene, factor, psi=0.5, **options):
     """A part of the largest stable step of small vibrations."""
-    return factor * sqrt(2.0 / psi) / highest_frequency(system_of(scene, **options))
+    return factor * sqrt(2.0 / psi) / frequency_of(scene, **options)
 
 
 # --- stability ---------------------------------------------------------------------------------------------

@@ -8,11 +8,10 @@ from graphs import binary_tree, polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_graphs import Kinds, random_graph
+from samples import frequency_of
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.march.stability import highest_frequency
-from anctmm.system.system import System
 
 #: How far rounding, or what Newton's iteration leaves, may lead two equal runs of 40 or 10 steps apart, relative.
 ROUNDING = {"zhai": 1e-11, "generalized-alpha": 1e-9}
@@ -22,7 +21,7 @@ every_integrator = pytest.mark.parametrize("integrator", ROUNDING)
 def stepped(scene, run, integrator):
     """A short run with a quarter of the stable step, or with Newton's iterations."""
     if integrator == "zhai":
-        dt = min(0.5 / max(highest_frequency(System(scene, run)), 1.0), 1e-3)
+        dt = min(0.5 / max(frequency_of(scene, mesh=run.mesh, element=run.element), 1.0), 1e-3)
         return Discretisation(run.mesh, run.element, integrator=integrator, dt=dt, t_end=40 * dt)
     return Discretisation(run.mesh, run.element, dt=1e-3, t_end=1e-2, newton_tolerance=1e-12)
 

@@ -5,11 +5,10 @@ from math import pi
 
 import numpy as np
 import pytest
-from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, gap, inner, row_scene, system_of
+from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, frequency_of, gap, inner, row_scene
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import StartWarning
-from anctmm.march.stability import highest_frequency
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, Weld
 from anctmm.solve import solve
@@ -29,7 +28,7 @@ def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
     options = {"mesh": 2, "element": kind, **options}
     dt = options.pop("dt", None)
     if dt is None:
-        frequency = highest_frequency(system_of(scene, mesh=options["mesh"], element=kind))
+        frequency = frequency_of(scene, mesh=options["mesh"], element=kind)
         dt = t_end / 40 if integrator != "zhai" else t_end / (4 * int(np.ceil(t_end * frequency / 2.7)))
     run = {
         "integrator": integrator,

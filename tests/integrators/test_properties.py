@@ -13,9 +13,8 @@ import pytest
 from hypothesis import given, note
 from hypothesis import strategies as st
 from random_scenes import EIGHTHS, VECTORS, Drawn, Swirl, rows, structures
-from samples import KINDS, row_scene, system_of
+from samples import KINDS, frequency_of, row_scene, system_of
 
-from anctmm.march.stability import highest_frequency
 from anctmm.model.scene import Beam, Clamp, Force, Material, Scene, Torque, Weld
 from anctmm.model.sections import Section
 from anctmm.solve import solve, solve_static
@@ -39,8 +38,7 @@ def systems(method, **options):
 
 def frequency(drawn):
     """Highest frequency of small vibrations, rad/s."""
-    system = system_of(drawn.scene, mesh=drawn.mesh, element=drawn.element)
-    return highest_frequency(system, system.mesh.reference())
+    return frequency_of(drawn.scene, mesh=drawn.mesh, element=drawn.element)
 
 
 def answer(method, drawn, dt, **options):

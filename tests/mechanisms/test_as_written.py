@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import DiscretisationError, PropertyError, UnsupportedError
+from anctmm.errors import PropertyError, UnsupportedError
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
 B = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)
@@ -63,14 +63,6 @@ def test_a_history_that_fails(how, what):
     with pytest.raises(PropertyError) as told:
         at.solve(FAILING[what], **STEPS[how])
     assert str(told.value).startswith(f"{what}: the history gave no")
-
-
-def test_a_weld_of_two_kinds():
-    said = (
-        r"Weld\(ends=\(\('b', 0.25\), 'x.start'\), .* joins elements 'cable' of 'b', 'shear' of 'x'; a weld"
-    )
-    with pytest.raises(DiscretisationError, match=said):
-        at.solve(scene([at.Weld(INSIDE, "x.start")]), element={"b": "cable", "x": "shear"}, **FIXED)
 
 
 def test_a_weld_whose_drive_does_not_fit():

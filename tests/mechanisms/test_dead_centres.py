@@ -106,29 +106,6 @@ def test_bodies_that_move_on_or_are_held_are_not(name):
     assert moved(*SOUND[name]).status.ok
 
 
-def test_masses_alone_have_no_dead_centre():
-    """Their equations are linear: those that repeat each other strain nothing."""
-    bodies = [
-        at.PointMass("m", 1.0, (0.0, 0.0)),
-        at.PointMass("n", 1.0, (0.0, 0.0)),
-        body("bar", (0, 1), (1, 1)),
-    ]
-    joints = [
-        at.Pin("m.center", "n.center"),
-        at.Slider("m.center", (1.0, 0.0)),
-        at.Slider("bar.a", (1.0, 0.0)),
-    ]
-    assert moved(bodies, joints).status.ok
-
-
-def test_a_beam_that_bends_is_not_stopped():
-    beam = at.Beam("bar", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), at.Material(5e6, 1100.0))
-    joints = [at.Pin("bar.start"), at.Slider("bar.end", (0.0, 1.0))]
-    assert moved([beam], joints, "cable").status.ok
-    with refused(DiscretisationError, ["'bar'", "dead centre"]):
-        moved([beam], joints)
-
-
 @pytest.mark.xfail(strict=True, reason="singular positions of rigid bodies are not refused")
 def test_equilibria_and_motions_are_refused_alike():
     """Steps of 1 ms and more let the body through by rounding; statics called it a mechanism that is free to move."""

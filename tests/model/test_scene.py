@@ -10,12 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from samples import beam, refused, run_of, scene_of
 
-import anctmm as at
 from anctmm import errors
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
 from anctmm.model.scene import Clamp, Force, Material, Torque, distance
 from anctmm.model.sections import Circle, Rectangle
-from anctmm.solvers.registry import load, names, solver
 from studies.scenes import CASES
 
 # --- drives ------------------------------------------------------------------------------------------------
@@ -100,12 +98,6 @@ def test_histories_are_tabulated_as_if_asked_time_by_time(history):
     assert np.array_equal(tabulate("load", history, t, 2), expected)
 
 
-def test_tabulated_history_of_one_value():
-    t = np.linspace(0.0, 1.0, 5)
-    assert tabulate("load", lambda t: 3.0, t, 1).tolist() == [[3.0]] * 5
-    assert tabulate("load", abs, np.empty(0), 1).shape == (0, 1)
-
-
 @pytest.mark.parametrize(
     ("history", "words"),
     [
@@ -174,16 +166,3 @@ def test_outputs_hold_both_ends(options, kept):
     t = r.times(r.output_steps)
     assert t[0] == 0.0
     assert t[-1] == options["t_end"]
-
-
-def test_solvers_are_found_by_name():
-    assert {"anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner"} <= set(names())
-    assert load("anctmm") is solver("anctmm").__wrapped__ is at.solve
-
-
-def test_a_scene_without_beams_needs_no_mesh():
-    plate = at.RigidBody("plate", 1.0, 0.1, (0.5, 0.0), {"hinge": (0.0, 0.0)})
-    scene = at.Scene("pendulum", [plate], [at.Pin("plate.hinge")], gravity=(0.0, -9.81))
-    found = at.solve(scene, dt=1e-3, t_end=0.05)
-    assert found.status.ok
-    assert found.angle("plate.center")[-1] < -1e-3

@@ -231,6 +231,7 @@ def test_a_preloaded_start_at_rest_stays():
     assert np.abs(coordinates(found) - coordinates(found)[0]).max() < 1e-9
 
 
+@pytest.mark.xfail(strict=True, reason="long steps of a stiff bar turn elements inside out")
 @pytest.mark.parametrize("strain", [-1e-3, 1e-5, 1e-3])
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
 @pytest.mark.parametrize("dt", [1e-2, 2e-2])

@@ -56,10 +56,10 @@ def test_small_vibration_follows_the_amplification_matrix():
     """One element, its lowest mode struck: the same recursion as a scalar oscillator, for 200 steps."""
     force = 1e-6
     scene = bar([Clamp("bar.start")], [Force("bar.end", (-0.8 * force, 0.6 * force))])
-    chain, h, rho = system_of(scene, mesh=1), 5e-3, 0.7
-    e = chain.bodies.meshes[0].element
+    (mesh,), h, rho = system_of(scene, mesh=1).mesh.beams, 5e-3, 0.7
+    e = mesh.element
     across = np.array([-0.8, 0.6])
-    K = np.einsum("icjd,c,d->ij", e.tangent(chain.mesh.reference().T.reshape(4, 2)), across, across)[2:, 2:]
+    K = np.einsum("icjd,c,d->ij", e.tangent(mesh.reference.reshape(4, 2)), across, across)[2:, 2:]
     values, modes = np.linalg.eig(np.linalg.solve(e.mass[2:, 2:], K))
     rest = np.linalg.solve(K, [force, 0.0])
     parts = np.linalg.solve(modes, -rest)

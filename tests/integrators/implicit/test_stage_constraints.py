@@ -79,7 +79,7 @@ def run(name, **options):
 @cache
 def fixed(name, divisor, **options):
     """A run with the longest step, or a part of it, which several tests look at."""
-    return run(name, dt=SCENES[name][2] / divisor, newton_tolerance=1e-12, **options)
+    return run(name, dt=SCENES[name][2] / divisor, newton_tolerance=1e-15, **options)
 
 
 @pytest.mark.parametrize("name", SCENES)
