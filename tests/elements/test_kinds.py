@@ -21,36 +21,11 @@ from anctmm.elements.kinds import (
     check_kinds,
     kind_of,
     moved_by,
-    optional_beside,
 )
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
-from anctmm.solve import OFFER
-from anctmm.solvers.capabilities import FEATURES, LIMITS
-from reference.adapters import Adapter
-from reference.exact.scenes import MODELS
 
-every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
 SECTION = at.Rectangle(0.05, 0.05)
 BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
-
-
-@every_kind
-def test_what_solvers_offer_follows_the_kinds(kind):
-    assert (kind.name in FEATURES) == kind.optional
-    assert LIMITS.get(kind.name, "") == kind.continuum
-    assert kind.continuum in {"", *MODELS}
-    for feature, able in [*((i, i in kind.integrators) for i in INTEGRATORS), ("statics", kind.statics)]:
-        assert (not OFFER.lacking([kind.name, feature])) == able
-
-
-@pytest.mark.parametrize(
-    "peer", [reference.exudyn.cable, reference.exudyn.reissner, reference.opensees, reference.pyelastica]
-)
-def test_peers_lack_the_optional_kinds_that_they_do_not_take(peer):
-    optional = {kind.name for kind in KINDS.values() if kind.optional}
-    elements = getattr(peer, "ELEMENTS", Adapter.elements)
-    assert peer.OFFER.lacks & optional == optional - set(elements) == optional_beside(elements)
-    assert optional_beside(optional) == set()
 
 
 def test_kinds_weld_of_which_joints_hold_the_same_vectors():

