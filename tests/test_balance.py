@@ -9,7 +9,6 @@ import anctmm as at
 
 SOFT = at.Material(E=2e5, density=1000.0, poisson=0.3, damping=2e-4)
 GRAVITY = np.array([2.0, -9.0])
-TURNED = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
 def swung(t):

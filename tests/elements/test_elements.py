@@ -7,26 +7,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import SOFT, SQUARE
+from samples import SOFT
 from scipy.special import roots_chebyu
 
-from anctmm.discretise.assembly import (
-    Bodies,
-    block_tangents,
-    elastic_forces,
-    kinetic_energy,
-    strain_energy,
-    unpack_tangent,
-)
-from anctmm.discretise.mesh import BodyMesh
 from anctmm.elements.cable import CableElement
 from anctmm.elements.invariants import InvariantShearElement
-from anctmm.elements.kinds import kind_of
 from anctmm.elements.quintic import QuinticElement
 from anctmm.elements.rigid import RigidElement
 from anctmm.elements.shapes import gauss, hermite, lobatto, quintic
 from anctmm.elements.shear import ShearElement
-from anctmm.elements.tangent_blocks import TANGENT_BLOCK, TANGENT_BUFFER
 from anctmm.model.scene import Beam, Material
 from anctmm.model.sections import Circle, Rectangle
 
@@ -88,7 +77,6 @@ ELEMENTS = {
 every_element = pytest.mark.parametrize("e", ELEMENTS.values(), ids=ELEMENTS.keys())
 CABLES = {name: e for name, e in ELEMENTS.items() if isinstance(e, CableElement)}
 every_cable_element = pytest.mark.parametrize("e", CABLES.values(), ids=CABLES.keys())
-every_cable = pytest.mark.parametrize("quadrature", ["full", "reduced", "lobatto"])
 
 
 def reference(e):
@@ -333,91 +321,6 @@ def test_kinetic_energy_of_rigid_motion(e):
 # --- compiled kernels --------------------------------------------------------------------------------------
 
 
-def row_of_elements(kind, elements, quadrature="full"):
-    body = Beam("b", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, 0.3))
-    e = kind_of(kind).element_of(body, elements, quadrature)
-    bodies = Bodies([BodyMesh(body, kind_of(kind), elements, e, (0.0, 0.0))])
-    rng = np.random.default_rng(elements)
-    q = bodies.reference()
-    q[:2] += 0.2 * e.l * rng.standard_normal((2, elements + 1))
-    q[2:] += 0.2 * rng.standard_normal((bodies.rows - 2, elements + 1))
-    return e, bodies, q
-
-
 def nodal(q, i):
     """Coordinates of element i as its readable form wants them."""
     return q[:, i : i + 2].T.reshape(-1, 2)
-
-
-every_kernel = pytest.mark.parametrize(
-    ("kind", "quadrature"),
-    [("shear", "full"), ("cable", "full"), ("cable", "reduced"), ("cable", "lobatto"), ("quintic", "full")],
-)
-
-
-@every_kernel
-@pytest.mark.parametrize("elements", [1, 3, 12, 64, 65, 150])
-def test_compiled_forces_and_energies_are_those_of_the_readable_element(kind, quadrature, elements):
-    e, bodies, q = row_of_elements(kind, elements, quadrature)
-    f, expected = np.empty_like(q), np.zeros_like(q)
-    elastic_forces(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
-    for i in range(elements):
-        expected[:, i : i + 2] += e.force(nodal(q, i)).reshape(2, -1).T
-    size = scales(e)[: e.vectors_per_node].repeat(2)[:, None]
-    sharp = 5.0 if kind == "quintic" else 1.0  # at some of its points this row is nearly folded
-    assert np.abs((f - expected) * size).max() < sharp * 1e-13 * stiffness_scale(e)
-    energy = strain_energy(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants)
-    assert energy == pytest.approx(sum(e.energy(nodal(q, i)) for i in range(elements)), rel=1e-13)
-
-
-@every_cable
-@pytest.mark.parametrize("collapsed", [False, True], ids=["a gradient", "an element"])
-def test_compiled_forces_of_a_cable_without_direction_are_not_finite(quadrature, collapsed):
-    """A finite force would hide that a run diverges. Only Lobatto's rule sees the gradient of a node by itself."""
-    _, bodies, q = row_of_elements("cable", 12, quadrature)
-    q[2:, 6] = 0.0
-    if collapsed:
-        q[:2, 5], q[2:, 5] = q[:2, 6], 0.0
-    f = np.empty_like(q)
-    elastic_forces(bodies.formulations, q, bodies.first, bodies.kinds, bodies.constants, bodies.buffer(), f)
-    seen = collapsed or quadrature == "lobatto"
-    assert np.isfinite(f[:, 6]).all() != seen
-    assert np.isfinite(f[:, [*range(4), *range(9, 13)]]).all()
-
-
-@every_kernel
-def test_compiled_tangents_are_those_of_the_readable_element(kind, quadrature):
-    e, bodies, q = row_of_elements(kind, TANGENT_BLOCK, quadrature)
-    buffer, K = np.full(TANGENT_BUFFER, np.nan), np.zeros((2 * bodies.rows, 2 * bodies.rows))
-    block_tangents(
-        bodies.formulations, q, 0, TANGENT_BLOCK, int(bodies.kinds[0]), bodies.constants[0], buffer
-    )
-    s = scales(e).repeat(2)
-    for i in range(TANGENT_BLOCK):
-        unpack_tangent(buffer, i, int(bodies.kinds[0]), K)
-        expected = e.tangent(nodal(q, i)).reshape(K.shape)
-        assert np.abs((K - expected) * np.outer(s, s)).max() < 1e-13 * stiffness_scale(e)
-
-
-@every_kernel
-def test_tangents_with_damping_are_those_of_stresses_and_of_rates_of_strain(kind, quadrature):
-    """By Newton's iteration of a step: what damping resists is added, whatever the stresses are."""
-    e, bodies, q = row_of_elements(kind, 2, quadrature)
-    damped, buffer = replace(e, damping=3.0), np.full(TANGENT_BUFFER, np.nan)
-    stiff, K = bodies.stiffened([1.0 + damped.damping], stresses=False), np.zeros((2 * bodies.rows,) * 2)
-    block_tangents(bodies.formulations, q, 0, 2, int(bodies.kinds[0]), stiff.constants[0], buffer)
-    s = scales(e).repeat(2)
-    for i in range(2):
-        unpack_tangent(buffer, i, int(bodies.kinds[0]), K)
-        here = nodal(q, i)
-        rates = np.eye(len(K)).reshape(len(K), *here.shape)
-        resisted = np.array([damped.damping_force(here, v).ravel() for v in rates])
-        expected = e.tangent(here).reshape(K.shape) + resisted
-        assert np.abs((K - expected) * np.outer(s, s)).max() < 1e-12 * stiffness_scale(e)
-
-
-@pytest.mark.parametrize("kind", ["cable", "shear", "quintic"])
-def test_compiled_kinetic_energy_is_that_of_the_mass_matrix(kind):
-    e, bodies, v = row_of_elements(kind, 5)
-    expected = sum(0.5 * np.einsum("ic,ij,jc", nodal(v, i), e.mass, nodal(v, i)) for i in range(5))
-    assert kinetic_energy(v, bodies.first, bodies.masses) == pytest.approx(expected, rel=1e-13)

@@ -2,12 +2,9 @@
 
 from dataclasses import replace
 from itertools import combinations, product
-from math import sqrt
 
-import numpy as np
 import pytest
 from samples import SOFT, SQUARE
-from scipy.linalg import eigh
 
 import anctmm as at
 import reference.exudyn.cable
@@ -15,117 +12,20 @@ import reference.exudyn.reissner
 import reference.global_dae
 import reference.opensees
 import reference.pyelastica
-from anctmm.discretise.assembly import Bodies
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
-from anctmm.discretise.mesh import BodyMesh, build
 from anctmm.elements import kinds
 from anctmm.elements.cable import CableElement
-from anctmm.elements.dispatch import ALL, KERNELS, components, formulations_of, number_of
 from anctmm.elements.kinds import (
     KINDS,
     QUADRATURES,
-    VECTORS,
     check_kinds,
     kind_of,
     moved_by,
-    optional_beside,
 )
 from anctmm.errors import DiscretisationError, MeshError, UnknownOptionError
-from anctmm.solve import OFFER
-from anctmm.solvers.capabilities import FEATURES, LIMITS
-from reference.adapters import Adapter
-from reference.exact.scenes import MODELS
 
-every_kind = pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS.keys())
 SECTION = at.Rectangle(0.05, 0.05)
 BODY = at.Beam("b", (0.0, 0.0), (3.0, 4.0), SQUARE, SOFT)
-
-
-@every_kind
-@pytest.mark.parametrize("quadrature", QUADRATURES)
-@pytest.mark.parametrize("section", [at.Rectangle(0.05, 0.05), at.Circle(1.5)], ids=["slender", "thick"])
-def test_the_highest_frequency_is_that_of_the_undeformed_element(kind, quadrature, section):
-    """As a mesh places it, turned and elsewhere: a slender one stretches fastest, a thick one bends."""
-    body = at.Beam("b", (7.0, -2.0), (10.0, 2.0), section, SOFT)
-    element = kind.element_of(body, 1, quadrature)
-    q = BodyMesh(body, kind, 1, element, (0.0, 0.0)).reference.reshape(-1, 2)
-    K = element.tangent(q).reshape(q.size, q.size)
-    values = eigh(K, np.kron(element.mass, np.eye(2)), eigvals_only=True)
-    assert element.highest_frequency == pytest.approx(sqrt(max(values[-1], 0.0)), rel=1e-9)
-    assert kind.rigid == (element.highest_frequency == 0.0)
-    stiffer = element.stiffened(4.0).highest_frequency
-    assert stiffer == pytest.approx(2.0 * element.highest_frequency)
-
-
-@every_kind
-def test_what_a_kind_says_of_its_element_holds(kind):
-    element = kind.element_of(BODY, 1, "lobatto")
-    assert type(element) is kind.element
-    assert len(kind.vectors) == element.vectors_per_node
-    assert element.mass.shape == (2 * len(kind.vectors),) * 2
-    assert kind.vectors[:2] == kind.held[:2] == ("r", "r_x")
-    assert kind.held == kind.vectors[: len(kind.held)]
-    assert kind.turning_row == {"r_x": 2, "r_y": 4}[kind.turned]
-    number = number_of(kind)
-    assert KERNELS[number] is kind.kernels
-    assert components(formulations_of([number]), number) == 2 * len(kind.vectors)
-    assert components(ALL, number) == 2 * len(kind.vectors)
-    assert set(kind.integrators) <= set(INTEGRATORS)
-    q = np.random.default_rng(0).standard_normal((2 * len(kind.vectors), 2))
-    assert kind.rigid == (element.energy(q) == 0.0)
-
-
-@every_kind
-def test_kernels_of_a_kind_have_the_constants_of_its_element(kind):
-    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element=kind.name))["b"]
-    row = Bodies([mesh]).constants[0]
-    assert row.tolist() == kind.kernels.constants(mesh.element).tolist()
-    assert row[0] == 5.0
-
-
-@every_kind
-def test_what_solvers_offer_follows_the_kinds(kind):
-    assert (kind.name in FEATURES) == kind.optional
-    assert LIMITS.get(kind.name, "") == kind.continuum
-    assert kind.continuum in {"", *MODELS}
-    for feature, able in [*((i, i in kind.integrators) for i in INTEGRATORS), ("statics", kind.statics)]:
-        assert (not OFFER.lacking([kind.name, feature])) == able
-
-
-@pytest.mark.parametrize(
-    "peer", [reference.exudyn.cable, reference.exudyn.reissner, reference.opensees, reference.pyelastica]
-)
-def test_peers_lack_the_optional_kinds_that_they_do_not_take(peer):
-    optional = {kind.name for kind in KINDS.values() if kind.optional}
-    elements = getattr(peer, "ELEMENTS", Adapter.elements)
-    assert peer.OFFER.lacks & optional == optional - set(elements) == optional_beside(elements)
-    assert optional_beside(optional) == set()
-
-
-@every_kind
-def test_vectors_of_a_beam_passed_from_its_end_are_those_of_the_beam_turned_round(kind):
-    """Each derivative of the axis has the sign of its order then, and the director stays on its side."""
-    mesh = build(at.Scene("s", [BODY]), Discretisation(2, element="cable"))["b"]
-    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 2, "full"))
-    passed = replace(mesh, flipped=True)
-    assert np.allclose(passed.unflipped(passed.reference), mesh.reference, rtol=0, atol=1e-15)
-    assert [VECTORS[name].sign for name in kind.vectors[:2]] == [1.0, -1.0]
-
-
-@every_kind
-def test_a_third_vector_that_shares_mass_with_the_others_is_seen(kind):
-    mesh = build(at.Scene("s", [BODY]), Discretisation(1, element="cable"))["b"]
-    mesh = replace(mesh, kind=kind, element=kind.element_of(BODY, 1, "full"))
-    assert Bodies([mesh]).coupled == (kind.name == "quintic")
-
-
-def test_formulations_tell_all_kernels_apart():
-    numbers = [set(n) for k in range(1, 4) for n in combinations(KERNELS, k)]
-    assert len({formulations_of(n) for n in numbers}) == 7
-    assert formulations_of([0, 0]) == formulations_of([0])
-    assert formulations_of(KERNELS) == ALL
-    assert set(KERNELS.values()) == {kind.kernels for kind in KINDS.values()}
-    assert len(KERNELS) == 3
 
 
 def test_kinds_weld_of_which_joints_hold_the_same_vectors():
@@ -194,22 +94,6 @@ def hinged(section=SECTION, **changes):
     return replace(scene, **changes)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_an_entry_is_all_that_a_kind_needs_which_shares_kernels(double, integrator):
-    run = {"mesh": 2, "integrator": integrator, "dt": 1e-5, "t_end": 5e-4}
-    found = at.solve(hinged(), element="double", **run)
-    global_ = reference.global_dae.solve  # knows cables and shear elements, and does not take others for them
-    with pytest.raises(
-        DiscretisationError, match=r"element is 'double' for body 'a'; the global solver needs"
-    ):
-        global_(hinged(), element="double", **run)
-    high = at.Rectangle(0.05 / sqrt(2.0), 0.05 * sqrt(2.0))  # as large, and twice as stiff
-    same = at.solve(hinged(high), element="cable", **run)
-    assert found.status.ok
-    moved = np.abs(found.displacement("c.end")).max()
-    assert np.abs(found.position("c", 1.0) - same.position("c", 1.0)).max() < 1e-9 * moved
-
-
 def test_a_kind_that_others_do_not_know_is_unsupported_there(double):
     for solve, integrator in (
         (reference.exudyn.cable.solve, "generalized-alpha"),
@@ -232,13 +116,6 @@ def test_a_kind_without_an_integrator_or_statics_is_refused_there(double, monkey
                 at.solve(hinged(), mesh=2, element="double", integrator=other, dt=1e-5, t_end=2e-5)
         with pytest.raises(DiscretisationError, match="element is 'double' for body 'a'; statics needs"):
             at.solve_static(hinged(), mesh=2, element="double")
-
-
-def test_a_kind_of_other_vectors_cannot_be_welded(double, monkeypatch):
-    monkeypatch.setitem(kinds.KINDS, "double", replace(double, vectors=("r", "r_x", "r_y")))
-    welded = hinged(joints=[at.Clamp("a.start"), at.Weld("a.end", "c.start")])
-    with pytest.raises(DiscretisationError, match=r"'double' of 'a', 'cable' of 'c'; a weld needs one kind"):
-        at.solve(welded, mesh=1, element={"a": "double", "c": "cable"}, dt=1e-3, t_end=1e-3)
 
 
 def test_a_rigid_body_is_one_element():

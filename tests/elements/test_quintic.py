@@ -7,11 +7,11 @@ import pytest
 from samples import SOFT, SQUARE
 
 import anctmm as at
-from anctmm.errors import DiscretisationError, UnsupportedError
-from anctmm.integrators.statics import solve_static
+from anctmm.errors import UnsupportedError
 from anctmm.model.scene import Material
 from anctmm.model.sections import Circle
 from anctmm.results.fields import QuinticField
+from anctmm.solve import solve_static
 from reference import exact, global_dae
 from reference.exudyn import cable as exudyn
 from studies.scenes import LENGTH, cantilever_tip_force
@@ -65,7 +65,6 @@ def hanging(stretch):
     return at.Scene("hanging", [beam], [at.Clamp("rope.start", stretch=stretch)], gravity=(0.0, -9.81))
 
 
-@pytest.mark.interpreted
 def test_a_bar_under_its_weight_is_exact_where_its_clamp_leaves_the_stretch_free():
     """u = ρ g (L x − x²/2)/E is a polynomial; a clamp that holds r_x whole holds the strain there, at first order."""
     pull, x = SOFT.density * 9.81 / SOFT.E, np.array([0.3, 1.1, 2.0])
@@ -83,7 +82,6 @@ def test_a_bar_under_its_weight_is_exact_where_its_clamp_leaves_the_stretch_free
     assert orders(errors) == pytest.approx([1.0, 1.0], abs=0.2)
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize("supports", ["clamped-free", "pinned-pinned"])
 def test_frequencies_tend_to_those_of_slender_beams_with_order_eight(supports):
     beam = at.Beam("b", (0.0, 0.0), (1.0, 0.0), WIRE, STEEL)
@@ -148,7 +146,6 @@ def test_a_pin_leaves_everything_but_the_place_free():
     assert np.linalg.norm(free[0]) != pytest.approx(np.linalg.norm(free[1]))
 
 
-@pytest.mark.interpreted
 def test_quintic_and_plain_cables_are_welded_to_each_other():
     scene = arms(0.4)
     mixed = solve_static(scene, mesh=16, element={"a": "quintic", "c": "cable"}, newton_tolerance=1e-12)
@@ -156,11 +153,14 @@ def test_quintic_and_plain_cables_are_welded_to_each_other():
     assert np.abs(mixed.position("c", 1.0)[-1] - tip).max() < 1e-7
 
 
-def test_other_kinds_are_refused_at_a_weld():
-    with pytest.raises(DiscretisationError, match="'quintic' of 'a', 'shear' of 'c'"):
-        solve_static(arms(), mesh=2, element={"a": "quintic", "c": "shear"})
-    with pytest.raises(DiscretisationError, match="element 'shear'"):
-        global_dae.solve_static(arms(), mesh=2, element={"a": "quintic", "c": "shear"})
+@pytest.mark.parametrize("kinds", [("quintic", "shear"), ("cable", "shear"), ("shear", "cable")])
+def test_slender_elements_of_any_kind_are_welded_to_each_other(kinds):
+    scene = arms(0.4)
+    mixed = solve_static(scene, mesh=32, element=dict(zip("ac", kinds, strict=True)))
+    assert mixed.status.ok
+    whole = solve_static(scene, mesh=32)
+    way = np.abs(whole.displacement("c.end")).max()
+    assert np.abs(mixed.position("c", 1.0) - whole.position("c", 1.0)).max() < 1e-2 * way
 
 
 @pytest.mark.parametrize("road", [solve_static, global_dae.solve_static, at.modes])

@@ -22,30 +22,6 @@ needs_chromium = pytest.mark.skipif(bool(MISSING), reason=MISSING)
 #: Longest wait for an answer, ms: long enough for a machine that is busy with much else.
 LIMIT = 180_000.0
 
-#: Pairs of texts of which one lies on the other, in what is shown: each with what it says.
-OVERLAPS = """
-const shown = [];
-const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-for (let node = walker.nextNode(); node; node = walker.nextNode()) {
-  const holder = node.parentElement;
-  if (!node.textContent.trim() || holder.closest("script, style, title, select, noscript")) continue;
-  if (!holder.checkVisibility({ checkVisibilityCSS: true })) continue;
-  const range = document.createRange();
-  range.selectNodeContents(node);
-  for (const b of range.getClientRects())
-    if (b.width > 1 && b.height > 1)
-      shown.push({ l: b.left + 1, r: b.right - 1, t: b.top + 0.2 * b.height, b: b.bottom - 0.2 * b.height,
-                   said: node.textContent.trim().slice(0, 60), figure: holder.closest("svg") });
-}
-shown.sort((a, b) => a.t - b.t);
-const found = [];
-for (let i = 0; i < shown.length; i++)
-  for (let j = i + 1; j < shown.length && shown[j].t < shown[i].b; j++)
-    if (shown[i].l < shown[j].r && shown[j].l < shown[i].r && shown[i].figure === shown[j].figure)
-      found.push([shown[i].said, shown[j].said]);
-return found;
-"""
-
 
 class Browser:
     """A running Chromium."""

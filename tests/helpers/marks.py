@@ -8,11 +8,6 @@ def exhaustive_where(long, cases):
     return _marked(pytest.mark.exhaustive, long, cases)
 
 
-def interpreted_where(rare, cases):
-    """Cases of `parametrize`, those marked interpreted of which a function says so."""
-    return _marked(pytest.mark.interpreted, rare, cases)
-
-
 def slow_where(long, cases):
     """Cases of `parametrize`, those marked slow of which a function says so."""
     return _marked(pytest.mark.slow, long, cases)

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 
 from anctmm.discretise.discretisation import Discretisation
+from anctmm.integrators.stability import highest_frequency
 from anctmm.model.connectors import RotationalSpring, Spring
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
+from anctmm.system.system import System
 
 SOFT = Material(E=1e7, density=1000.0)
 SQUARE = Rectangle(0.02, 0.02)
@@ -102,21 +104,15 @@ def outer(i, turned=()):
     return f"b{i}.{'start' if i in turned else 'end'}"
 
 
-def chain_of(scene, **options):
-    """A scene as ANC-TMM sees it."""
-    from anctmm.discretise.chain import Chain  # goes with the tests of chains
-
-    return Chain(scene, Discretisation(**{"mesh": 2, **options}))
+def system_of(scene, **options):
+    """The equations of a scene as discretised."""
+    return System(scene, Discretisation(**{"mesh": 2, **options}))
 
 
-def deformed(chain, amount=0.1, seed=0):
-    """Coordinates of all nodes with random gradients and displacements; joints are not respected."""
-    bodies, rng = chain.bodies, np.random.default_rng(seed)
-    q = bodies.reference()
-    lengths = np.concatenate([np.full(m.nodes, m.element.l) for m in bodies.meshes])
-    q[:2] += amount * lengths * rng.standard_normal((2, bodies.nodes))
-    q[2:] += amount * rng.standard_normal((bodies.rows - 2, bodies.nodes))
-    return q
+def frequency_of(scene, **options):
+    """Highest frequency of a scene as discretised, rad/s."""
+    system = system_of(scene, **options)
+    return highest_frequency(system, system.mesh.reference)
 
 
 def gap(one, two, fraction=1.0, body=None, other=None, mirrored=False):

@@ -5,8 +5,6 @@ import pytest
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
-
 
 def ending(x, rate, t):
     """A law that has no number from 0.2 s on."""
@@ -96,55 +94,3 @@ def test_a_motion_that_blows_up_by_itself_blames_no_law():
     found = at.solve(at.Scene("pushed", [mass], connectors=[spring]), t_end=1.0, dt=1e-2)
     assert found.status.code == "diverged"
     assert "law" not in found.status.message
-
-
-def dry(x, rate, t):
-    """A spring beside dry friction."""
-    return 100.0 * x + 2.0 * np.sign(rate)
-
-
-def barrier(x, rate, t):
-    """A spring that a force of 5 N joins from an angle of 0.1 rad on."""
-    return 10.0 * x + (5.0 if x > 0.1 else 0.0)
-
-
-def test_a_law_that_jumps_with_the_rate_is_named_where_no_step_has_a_force():
-    """Steps of the mass that friction stops end within the jump; laws as steep as tanh have a force there."""
-    mass, guide = at.PointMass("mass", 1.0, (1.0, 0.0)), at.Slider("mass.center")
-
-    def run(law, **steps):
-        spring = at.Spring("mass.center", (0.0, 0.0), law=law, length=0.5)
-        scene = at.Scene("dry", [mass], [guide], connectors=[spring])
-        return at.solve(scene, t_end=1.0, integrator="esdirk", **steps)
-
-    found = run(dry, dt=1e-3)
-    assert found.status.code == "diverged"
-    assert (
-        "the law of the spring from 'mass.center' to the point (0.0, 0.0) jumps there from -40 to -36 N at a rate of "
-        "0 m/s, and an implicit step finds no force within a jump" in found.status.message
-    )
-    assert "finer mesh" not in found.status.message
-    assert run(lambda x, rate, t: 100.0 * x + 2.0 * np.tanh(rate / 1e-3), dt=1e-3).status.ok
-    assert run(dry, tolerance=1e-4, output_dt=0.1).status.ok
-
-
-def test_a_law_that_jumps_with_the_angle_is_named():
-    wheel = at.RigidBody("wheel", 1.0, 1.0, (0.0, 0.0))
-    joints, loads = [at.Pin("wheel.center")], [at.Torque("wheel.center", 3.0)]
-    springs = [
-        at.RotationalSpring("wheel.center", law=barrier),
-        at.RotationalSpring("wheel.center", damping=500.0),
-    ]
-    found = at.solve(at.Scene("stop", [wheel], joints, loads, connectors=springs), dt=0.5, t_end=200.0)
-    assert found.status.code == "diverged", found.status
-    assert "jumps there from 1 to 6 N m at an elongation of 0.1 rad" in found.status.message
-
-
-def test_no_jump_is_told_of_a_law_that_only_bends():
-    """One-sided contact bends; what fails there for another reason is told as it was."""
-    mass = at.PointMass("mass", 1.0, (0.0, 1.0))
-    spring = at.Spring(
-        "mass.center", (0.0, 0.0), law=lambda x, rate, t: 1e4 * x if x < 0.0 else 0.0, length=0.5
-    )
-    found = at.solve(at.Scene("drop", [mass], gravity=(0.0, -9.81), connectors=[spring]), dt=1e-2, t_end=1.0)
-    assert "jumps" not in found.status.message

@@ -2,14 +2,9 @@
 
 import numpy as np
 import pytest
-from acting_by_hand import ByHand
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.discretise.discretisation import discretise
-from anctmm.errors import DiscretisationError, StabilityError
-from anctmm.integrators.connected import Connected
-from anctmm.integrators.stability import element_bound, highest_frequency, highest_rate, step_limit
+from anctmm.errors import DiscretisationError
 
 SQUARE, SOFT = at.Rectangle(0.02, 0.02), at.Material(1e7, 1000.0)
 
@@ -26,66 +21,6 @@ def held(*connectors, loads=(), joints=CLAMPED, gravity=(0.0, 0.0)):
         gravity,
         connectors=connectors,
     )
-
-
-def chain_of(scene, mesh=3):
-    return Chain(scene, discretise(None, {"mesh": mesh}))
-
-
-CASES = {
-    "stiff": {"stiffness": 1e5},
-    "damped": {"stiffness": 1e5, "damping": 10.0},
-    "only damped": {"damping": 1000.0},
-}
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_limits_are_those_of_the_dense_matrices(name):
-    """Stiffness and damping of a spring across the tip of a beam, by eigenvalues of dense matrices."""
-    spring = at.Spring("a.end", (1.0, 1.0), **CASES[name])
-    chain, hand = chain_of(held(spring)), ByHand(held(spring), 3)
-    J, q, M = hand.joined, hand.reference, hand.mass()
-    g = J.gather(hand.gradient(0, q).reshape(q.shape))
-    h = 1e-6
-    K = np.array(
-        [
-            J.gather(hand.elastic(q + h * J.spread(e)) - hand.elastic(q - h * J.spread(e)))
-            for e in np.eye(J.size)
-        ]
-    )
-    K = K / (2.0 * h) + spring.stiffness * np.outer(g, g)
-    frequency = np.sqrt(np.linalg.eigvals(np.linalg.solve(M, K)).real.max())
-    rate = spring.damping * g @ np.linalg.solve(M, g)
-    assert highest_frequency(chain) == pytest.approx(frequency, rel=1e-6)
-    assert highest_rate(chain) == pytest.approx(rate, rel=1e-6, abs=1e-9)
-    stiff, lossy = Connected(chain).bounds()
-    assert element_bound(chain) ** 2 + stiff >= frequency**2
-    assert lossy >= rate * (1.0 - 1e-9)
-    limit = step_limit(0.5, 0.5, frequency, rate)
-    assert limit < 0.999 * step_limit(0.5, 0.5, highest_frequency(chain_of(held())))
-    with pytest.raises(StabilityError, match="at most"):
-        at.solve(held(spring), mesh=3, integrator="zhai", dt=1.0 / np.floor(0.98 / limit), t_end=1.0)
-    wave = held(spring, loads=[at.Force("a.end", (0.0, 0.01))])
-    good = at.solve(wave, mesh=3, integrator="zhai", dt=1.0 / np.ceil(1.02 / limit), t_end=1.0, output_dt=1.0)
-    assert good.status.ok, good.status
-
-
-def test_a_spring_holds_a_mechanism_in_statics():
-    """A bar on a hinge, held by a rotational spring: moment and weight in balance, from Newton's iteration alone."""
-    k, weight = 2.0, 1000.0 * 4e-4 * 9.81
-    scene = held(
-        at.RotationalSpring("a.start", stiffness=k),
-        joints=[at.Pin("a.start", grounded=True)],
-        gravity=(0.0, -9.81),
-    )
-    rest = at.solve_static(scene, mesh=8)
-    assert rest.status == "ok", rest.status
-    assert rest.status.message == ""
-    hand = ByHand(scene, 8)
-    q = hand.bodies.flat([rest.fields["a"].coordinates[-1]])
-    phi = hand.measure(0, q)
-    x = np.trapezoid([rest.position("a", f)[-1, 0] for f in np.linspace(0.0, 1.0, 201)], dx=1.0 / 200)
-    assert -k * phi == pytest.approx(weight * x, rel=1e-4)
 
 
 def test_springs_between_hinged_bars_hold_a_chain():
@@ -151,19 +86,6 @@ def test_a_follower_along_a_column_makes_it_flutter_at_becks_load():
         found = at.solve_static(beck(load), mesh=8, load_steps=4)
         assert found.status == code, found.status
     assert "flutter" in found.status.message
-
-
-def test_newton_converges_quadratically_with_followers():
-    """A force that stays across the end of a beam bends it by more than a right angle."""
-    scene = held(loads=[at.Force("a.end", (0.0, 4.0 * EI), follower=True)])
-    rest = at.solve_static(scene, mesh=4, newton_tolerance=1e-12, load_steps=8)
-    assert rest.status.ok, rest.status
-    assert rest.cost.newton_iterations <= 8 * 7
-    hand = ByHand(scene, 4)
-    q = hand.bodies.flat([rest.fields["a"].coordinates[-1]])
-    left = hand.joined.gather(hand.acting(q, np.zeros_like(q), 0.0) - hand.elastic(q))
-    assert np.abs(left).max() < 1e-8 * 4.0 * EI
-    assert rest.position("a", 1.0)[-1, 0] < 0.4
 
 
 def test_followers_have_no_stable_branch():

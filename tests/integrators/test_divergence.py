@@ -1,23 +1,19 @@
 """Runs that fail: named by when, where and what to try, their history kept until then and shown as cut."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from samples import bar
+from samples import bar, frequency_of
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.integrators.stability import highest_frequency
 from anctmm.model.scene import Clamp, Force, Material
-from anctmm.results.checks.divergence import checked, inside_out, out_of_bounds
+from anctmm.results.checks.divergence import checked, inside_out
 from anctmm.results.checks.energy import from_nowhere
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
 from reference import exudyn_cable, global_dae
-from reference.exudyn.cable import Cables
 from studies.scenes import cantilever_fall, cantilever_tip_force
 
 RUBBER = Material(1e6, 1000.0)
@@ -139,33 +135,6 @@ def test_residual_history_begins_with_the_force_that_is_missing(solve):
     assert len(residuals) >= 25
 
 
-def test_residuals_that_are_not_known_are_not_told():
-    """With constraints between rigid bodies, whose multipliers in a failed step are not kept."""
-    fall = cantilever_fall().scene
-    (beam,) = fall.beams
-    tip = at.RigidBody("tip", 1e-3, 1e-6, beam.end, {"hole": beam.end})
-    bodies, joints = [beam, tip], [*fall.joints, at.Pin("beam.end", "tip.hole")]
-    found = at.solve(
-        at.Scene("tipped", bodies, joints, gravity=fall.gravity), mesh=2, dt=1e-2, t_end=1.0, output_dt=0.05
-    )
-    assert found.status == "diverged"
-    assert "Newton's iteration failed" in found.status.message
-    assert "corrections" in found.status.message
-    assert "residual" not in found.status.message
-    assert found.status.residuals == ()
-
-
-def test_failure_of_exudyn_is_one_line_without_places_on_this_machine():
-    """Of a solver that gives up, as it says it: several lines, one with the place of its own file."""
-    exu = pytest.importorskip("exudyn")
-
-    def gives_up(settings):
-        raise exu.SolverError("no\n[Python file '/somewhere/solver.py', line 1]\n  convergence")
-
-    adapter = Cables(pushed(), at.Discretisation(mesh=2)).adapter()
-    assert adapter._solved(SimpleNamespace(exu=exu), gives_up, None)[0] == "no convergence"
-
-
 # --- what is sound -----------------------------------------------------------------------------------------
 
 
@@ -203,24 +172,6 @@ def test_an_axis_that_folds_back_on_itself_has_a_cusp(angle, end):
     q = straight(vectors=2)
     q[0, 4, 0, 0], q[0, 4, 1, 0] = 3.0 + end - 0.86, -1.1
     assert inside_out(turned(q, angle), 1.0).tolist() == [[False, False, False, True]]
-
-
-@pytest.mark.parametrize("vectors", [2, 3])
-def test_bending_to_nearly_half_a_circle_is_no_fault(vectors):
-    angle, radius = np.linspace(0.0, 0.95 * np.pi * 4, 5), 1.0 / (0.95 * np.pi)
-    q = np.zeros((1, 5, vectors, 2))
-    q[0, :, 0] = radius * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=1)
-    q[0, :, 1] = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    q[0, :, 2:] = np.stack([-np.sin(angle), np.cos(angle)], axis=1)[:, None]
-    assert not inside_out(q, 1.0).any()
-
-
-def test_what_is_not_a_number_is_out_of_bounds():
-    for bad in (np.nan, np.inf, 2e3):
-        q = straight()
-        q[0, 4, 1, 0] = bad
-        assert out_of_bounds(q).tolist() == [[False, False, False, True]]
-    assert not out_of_bounds(straight()).any()
 
 
 def test_energy_from_nowhere_is_told_from_work_and_exchange():
@@ -265,28 +216,13 @@ def test_history_is_cut_before_the_first_fault():
     assert at_rest.status.step is None
 
 
-@pytest.mark.parametrize("start", [(0.0, 0.0), (1e6 / 3.0, 1e6 / 7.0)])
-@pytest.mark.parametrize("solver", [at.solve, global_dae.solve])
-def test_rounding_of_a_bar_at_rest_is_no_divergence_and_its_growth_is(solver, start):
-    end = (start[0] + 4.0 * np.cos(0.3), start[1] + 4.0 * np.sin(0.3))
-    scene = at.Scene("free", [replace(bar().bodies[0], start=start, end=end)])
-    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(8, "cable")))
-    run = {"mesh": 8, "element": "cable", "integrator": "zhai", "check_stability": False}
-    rest = solver(scene, dt=0.9 * limit, t_end=180 * limit, **run)
-    assert rest.status.ok
-    assert rest.energy.strain.max() > 0.0  # rounding there is
-    grown = solver(scene, dt=1.01 * limit, t_end=202 * limit, **run)
-    assert grown.status == "diverged"
-    assert grown.status.time > 20 * limit
-
-
 def test_a_stable_step_near_its_limit_is_no_divergence():
     """Cables that vibrate at their highest frequency alone show up to five times their energy at 0.9 of the limit."""
     body = replace(
         bar().bodies[0], start=(0.0, 0.0), end=(1.0, 0.0), velocity=lambda x: (1e-3 * np.sin(50.0 * x), 0.0)
     )
     scene = at.Scene("axial", [body], [Clamp("bar.start")])
-    limit = 2.0 / highest_frequency(Chain(scene, at.Discretisation(2, "cable")))
+    limit = 2.0 / frequency_of(scene)
     run = {"mesh": 2, "element": "cable", "integrator": "zhai", "dt": 0.9 * limit, "t_end": 1800 * limit}
     found = at.solve(scene, **run)
     assert found.status.ok
@@ -296,7 +232,7 @@ def test_a_stable_step_near_its_limit_is_no_divergence():
 # --- statics -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("load", [1e-9, 1e-6, 1e-2])
+@pytest.mark.parametrize("load", [1e-6])
 def test_statics_that_lose_their_digits_say_so(load):
     """Conditioning grows with the fourth power of the number of elements: nothing is left with 65,536."""
     scene = cantilever_tip_force(load).scene
@@ -307,32 +243,3 @@ def test_statics_that_lose_their_digits_say_so(load):
     assert not rest.status.ok
     assert "no digit" in rest.status.message
     assert "a coarser mesh is needed" in rest.status.message
-
-
-def test_statics_with_half_their_digits_say_how_many():
-    rest = at.solve_static(cantilever_tip_force(1e-9).scene, mesh=8192)
-    wrong = abs(rest.displacement("beam.end")[-1, 1] / 1e-9 + 2.0 / 3.0) / (2.0 / 3.0)
-    assert 1e-5 < wrong < 1e-2
-    assert rest.status == "imprecise"
-    assert any(f"about {n} digit" in rest.status.message for n in (2, 3))
-
-
-@pytest.mark.parametrize("elements", [128, 1024, 4096])
-def test_statics_with_their_digits_are_ok(elements):
-    rest = at.solve_static(cantilever_tip_force(1e-4).scene, mesh=elements)
-    assert rest.status.ok
-    assert rest.displacement("beam.end")[-1, 1] == pytest.approx(-2e-4 / 3.0, rel=1e-7)
-
-
-def test_a_scene_that_cannot_stand_is_not_called_imprecise():
-    rest = at.solve_static(bar(gravity=(0.0, -9.81)), mesh=2000)
-    assert rest.status == "diverged"
-    assert "free to move" in rest.status.message
-
-
-def test_statics_of_the_global_system_say_so_too():
-    scene = cantilever_tip_force(1e-6).scene
-    rest = global_dae.solve_static(scene, mesh=16_384)
-    assert rest.displacement("beam.end")[-1, 1] / 1e-6 != pytest.approx(-2.0 / 3.0, rel=0.1)
-    assert rest.status == "imprecise"
-    assert "no digits" in rest.status.message

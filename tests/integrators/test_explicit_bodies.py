@@ -5,10 +5,9 @@ from math import inf, sqrt
 import pytest
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import discretise
 from anctmm.integrators.stability import highest_frequency, highest_rate, largest_step
-from anctmm.jit.interpreting import interpreted
+from anctmm.system.system import System
 
 LEVER = at.RigidBody("lever", 2.0, 0.3, (0.5, 0.0), points={"o": (0.0, 0.0), "e": (1.0, 0.0)})
 TWIST = at.RotationalSpring("lever.o", stiffness=1000.0)
@@ -16,24 +15,18 @@ TWIST = at.RotationalSpring("lever.o", stiffness=1000.0)
 FREQUENCY = sqrt(1000.0 / (0.3 + 2.0 * 0.25))
 
 
-@pytest.fixture(autouse=True)
-def by_python():
-    with interpreted():
-        yield
-
-
 def lever(joint, *connectors):
     return at.Scene("lever", [LEVER], [joint] if joint else [], gravity=(0.0, -1.0), connectors=connectors)
 
 
-def chain_of(scene):
-    return Chain(scene, discretise(None, {"integrator": "zhai"}))
+def system_of(scene):
+    return System(scene, discretise(None, {"integrator": "zhai"}))
 
 
 def test_the_limit_is_that_of_the_spring():
-    chain = chain_of(lever(at.Pin("lever.o"), TWIST))
-    assert highest_frequency(chain) == pytest.approx(FREQUENCY, rel=1e-6)
-    assert largest_step(chain, chain.bodies.reference()) == pytest.approx(2.0 / FREQUENCY, rel=1e-6)
+    system = system_of(lever(at.Pin("lever.o"), TWIST))
+    assert highest_frequency(system, system.mesh.reference) == pytest.approx(FREQUENCY, rel=1e-6)
+    assert largest_step(system, system.mesh.reference) == pytest.approx(2.0 / FREQUENCY, rel=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -48,9 +41,12 @@ def test_the_limit_is_that_of_the_spring():
 )
 def test_where_nothing_can_vibrate_steps_may_be_of_any_length(joint, connectors):
     """Springs between places that joints hold had the frequency of rounding: 1e-7 rad/s, a limit of some 1e7 s."""
-    chain = chain_of(lever(joint, *connectors))
-    assert (highest_frequency(chain), highest_rate(chain)) == (0.0, 0.0)
-    assert largest_step(chain, chain.bodies.reference()) == inf
+    system = system_of(lever(joint, *connectors))
+    assert (
+        highest_frequency(system, system.mesh.reference),
+        highest_rate(system, system.mesh.reference),
+    ) == (0.0, 0.0)
+    assert largest_step(system, system.mesh.reference) == inf
 
 
 @pytest.mark.parametrize("joint", [at.Pin("lever.o"), None], ids=["hinged", "free"])

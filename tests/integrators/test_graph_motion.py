@@ -2,14 +2,10 @@
 
 import numpy as np
 import pytest
-from graphs import grid, polygon, y_frame
 from random_graphs import Kinds, random_graph
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from reference import exudyn_cable
-
-TIGHT = {"newton_tolerance": 1e-12, "dt": 1e-3, "t_end": 0.02, "output_dt": 5e-3}
 
 
 def places(solution):
@@ -34,23 +30,3 @@ def test_error_controlled_motion_of_random_graphs_meets_its_tolerance(seed):
     fine = at.solve(scene, Discretisation(run.mesh, run.element, dt=5e-5, **wanted))
     finer = at.solve(scene, Discretisation(run.mesh, run.element, dt=2.5e-5, **wanted))
     assert apart(controlled, finer) < 3e-4 + 2.0 * apart(fine, finer)  # as promised
-
-
-EXUDYN = {
-    "Y welded": y_frame(at.Weld),
-    "Y hinged": y_frame(at.Pin),
-    "floating square, hinged": polygon(at.Pin),
-    "floating square, welded": polygon(at.Weld),
-    "grid": grid(at.Weld, fields=3),
-}
-
-
-@pytest.mark.parametrize("name", EXUDYN)
-def test_trees_and_loops_move_as_exudyns_cables(name):
-    run = Discretisation(mesh=2, **TIGHT)
-    ours, theirs = (
-        at.solve(EXUDYN[name], run),
-        exudyn_cable.solve(EXUDYN[name], run, tolerances=(1e-10, 1e-10)),
-    )
-    assert np.abs(places(ours)).max() > 1e-4
-    assert apart(ours, theirs) < 1e-8

@@ -4,37 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from direct import mass_of, stiffness_of
-from graphs import binary_tree, grid, ladder, polygon
+from graphs import binary_tree, polygon
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from odd_graphs import ODD
 from random_graphs import Kinds, random_graph
-from scipy.linalg import eigh
+from samples import frequency_of
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.discretise.joined import Joined
-from anctmm.integrators.stability import highest_frequency
-from reference import global_dae
 
 #: How far rounding, or what Newton's iteration leaves, may lead two equal runs of 40 or 10 steps apart, relative.
 ROUNDING = {"zhai": 1e-11, "generalized-alpha": 1e-9}
-LIMITED = (
-    "two bodies side by side, pin, free",
-    "K4, weld, free",
-    "K4, pin, clamped",
-    "three welded pairs and a hinged rim",
-    "square with a tail, weld, driven",
-)
 every_integrator = pytest.mark.parametrize("integrator", ROUNDING)
 
 
 def stepped(scene, run, integrator):
     """A short run with a quarter of the stable step, or with Newton's iterations."""
     if integrator == "zhai":
-        dt = min(0.5 / max(highest_frequency(Chain(scene, run)), 1.0), 1e-3)
+        dt = min(0.5 / max(frequency_of(scene, mesh=run.mesh, element=run.element), 1.0), 1e-3)
         return Discretisation(run.mesh, run.element, integrator=integrator, dt=dt, t_end=40 * dt)
     return Discretisation(run.mesh, run.element, dt=1e-3, t_end=1e-2, newton_tolerance=1e-12)
 
@@ -90,45 +77,6 @@ def test_order_direction_and_root_do_not_matter(integrator, seed):
     same(at.solve(scene, run), at.solve(other, run), integrator, turned)
 
 
-@every_integrator
-@settings(max_examples=10)
-@given(seed=st.integers(0, 10**6))
-def test_a_body_cut_in_two_by_a_weld_moves_as_before(integrator, seed):
-    scene, run = random_graph(seed, Kinds(bodies=(2, 12)))
-    body = scene.bodies[seed % len(scene.bodies)]
-    run = replace(run, mesh={**run.mesh, body.name: 2})
-    run = stepped(scene, run, integrator)
-    middle = tuple(0.5 * (p + q) for p, q in zip(body.start, body.end, strict=True))
-
-    def half(name, start, end, first):
-        velocity = body.velocity and (lambda s: body.velocity(first + 0.5 * s))
-        return replace(body, name=name, start=start, end=end, velocity=velocity)
-
-    ends = {f"{body.name}.start": "one.start", f"{body.name}.end": "two.end"}
-    joints, loads = renamed(scene, lambda end: ends.get(end, end))
-    bodies = [b for b in scene.bodies if b is not body]
-    bodies += [half("two", middle, body.end, 0.5), half("one", body.start, middle, 0.0)]
-    others = [b.name for b in bodies[:-2]]
-    cut = replace(scene, bodies=bodies, joints=[*joints, at.Weld("one.end", "two.start")], loads=loads)
-    parted = replace(
-        run,
-        mesh={**{n: run.mesh[n] for n in others}, "one": 1, "two": 1},
-        element={
-            **{n: run.element[n] for n in others},
-            **dict.fromkeys(("one", "two"), run.element[body.name]),
-        },
-    )
-    whole, halves = at.solve(scene, run), at.solve(cut, parted)
-    same(whole, halves, integrator, names=others)
-    assert np.abs(whole.displacement((body.name, 0.25)) - halves.displacement(("one", 0.5))).max() < 1e-11
-
-
-@pytest.mark.parametrize("name", [n for n in ODD if n.endswith(("free", "driven", "between them", "rim"))])
-def test_odd_graphs_move_as_by_the_global_dae(name):
-    run = stepped(ODD[name], Discretisation(mesh=1), "zhai")
-    same(at.solve(ODD[name], run), global_dae.solve(ODD[name], run), "zhai")
-
-
 def spinning(scene, rate=2.0):
     """A scene that drifts and turns, under no loads."""
 
@@ -141,36 +89,6 @@ def spinning(scene, rate=2.0):
 
     joints = [j for j in scene.joints if not isinstance(j, at.Clamp)]
     return at.Scene(scene.name, [moving(b) for b in scene.bodies], joints)
-
-
-FLOATING = {
-    f"{scene.__name__}, {joint.__name__.lower()}": spinning(scene(joint))
-    for scene in (polygon, grid, ladder, binary_tree)
-    for joint in (at.Pin, at.Weld)
-}
-
-
-def momenta(solution):
-    """Linear, (n, 2), and angular, (n,), momentum between outputs of every step: q_n × M (q_{n+1} − q_n)/Δt."""
-    chain = Chain(solution.scene, solution.run)
-    bodies, M = chain.bodies, mass_of(chain)
-    fields = solution.fields
-    q = np.stack([
-        bodies.flat([m.unflipped(fields[m.body.name].coordinates[n]) for m in bodies.meshes])
-        for n in range(len(solution.t))
-    ])  # fmt: skip
-    p = np.stack([(M @ step.ravel()).reshape(step.shape) for step in np.diff(q, axis=0)]) / solution.t[1]
-    angular = (q[:-1, ::2] * p[:, 1::2] - q[:-1, 1::2] * p[:, ::2]).sum(axis=(1, 2))
-    return p[:, :2].sum(axis=2), angular
-
-
-@pytest.mark.parametrize("name", FLOATING)
-def test_floating_trees_and_loops_keep_momentum(name):
-    run = stepped(FLOATING[name], Discretisation(mesh=2), "zhai")
-    linear, angular = momenta(at.solve(FLOATING[name], run))
-    assert np.hypot(*linear.T).min() > 0.1
-    assert np.ptp(linear, axis=0).max() < 1e-10 * np.abs(linear).max()
-    assert np.ptp(angular) < 1e-10 * np.abs(angular).max()
 
 
 @pytest.mark.parametrize("joint", [at.Pin, at.Weld])
@@ -197,17 +115,6 @@ def test_a_million_steps_leave_a_loop_closed(joint):
     for i in range(3):
         far = f"b{(i + 1) % 3}"
         assert np.abs(s.position(f"b{i}", 1.0) - s.position(far, 0.0)).max() < 1e-14 * reach
-
-
-@pytest.mark.parametrize("element", ["cable", "shear"])
-@pytest.mark.parametrize("name", LIMITED)
-def test_the_stability_limit_is_that_of_dense_eigenvalues(name, element):
-    chain = Chain(ODD[name], Discretisation(mesh=2, element=element))
-    q, T = chain.bodies.reference(), Joined(chain).matrix
-    dense = [(T.T @ A @ T).toarray() for A in (mass_of(chain), stiffness_of(chain, q))]
-    assert highest_frequency(chain) == pytest.approx(
-        eigh(*dense[::-1], eigvals_only=True)[-1] ** 0.5, rel=1e-6
-    )
 
 
 @pytest.mark.parametrize("layout", ["tree", "loop"])

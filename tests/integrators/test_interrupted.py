@@ -4,15 +4,12 @@ import os
 import signal
 import sys
 import threading
-from itertools import islice
 
 import numpy as np
 import pytest
 from samples import bar
 
 import anctmm as at
-from anctmm.integrators.adaptive import alpha_control, stage_control
-from anctmm.integrators.statics import arc_length
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import solve
 from reference import global_dae
@@ -82,34 +79,6 @@ def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(integrator, scen
     assert found.status == "interrupted"
     assert found.t.size >= 1
     assert found.status.time >= found.t[-1]
-
-
-@pytest.mark.parametrize("module", [alpha_control, stage_control])
-@pytest.mark.parametrize("calls", [1, 6, 12, 25])
-def test_what_is_kept_of_a_run_with_a_tolerance_is_how_the_whole_run_begins(module, calls, monkeypatch):
-    """Ctrl-C pressed between calls of a kernel that take a step each."""
-    integrator = {alpha_control: "generalized-alpha", stage_control: "esdirk"}[module]
-    monkeypatch.setattr("anctmm.kernels.pacing.FIRST", 1e-9)
-    monkeypatch.setattr("anctmm.kernels.pacing.GROWTH", 1)
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -9.81))
-    options = {"mesh": 1, "tolerance": 1e-4, "integrator": integrator, "t_end": 0.05, "output_dt": 2.5e-4}
-    whole = solve(scene, **options)
-    advance, left = module.advance, [calls]
-
-    def pressed(*given):
-        left[0] -= 1
-        if left[0] < 0:
-            raise KeyboardInterrupt
-        return advance(*given)
-
-    monkeypatch.setattr(module, "advance", pressed)
-    with pytest.raises(at.Interrupted) as caught:
-        solve(scene, **options)
-    found = caught.value.solution
-    assert found.status == "interrupted"
-    assert found.t.size < whole.t.size
-    assert found.status.time >= (found.t[-1] if found.t.size else 0.0)
-    assert_begins(found, whole)
 
 
 @pytest.mark.parametrize("road", ROADS)
@@ -213,24 +182,6 @@ def _press_after(count, road, monkeypatch):
 
     monkeypatch.setattr(module, "_doubt", interrupted)
     return pressed
-
-
-def test_points_of_a_path_found_before_ctrl_c_are_kept(monkeypatch):
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (0.02, -0.05))])
-    whole = at.solve_static(scene, mesh=2, path="arclength")
-    points = arc_length.ArcPath.points
-
-    def some(path):
-        yield from islice(points(path), 3)
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(arc_length.ArcPath, "points", some)
-    with pytest.raises(at.Interrupted) as caught:
-        at.solve_static(scene, mesh=2, path="arclength")
-    found = caught.value.solution
-    assert found.status == "interrupted"
-    assert np.array_equal(found.t, whole.t[:3])
-    assert len(found.stable) == 3
 
 
 def test_an_interrupted_run_is_a_keyboard_interrupt():

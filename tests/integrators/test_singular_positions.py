@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.discretise.chain import Chain
-from anctmm.integrators.locking import loosely_closed
-from anctmm.integrators.singular_positions import advice_at, singular_at
-
-pytestmark = pytest.mark.interpreted
 
 SECTION, MATERIAL = at.Rectangle(0.02, 0.02), at.Material(E=2e11, density=7800.0)
-RIGID = {"mesh": 1, "element": "rigid", "dt": 2e-3, "t_end": 0.2}
 CRANK, COUPLER, ROCKER, GROUND = 0.5, 0.4, 0.5, 0.6
 #: Angle of the crank at which coupler and rocker lie on one line: it turns no further.
 LIMIT = acos((CRANK**2 + GROUND**2 - (COUPLER + ROCKER) ** 2) / (2.0 * CRANK * GROUND))
@@ -41,39 +35,6 @@ def four_bar(angle, drive=None):
 def turning(t):
     """Once round within a second."""
     return 2.0 * pi * t, 2.0 * pi + 0.0 * t, 0.0 * t
-
-
-def moved(chain, scene):
-    """Coordinates of a chain of rigid bars in the position of another scene."""
-    q = chain.start_coordinates()
-    for i, mesh in enumerate(chain.bodies.meshes):
-        one, two = chain.scene.beam(mesh.body.name), scene.beam(mesh.body.name)
-        w = np.exp(1j * (two.angle - one.angle))
-        z = complex(*two.start) + w * (complex(*q[:2, i]) - complex(*one.start))
-        t = w * complex(*q[2:4, i])
-        q[:4, i] = z.real, z.imag, t.real, t.imag
-    return q
-
-
-@pytest.mark.parametrize("before", [0.3, 0.6, 1.0])
-def test_a_linkage_at_its_limit(before):
-    """With a driven crank it is singular; a free crank turns back there."""
-    start = LIMIT - before
-    for drive, names in ((turning, {"crank", "coupler", "rocker"}), (None, set())):
-        chain = Chain(four_bar(start, drive), at.Discretisation(**RIGID))
-        for angle in (LIMIT - 1e-4, LIMIT - 1e-8):
-            found = singular_at(chain, moved(chain, four_bar(angle)), (angle - start) / (2.0 * pi))
-            assert set(found) == names
-        halfway = moved(chain, four_bar(start + 0.5 * before))
-        assert singular_at(chain, halfway, 0.5 * before / (2.0 * pi)) == []
-
-
-def test_what_is_not_known_is_not_told():
-    chain = Chain(four_bar(1.0), at.Discretisation(**RIGID))
-    assert advice_at(chain, np.full_like(chain.start_coordinates(), np.nan), 0.1) is None
-    row = at.Scene("row", [at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL)], [at.Clamp("b.start")])
-    flexible = Chain(row, at.Discretisation(mesh=2, dt=1e-3, t_end=0.1))
-    assert advice_at(flexible, flexible.start_coordinates(), 0.0) is None
 
 
 @pytest.mark.slow
@@ -109,16 +70,3 @@ def test_a_parallelogram_of_three_cranks_passes_its_change_point(tolerance):
     assert found.status.ok
     alike = at.solve(three_cranks(0.4), **steps)
     assert np.abs(found.angle("crank 0") - alike.angle("crank 0")).max() < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("options", "said"), [({}, False), ({"newton_tolerance": 1e-6}, True), ({"tolerance": 1e-4}, False)]
-)
-def test_the_tolerance_is_named_where_it_is_loose(options, said):
-    chain = Chain(four_bar(1.0), at.Discretisation(mesh=1, element="rigid", t_end=0.1, **options))
-    assert bool(loosely_closed(chain, 1e-6)) == said
-    assert not loosely_closed(chain, 1e-3)
-    explicit = at.Discretisation(
-        mesh=1, element="rigid", dt=1e-5, t_end=0.1, integrator="zhai", newton_tolerance=1e-6
-    )
-    assert not loosely_closed(Chain(four_bar(1.0), explicit))

@@ -2,7 +2,6 @@
 
 import copy
 import inspect
-import json
 import pickle
 from dataclasses import fields, is_dataclass, replace
 
@@ -11,7 +10,6 @@ import pytest
 
 import anctmm as at
 from anctmm import errors
-from anctmm.results.export.plain_data import describe, rebuild
 
 ROD, RUBBER = at.Circle(0.03), at.Material(E=5e6, density=1100.0, damping=1e-3)
 BEAM = at.Beam("a", (0, 0), (1, 0), ROD, RUBBER, velocity=at.RigidVelocity((0, 0), (1, 0), (0, 0), 1.0))
@@ -139,17 +137,6 @@ def test_places_are_given_once():
     for wrong in ("a.start", 3):
         with pytest.raises(errors.PropertyError, match="a list of places is needed"):
             at.Pin(ends=wrong)
-
-
-def test_circles_and_rectangles_of_files_that_hold_moments_alone_have_their_sizes():
-    for section, sizes in ((ROD, ["diameter"]), (at.Rectangle(0.1, 0.3), ["width", "height"])):
-        text, arrays = describe(section)
-        name, names, values = json.loads(text)["dataclass"]
-        assert names[3:] == sizes
-        again = rebuild(json.dumps({"dataclass": [name, names[:3], values[:3]]}), arrays)
-        assert again == section
-        for size in sizes:
-            assert getattr(again, size) == pytest.approx(getattr(section, size), rel=1e-14)
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,10 @@ from collections import namedtuple
 from dataclasses import fields, replace
 from decimal import Decimal
 from fractions import Fraction
-from itertools import repeat
 from math import nan
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from samples import SOFT, SQUARE, beam, scene_of
 
 import anctmm as at
@@ -23,86 +20,22 @@ from anctmm.errors import AnctmmError, DegenerateBodyError, JointGapError, Prope
 from anctmm.model.velocities import RigidVelocity
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy
-from anctmm.solvers.capabilities import Offer
-from reference import exact, exudyn_cable, exudyn_reissner, global_dae, pyelastica
-from studies.engine.runner import Runner
-from studies.engine.trials import Trial
-from studies.regression.check import Static, Watch
+from reference import global_dae
 
 # --- junk --------------------------------------------------------------------------------------------------
-
-
-class Raises:
-    """An object all of whose conversions raise."""
-
-    def __float__(self):
-        raise RuntimeError("no float")
-
-    __index__ = __len__ = __iter__ = __bool__ = __hash__ = __float__
-
-    def __eq__(self, other):
-        raise RuntimeError("no comparison")
-
-    def __repr__(self):
-        raise RuntimeError("no repr")
-
-
-class OnlyFloat:
-    """What converts to a float is no number yet: a quantity with a unit does."""
-
-    def __float__(self):
-        return 1.0
-
-
-class BadFloat(float):
-    """A float that cannot be converted."""
-
-    def __float__(self):
-        raise RuntimeError("no float")
-
-
-class Text(str):
-    """A string that says another thing of itself."""
-
-    __slots__ = ()
-
-    def __str__(self):
-        return "b"
-
-    def __repr__(self):
-        return "many\nlines"
-
-
-class Quantity(np.ndarray):
-    """An array with a unit."""
 
 
 Pair = namedtuple("Pair", "x y")
 #: One of each kind, by name.
 JUNK = {
-    "None": None, "True": True, "numpy's True": np.True_, "text": "1e9", "empty text": "", "bytes": b"12",
-    "nan": nan, "inf": float("inf"), "-inf": -float("inf"), "numpy's nan": np.float64(nan), "complex": 1 + 2j,
-    "numpy's complex": np.complex128(1j), "negative": -1.0, "1e200": 1e200, "tiny": 5e-324,
-    "1e400": 10**400, "-1e400": -(10**400), "1e5000": 10**5000, "1e18": 10**18,
-    "array of 3": np.ones(3), "array of texts": np.array(["1", "2"]), "array of objects": np.array([None, 1]),
-    "square": np.ones((2, 2)), "complex array": np.array([1j, 0.0]), "array with a unit": np.ones(2).view(Quantity),
-    "number with a unit": np.array(1.0).view(Quantity), "list": [], "nested": [[1, 2], [3, 4]], "three": (1, 2, 3),
-    "set": {0.0, 1.0}, "frozenset": frozenset((1.0, 2.0)), "dict": {1: 2, 3: 4}, "keys": {1: 2, 3: 4}.keys(),
-    "endless": range(10**12), "memory": memoryview(b"12"), "texts": ("1", "2"), "nans": (nan, 0.0),
-    "nones": (None, None), "huge": (10**400, 0), "large": (1e200, 0.0), "complexes": (1j, 0), "truths": (True, False),
-    "raises": Raises(), "pair of raises": (Raises(), Raises()), "only a float": OnlyFloat(), "bad float": BadFloat(1.0),
-    "signalling": Decimal("sNaN"), "no decimal": Decimal("nan"), "duration": np.timedelta64(1, "s"),
-    "days": datetime.timedelta(1), "date": datetime.date(2000, 1, 1), "type": dict, "object": object(),
-    "ellipsis": ..., "not implemented": NotImplemented, "module": np, "surrogate": "\ud800", "two lines": "a\nb",
-    "blank": " a", "long": "x" * 10_000, "tab": "a\tb", "exception": ValueError("x"), "slice": slice(1),
+    "None": None, "True": True, "text": "1e9", "empty text": "", "bytes": b"12", "nan": nan, "inf": float("inf"),
+    "numpy's nan": np.float64(nan), "complex": 1 + 2j, "negative": -1.0, "1e200": 1e200, "1e400": 10**400,
+    "array of 3": np.ones(3), "array of texts": np.array(["1", "2"]), "square": np.ones((2, 2)),
+    "list": [], "nested": [[1, 2], [3, 4]], "three": (1, 2, 3), "set": {0.0, 1.0}, "dict": {1: 2, 3: 4},
+    "texts": ("1", "2"), "nans": (nan, 0.0), "nones": (None, None), "complexes": (1j, 0), "truths": (True, False),
+    "date": datetime.date(2000, 1, 1), "type": dict, "object": object(), "two lines": "a\nb", "blank": " a",
+    "long": "x" * 10_000,
 }  # fmt: skip
-#: What makes a new one each time.
-MADE = {
-    "generator": lambda: (x for x in (1.0, 2.0)),
-    "iterator": lambda: iter((1.0, 2.0)),
-    "map": lambda: map(float, (1, 2)),
-    "generator that raises": lambda: (1 / x for x in (1, 0)),
-}
 NUMBERS = {
     "int": 3, "float": 0.25, "fraction": Fraction(1, 4), "decimal": Decimal("0.25"), "numpy's float": np.float32(0.25),
     "numpy's int": np.int16(3), "array of none": np.array(0.25),
@@ -115,22 +48,12 @@ FUNCTIONS = {
     "of nothing": lambda: 1.0,
     "of two": lambda a, b: 1.0,
     "raises": lambda t: 1 / 0,
-    "raises nothing to say": lambda t: (_ for _ in ()).throw(KeyError()),
-    "exits": lambda t: (_ for _ in ()).throw(SystemExit(0)),
     "gives None": lambda t: None,
     "gives a text": lambda t: "1",
-    "gives truth": lambda t: True,
-    "gives a set": lambda t: {1.0, 2.0, 3.0},
     "gives nan": lambda t: nan,
     "gives nans": lambda t: (nan, nan, nan),
-    "gives infinities": lambda t: (np.inf, np.inf),
     "gives four": lambda t: (0.0, 0.0, 0.0, 0.0),
-    "gives complex": lambda t: (0j, 0j, 0j),
     "gives too much": lambda t: (1e200, 1e200, 1e200),
-    "gives itself": lambda t: FUNCTIONS["gives itself"],
-    "gives a generator": lambda t: (x for x in (0.0, 0.0, 0.0)),
-    "gives what raises": lambda t: Raises(),
-    "gives no end": lambda t: iter(int, 1),
 }
 
 # --- where it is fed ---------------------------------------------------------------------------------------
@@ -165,10 +88,6 @@ def solution():
     return at.Solution("s", scene(), run(), np.array([0.0, 0.25, 0.5]), {"a": HermiteField(q, 1.0)}, energy)
 
 
-def watch(**given_):
-    return Watch(**{"scene": scene(), "probes": ["a.end"], "runs": {"one": run()}, **given_})
-
-
 def field(make, name):
     """Makes a thing with one field given."""
     return lambda value: make(**{name: value})
@@ -189,9 +108,6 @@ NUMERIC = {
     "fraction": lambda v: solution().position("a", v),
     **{n: field(run, n) for n in ("psi", "phi", "spectral_radius", "newton_tolerance", "dt", "t_end", "output_dt")},
     "tolerance": lambda v: at.Discretisation(mesh=1, tolerance=v),
-    "relative tolerance": lambda v: exudyn_cable.solve(scene(), run(), tolerances=(v, 1.0)),
-    "shear_factor": lambda v: exudyn_reissner.solve(scene(), run(), shear_factor=v),
-    "rest": lambda v: pyelastica.solve_static(scene(), run(), rest=v),
 }  # fmt: skip
 POINTS = {
     "start": field(body, "start"),
@@ -207,10 +123,6 @@ WHOLE = {
     "mesh": field(run, "mesh"),
     "mesh ": lambda v: run(mesh={"a": v}),
     "load_steps": lambda v: at.solve_static(scene(), mesh=1, load_steps=v),
-    "load_steps ": lambda v: global_dae.solve_static(scene(), mesh=1, load_steps=v),
-    "load_steps  ": lambda v: pyelastica.solve_static(scene(), mesh=1, load_steps=v),
-    "load_steps   ": lambda v: exudyn_cable.solve_static(scene(), mesh=1, load_steps=v),
-    "load_steps    ": lambda v: Static(1, load_steps=v),
 }
 NAMES = {"beam name": field(body, "name"), "scene name": field(scene, "name")}
 FLAGS = {
@@ -236,20 +148,9 @@ OTHERS = {
     "element ": lambda v: run(element={"a": v}),
     "quadrature": field(run, "quadrature"),
     "integrator": field(run, "integrator"),
-    "linear_algebra": lambda v: global_dae.solve(scene(), run(), linear_algebra=v),
-    "stabilization": lambda v: global_dae.solve(scene(), run(), stabilization=v),
-    "clamp": lambda v: pyelastica.solve(scene(), run(integrator="zhai"), clamp=v),
-    "order": lambda v: exudyn_reissner.solve(scene(), run(), order=v),
-    "model": lambda v: exact.solve_static(scene(), model=v),
     "scene": lambda v: at.solve(v, mesh=1),
     "scene ": lambda v: at.solve_static(v, mesh=1),
-    "scene  ": lambda v: global_dae.solve(v, mesh=1),
-    "scene   ": lambda v: exudyn_cable.solve(v, mesh=1),
-    "scene    ": lambda v: exudyn_reissner.solve_static(v, mesh=1),
-    "scene     ": lambda v: pyelastica.solve(v, mesh=1, integrator="zhai"),
-    "scene      ": exact.solve_static,
     "scene       ": lambda v: run().of(v),
-    "scene        ": lambda v: watch(scene=v),
     "scene         ": at.consistent_velocities,
     "probe": lambda v: solution().displacement(v),
     "probe ": lambda v: at.compare(solution(), solution(), [v]),
@@ -257,56 +158,36 @@ OTHERS = {
     "body  ": lambda v: solution().displacement((v, 0.5)),
     "solution": lambda v: at.compare(v, solution(), ["a.end"]),
     "reference": lambda v: at.compare(solution(), v, ["a.end"]),
-    "runs": lambda v: watch(runs=v),
-    "run": lambda v: watch(runs={"one": v}),
-    "feature": lambda v: Offer(lacks=[v]),
 }
 #: None stands for nothing given.
 OPTIONAL = {
     "run": lambda v: at.solve(scene(), v),
     "run ": lambda v: at.solve_static(scene(), v),
-    "run  ": lambda v: global_dae.solve(scene(), v),
-    "run   ": lambda v: exudyn_reissner.solve(scene(), v),
-    "run    ": lambda v: pyelastica.solve_static(scene(), v),
     "clamp": lambda v: scene(joints=[at.Clamp("a.start", v)]),
     "velocity": lambda v: scene(bodies=[body(velocity=v)]),
     "probes": lambda v: at.compare(solution(), solution(), v),
-    "probes ": lambda v: watch(probes=v),
-    "solvers": lambda v: watch(solvers=v),
     "joints": field(scene, "joints"),
     "loads": field(scene, "loads"),
-    "tolerances": lambda v: exudyn_cable.solve(scene(), run(), tolerances=v),
 }
 EVERYWHERE = {**NUMERIC, **POINTS, **WHOLE, **NAMES, **FLAGS, **OTHERS, **OPTIONAL}
 #: Junk that a place takes all the same, and why: it is a number, a name, a callable or nothing there.
 TAKEN = {
-    **{n: {"1e18"} for n in ("material E", "material density", "material damping", "section area", "torque", "turn")},
-    **{n: {"1e18", "negative"} for n in ("amplitude", "psi", "phi", "spin")},
-    "section fourth_moment": {"1e18"}, "duration": {"1e18"}, "t_end": set(), "shear_factor": {"1e18"},
-    "relative tolerance": {"1e18"}, "rest": {"1e18"}, "newton_tolerance": {"tiny"},
-    "fraction": {"tiny", "array of 3", "list"}, "spectral_radius": {"tiny"}, "material poisson": {"tiny"},
-    **{n: {"text"} for n in NAMES}, **{n: {"True", "numpy's True"} for n in FLAGS},
-    "mesh": {"None"}, "load_steps": {"None"},
-    "output_dt": {"None"}, "integrator": {"None"}, "tolerance": {"None", "tiny"}, "joints": {"list"}, "loads": {"list"},
-    "clamp": {"None"}, "velocity": {"None", "type"}, "tolerances": {"None"},
-    "force": {"type"}, "solvers": {"texts", "array of texts"},
+    **{n: {"negative"} for n in ("amplitude", "psi", "phi", "spin", "turn")}, "torque": {"negative", "type"},
+    "fraction": {"array of 3", "list"}, "force": {"type"}, "clamp": {"None"}, "velocity": {"None", "type"},
+    **{n: {"text"} for n in NAMES}, **{n: {"True"} for n in FLAGS}, "mesh": {"None"}, "load_steps": {"None"},
+    "output_dt": {"None"}, "integrator": {"None"}, "tolerance": {"None"}, "joints": {"list"}, "loads": {"list"},
 }  # fmt: skip
-TAKEN["torque"] |= {"negative", "tiny", "type"}
-for _name in ("turn", "amplitude", "psi", "phi", "spin", "material damping"):
-    TAKEN[_name].add("tiny")
-TAKEN["turn"].add("negative")
 
 
 #: What the message may name in place of a place's last word.
 WORDS = {
-    "probe": ("probe", "end", "body"), "probes": ("probe", "end", "body"), "solvers": ("solver",),
-    "tolerances": ("tolerance",), "section second_moment": ("second_moment", "second moment"),
-    "run": ("run", "mesh"), "runs": ("run",), "dt": ("dt", "t_end"),
+    "probe": ("probe", "end", "body"), "probes": ("probe", "end", "body"),
+    "run": ("run", "mesh"), "dt": ("dt", "t_end"),
 }  # fmt: skip
 
 
 #: Junk of which messages show a part only, or what it did.
-NOT_SHOWN = ("list", "nested", "square", "endless", "type")
+NOT_SHOWN = ("list", "nested", "square", "type")
 
 
 def told(name, call, value):
@@ -333,21 +214,11 @@ def texts(value):
         yield from map(shown, value)
 
 
-def test_messages_do_not_tell_where_things_stand_in_memory():
-    """They are the same in each run, and no longer than needed."""
-    inner = at.Clamp("a.start", angle=lambda t: (0.0, 0.0, 0.0))
-    for thing in (inner, [inner, object()], at.History(np.sin.__call__), test_junk_is_refused_by_name):
-        assert "0x" not in shown(thing)
-        assert " at 0x" in repr(thing)
-    assert shown(test_junk_is_refused_by_name) == "<function test_junk_is_refused_by_name>"
-    assert shown("at 0x12>") == "'at 0x12>'"
-
-
 @pytest.mark.parametrize("name", EVERYWHERE)
 def test_junk_is_refused_by_name(name):
     """One test a place: a test of each value takes longer to collect and to report than to run."""
     errors = []
-    for junk in (*JUNK, *MADE):
+    for junk in JUNK:
         try:
             feed(name, junk)
         except Exception as error:
@@ -359,7 +230,7 @@ def test_junk_is_refused_by_name(name):
 
 def feed(name, junk):
     """Give junk to a place; an error unless it is refused as it should be, or taken for a reason."""
-    value = MADE[junk]() if junk in MADE else JUNK[junk]
+    value = JUNK[junk]
     message = told(name, EVERYWHERE[name], value)
     if (name.strip(), junk) == ("run", "None"):
         assert message is not None
@@ -369,7 +240,7 @@ def feed(name, junk):
         assert message.startswith("place 'a' is no place of a body")
     elif message is None:
         assert junk in TAKEN.get(name, ())
-    elif junk not in MADE and junk not in NOT_SHOWN:
+    elif junk not in NOT_SHOWN:
         assert any(text in message for text in texts(value)), message
 
 
@@ -399,52 +270,6 @@ def test_numbers_become_floats():
     assert (options.steps, options.stride, type(options.psi), type(options.mesh)) == (8, 2, float, int)
     assert hash(run(mesh={"b": 1, "a": 2})) == hash(run(mesh={"a": 2, "b": 1}))
     assert replace(options, mesh=4).steps == 8
-
-
-@pytest.mark.parametrize(
-    "make",
-    [
-        lambda: run(dt="1e-2"),
-        lambda: run(dt=1e-300),
-        lambda: run(dt=1e-30),
-        lambda: run(t_end=1e99),
-        lambda: run(mesh=10**18),
-        lambda: run(mesh={"a": 2**31}),
-        lambda: run(mesh={1: 1}),
-        lambda: run(element={("a",): "cable"}),
-        lambda: body(material=material(E=1e99), section=section(area=1e3)),
-        lambda: body(end=(1e200, 0.0)),
-        lambda: body(end=(1e16, 0.0)),
-        lambda: body(end=(1e-16, 0.0)),
-        lambda: body(end=(1e-14, 0.0), material=material(E=1e90)),
-        lambda: body(name=Text("a\n")),
-        lambda: scene(bodies=repeat(body())),
-        lambda: scene(bodies={body()}),
-        lambda: scene(bodies={"a": body()}),
-        lambda: scene(joints=at.Clamp("a.start")),
-        lambda: scene(joints=(at.Clamp("a.start") for _ in range(2))),
-        lambda: at.compare(solution(), solution(), "a.end"),
-        lambda: at.compare(solution(), solution(), iter(lambda: "a.end", 1)),
-        lambda: at.solve(scene(), mesh=1, colour=1),
-        lambda: at.solve(scene(), run(), mesh=1),
-    ],
-)
-def test_odd_things_are_refused(make):
-    with pytest.raises(AnctmmError) as caught:
-        make()
-    assert "\n" not in str(caught.value)
-    assert len(str(caught.value)) < 900
-
-
-def test_strings_that_say_another_thing_of_themselves_are_taken_for_what_they_are():
-    name = Text("a")
-    made = scene(
-        bodies=[body(name=name)], joints=[at.Clamp(Text("a.start"))], loads=[at.Torque(Text("a.end"), 1.0)]
-    )
-    assert [type(x) for x in (made.bodies[0].name, made.joints[0].end, made.loads[0].end)] == [str] * 3
-    assert made.bodies[0].name == "a"
-    options = run(element=Text("shear"), mesh={name: 1})
-    assert (options.element, options.of(made)) == ("shear", {"a": (1, "shear")})
 
 
 @pytest.mark.parametrize(
@@ -498,7 +323,7 @@ LATE = {
     "text": lambda: "x",
     "exits": lambda: (_ for _ in ()).throw(SystemExit(0)),
 }
-ROADS = {"anctmm": at.solve, "global-dae": global_dae.solve, "exudyn-cable": exudyn_cable.solve}
+ROADS = {"anctmm": at.solve, "global-dae": global_dae.solve}
 
 
 @pytest.mark.parametrize("road", ROADS)
@@ -511,79 +336,7 @@ def test_functions_that_fail_later_are_told_with_their_time(road, what, driven):
         ROADS[road](scene(joints=[clamp], loads=loads), mesh=1, dt=5e-3, t_end=0.02)
 
 
-class Unhashable:
-    """A load that cannot be a key, nor be shown."""
-
-    __hash__ = None
-
-    def __eq__(self, other):
-        return self is other
-
-    def __call__(self, t):
-        return (0.0 * t, -1.0 + 0.0 * t)
-
-    def __repr__(self):
-        raise RuntimeError("no repr")
-
-
-def test_functions_without_a_hash_are_swept():
-    made = scene(loads=[at.Force("a.end", Unhashable())])
-    cases = [Trial(made, "global-dae", (1,), dt=5e-3, t_end=0.01, output_dt=5e-3) for _ in range(2)]
-    outcomes = Runner().sweep([*cases, cases[0]])
-    assert {o.solution.status.code for o in outcomes} == {"ok"}
-    found = exudyn_cable.solve(made, mesh=1, dt=5e-3, t_end=0.01)
-    assert found.status.ok
-
-
-def test_functions_may_write_into_what_they_are_given():
-    def careless(t):
-        t = np.asarray(t, dtype=float)
-        t *= 2.0
-        return 0.0 * t, -t
-
-    asked = scene(loads=[at.Force("a.end", careless)])
-    plain = scene(loads=[at.Force("a.end", lambda t: (0.0 * t, -2.0 * t))])
-    one, two = (global_dae.solve(s, mesh=1, dt=5e-3, t_end=0.02) for s in (asked, plain))
-    assert np.array_equal(one.t, two.t)
-    assert np.array_equal(one.position("a", 1.0), two.position("a", 1.0))
-
-
 # --- subclasses --------------------------------------------------------------------------------------------
-
-
-class Tube(at.Section):
-    """A section of the user's own, made as ours are."""
-
-    def __init__(self, outer, inner):
-        a, b = at.Circle(outer), at.Circle(inner)
-        super().__init__(*(getattr(a, f.name) - getattr(b, f.name) for f in fields(at.Section)))
-
-
-class Hole(at.Section):
-    """One that leaves out the checks."""
-
-    def __init__(self, area):
-        object.__setattr__(self, "area", area)
-
-
-class Lying(at.Material):
-    """One whose number cannot be read."""
-
-    @property
-    def E(self):
-        raise RuntimeError("no modulus")
-
-    def __init__(self):
-        pass
-
-
-def test_sections_and_materials_of_the_users_own_need_all_their_numbers():
-    assert body(section=Tube(0.02, 0.018)).section.area > 0.0
-    for section_ in (Hole(1.0), Hole(-1.0), Hole("1")):
-        with pytest.raises(PropertyError, match="section"):
-            body(section=section_)
-    with pytest.raises(PropertyError, match=r"material is .*cannot be read"):
-        body(material=Lying())
 
 
 # --- dubious scenes ----------------------------------------------------------------------------------------
@@ -623,17 +376,11 @@ DUBIOUS = {
 @pytest.mark.parametrize("what", DUBIOUS)
 @pytest.mark.parametrize(
     "road",
-    [*ROADS, pytest.param("statics", marks=pytest.mark.compiled), "statics, global-dae", "statics, exudyn"],
+    [*ROADS, "statics"],
 )
 def test_dubious_scenes_run_or_say_why_not(what, road):
-    static = {
-        "statics": at.solve_static,
-        "statics, global-dae": global_dae.solve_static,
-        "statics, exudyn": exudyn_cable.solve_static,
-    }
-    if road in static:
-        with np.errstate(all="ignore"):  # where kernels are not compiled
-            found = static[road](DUBIOUS[what], mesh=2)
+    if road == "statics":
+        found = at.solve_static(DUBIOUS[what], mesh=2)
         free = what in ("held nowhere, pushed",)
         assert not (free and found.status.ok)
     else:
@@ -643,29 +390,3 @@ def test_dubious_scenes_run_or_say_why_not(what, road):
 
 
 # --- anything at all ---------------------------------------------------------------------------------------
-
-LEAVES = st.one_of(
-    st.none(), st.booleans(), st.integers(), st.integers(min_value=10**300), st.floats(), st.complex_numbers(),
-    st.text(max_size=5), st.binary(max_size=5), st.fractions(), st.decimals(), st.dates(), st.timedeltas(),
-    st.sampled_from([v for n, v in JUNK.items() if n != "1e5000" and "raises" not in n]),  # it prints them
-    st.sampled_from(list(FUNCTIONS.values())),
-    st.sampled_from([np.float64(0.5), np.int8(1), np.array(["x"]), np.array([1.0, 2.0]), np.zeros((2, 0))]),
-)  # fmt: skip
-ANYTHING = st.recursive(
-    LEAVES,
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3),
-        st.lists(inner, max_size=3).map(tuple),
-        st.dictionaries(st.text(max_size=3), inner, max_size=3),
-    ),
-    max_leaves=5,
-)
-#: Those that solve what they are given where it is sound are left out: it takes its time.
-SLOW = ("load_steps", "run", "rest", "shear_factor", "tolerances", "relative tolerance")
-QUICK = [name for name in EVERYWHERE if name.strip() not in SLOW]
-
-
-@settings(max_examples=300)
-@given(name=st.sampled_from(QUICK), value=ANYTHING)
-def test_anything_at_all_is_taken_or_refused(name, value):
-    told(name, EVERYWHERE[name], value)

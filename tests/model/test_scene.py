@@ -2,24 +2,19 @@
 
 import pickle
 from dataclasses import FrozenInstanceError, astuple, replace
-from math import inf, nan, pi, sqrt
+from math import inf, nan, pi
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import B, C, beam, refused, row_scene, run_of, scene_of
+from samples import beam, refused, run_of, scene_of
 
-import anctmm as at
 from anctmm import errors
-from anctmm.discretise.junctions.vertices import vertices_of
-from anctmm.discretise.plan import plan_of
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
-from anctmm.model.scene import Clamp, Force, Material, Pin, Scene, Torque, distance
+from anctmm.model.scene import Clamp, Force, Material, Torque, distance
 from anctmm.model.sections import Circle, Rectangle
-from anctmm.model.topology import junctions_of
-from anctmm.solvers.registry import load, names, solver
-from studies.scenes import CASES, four_bar
+from studies.scenes import CASES
 
 # --- drives ------------------------------------------------------------------------------------------------
 
@@ -103,12 +98,6 @@ def test_histories_are_tabulated_as_if_asked_time_by_time(history):
     assert np.array_equal(tabulate("load", history, t, 2), expected)
 
 
-def test_tabulated_history_of_one_value():
-    t = np.linspace(0.0, 1.0, 5)
-    assert tabulate("load", lambda t: 3.0, t, 1).tolist() == [[3.0]] * 5
-    assert tabulate("load", abs, np.empty(0), 1).shape == (0, 1)
-
-
 @pytest.mark.parametrize(
     ("history", "words"),
     [
@@ -126,39 +115,6 @@ def test_histories_that_fail_say_where(history, words):
 
 
 # --- topology ----------------------------------------------------------------------------------------------
-
-
-def order(of):
-    chains, begins = [], True
-    for step in plan_of([b.name for b in of.bodies], vertices_of(of, junctions_of(of))).steps:
-        if begins:
-            chains.append([])
-        chains[-1].append((step.body, step.reversed))
-        begins = step.to is None
-    return chains
-
-
-def test_chain_is_derived_from_the_joints():
-    chain = [("crank", False), ("coupler", False), ("follower", False)]
-    assert order(four_bar().scene) == [chain]
-
-
-@given(st.permutations([0, 1, 2, 3]), st.sets(st.integers(0, 3)), st.permutations([0, 1, 2]))
-def test_chain_does_not_depend_on_lists_or_directions(listed, turned, joints):
-    links = [("pin", 0.3), ("weld", 0.2), ("pin", -0.5)]
-    usual = row_scene("free", links, "clamp", turned=turned)
-    bodies = [usual.bodies[i] for i in listed]
-    other = Scene("row", bodies, [usual.joints[i] for i in (3, *joints)])
-    (chain,) = order(other)
-    if chain[0][0] != "b0":  # it starts at the first listed body that is at an end
-        chain = [(name, not side) for name, side in reversed(chain)]
-    assert chain == [(f"b{i}", i in turned) for i in range(4)]
-
-
-def test_bodies_without_joints_are_chains_of_their_own():
-    free = [beam("a"), beam("b", B, C), beam("c", (0, 1), (1, 1)), beam("d", (1, 1), (2, 1))]
-    s = scene_of(Pin("d.start", "c.end"), Clamp("b.end"), bodies=free)
-    assert order(s) == [[("a", False)], [("b", False)], [("c", False), ("d", False)]]
 
 
 # --- frozen values -----------------------------------------------------------------------------------------
@@ -194,12 +150,6 @@ def test_probes():
     assert s.probe(("a", 0.25)) == ("a", 0.25)
 
 
-def test_gap_of_a_pin_may_be_rounding_far_from_the_origin():
-    far = 1e6 * sqrt(2.0)
-    bodies = [beam("a", (far, 0.0), (far + 1.0, 0.0)), beam("b", (far + 1.0 + 2e-10, 0.0), (far + 2.0, 0.0))]
-    assert len(order(scene_of(Pin("a.end", "b.start"), bodies=bodies))) == 1
-
-
 @pytest.mark.parametrize(
     ("options", "kept"),
     [
@@ -216,16 +166,3 @@ def test_outputs_hold_both_ends(options, kept):
     t = r.times(r.output_steps)
     assert t[0] == 0.0
     assert t[-1] == options["t_end"]
-
-
-def test_solvers_are_found_by_name():
-    assert {"anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner"} <= set(names())
-    assert load("anctmm") is solver("anctmm").__wrapped__ is at.solve
-
-
-def test_a_scene_without_beams_needs_no_mesh():
-    plate = at.RigidBody("plate", 1.0, 0.1, (0.5, 0.0), {"hinge": (0.0, 0.0)})
-    scene = at.Scene("pendulum", [plate], [at.Pin("plate.hinge")], gravity=(0.0, -9.81))
-    found = at.solve(scene, dt=1e-3, t_end=0.05)
-    assert found.status.ok
-    assert found.angle("plate.center")[-1] < -1e-3

@@ -4,7 +4,7 @@ from itertools import permutations
 from math import cos, sin
 
 import pytest
-from samples import beam, scene_of
+from samples import beam
 
 from anctmm.model.drives import Quintic
 from anctmm.model.joints import JOINTS
@@ -76,16 +76,6 @@ def test_every_end_is_in_one_junction_in_the_order_of_the_bodies():
     assert sorted(ends) == [(b.name, side) for b in s.bodies for side in (0, 1)]
     again = Scene(s.name, s.bodies, s.joints[::-1])
     assert junctions_of(again) == found
-
-
-def test_a_loop_of_bodies_and_bodies_side_by_side_are_allowed():
-    square = [O, (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-    bodies = [beam(f"b{i}", square[i], square[(i + 1) % 4]) for i in range(4)]
-    joints = [Pin(f"b{i}.end", f"b{(i + 1) % 4}.start") for i in range(4)]
-    assert [len(j.ends) for j in junctions_of(Scene("square", bodies, joints))] == [2, 2, 2, 2]
-    twins = [beam("a"), beam("b")]
-    both = scene_of(Weld(*starts(*"ab")), Weld("a.end", "b.end"), bodies=twins)
-    assert [len(j.ends) for j in junctions_of(both)] == [2, 2]
 
 
 @pytest.mark.parametrize("kind", JOINTS)

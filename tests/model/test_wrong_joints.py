@@ -57,49 +57,25 @@ REPEATS = {
         (Pin(A, B), Weld(A, B)),
         ["Weld(", "as Pin(", "'a.start' and 'b.start' at one place"],
     ),
-    "a weld and a pin": ((Weld(A, B), Pin(A, B)), ["Pin(", "as Weld(", "'a.start' and 'b.start'"]),
     "a pin twice": ((Pin(A, B), Pin(A, B)), ["'a.start' and 'b.start'", "leave one out"]),
-    "a pin in both directions": ((Pin(A, B), Pin(B, A)), ["'b.start' and 'a.start'", "leave one out"]),
     "a weld twice": ((Weld(A, B), Weld(B, A)), ["Weld(", "'b.start' and 'a.start'"]),
     "three pins": ((Pin(A, B), Pin(B, C), Pin(C, A)), ["'c.start' and 'a.start'", "with", "do already"]),
-    "three welds": ((Weld(A, B), Weld(B, C), Weld(A, C)), ["Weld(ends=('a.start', 'c.start')", "do already"]),
-    "three of both": ((Weld(A, B), Pin(B, C), Weld(A, C)), ["'a.start' and 'c.start'", "Pin(", "do already"]),
     "four pins": ((Pin(A, B), Pin(C, D), Pin(B, C), Pin(D, A)), ["'d.start' and 'a.start'", "do already"]),
     "a pin of three over a weld": (
         (Weld(A, B), Pin(A, B, C)),
         ["Pin(ends=('a.start', 'b.start', 'c.start')", "Weld(", "name one of these ends only"],
     ),
-    "a weld of three over a pin": ((Pin(B, C), Weld(A, B, C)), ["as Pin(", "name one of these ends only"]),
-    "two pins of three": ((Pin(A, B, C), Pin(B, C, D)), ["'b.start' and 'c.start'", "does already"]),
-    "a pin within one of six": (
-        (Pin(A, B, C, D, E, F), Pin(B, F)),
-        ["'b.start' and 'f.start'", "leave one out"],
-    ),
-    "a pin of four over two": (
-        (Pin(A, B), Pin(C, D, A, B)),
-        ["'a.start' and 'b.start'", "name one of these"],
-    ),
     "held twice by pins": (
         (Pin(A), Pin(A)),
         ["the place of 'a.start'", "Pin(ends=('a.start',)", "leave one out"],
     ),
-    "held by two hinges": (
-        (Pin(A, B, grounded=True), Pin(B, C, grounded=True)),
-        ["the place of 'b.start'", "does already"],
-    ),
     "held at both sides of a pin": ((Pin(A), Pin(B), Pin(A, B)), ["'a.start' and 'b.start'", "do already"]),
-    "held at both sides of a weld": (
-        (Pin(A), Weld(A, B), Pin(B)),
-        ["the place of 'b.start'", "Weld(", "do already"],
-    ),
     "a clamp and a pin": ((Clamp(A), Pin(A)), ["Pin(", "the place of 'a.start'", "as Clamp("]),
-    "a pin and a clamp": ((Pin(A), Clamp(A)), ["Clamp(end='a.start'", "the place of 'a.start'", "as Pin("]),
     "a driven clamp and a pin": ((Clamp(A, DRIVE), Pin(A)), ["Pin(", "as Clamp(", "Quintic"]),
     "a clamp and a held hinge": (
         (Clamp(A), Pin(A, B, grounded=True)),
         ["the place of 'a.start'", "grounded=True"],
     ),
-    "a clamp and a held weld": ((Clamp(B), Weld(A, B, grounded=True)), ["the place of 'b.start'", "Clamp("]),
     "a clamp and a pin behind a hinge": (
         (Clamp(A), Pin(A, B), Pin(B)),
         ["the place of 'b.start'", "do already"],
@@ -112,21 +88,9 @@ REPEATS = {
         (Clamp(A), Clamp(B), Weld(A, B)),
         ["two clamps", "Weld(", "one clamp is allowed"],
     ),
-    "two clamps through a third end": (
-        (Weld(A, B), Clamp(C), Weld(B, C), Clamp(A)),
-        ["Clamp(end='a.start'", "two clamps", "one clamp is allowed"],
-    ),
     "a pin of two clamped ends": (
         (Clamp(A), Clamp(B), Pin(A, B)),
         ["'a.start' and 'b.start' at one place", "Clamp("],
-    ),
-    "a pin of ends clamped and driven": (
-        (Clamp(A), Clamp(B, DRIVE), Pin(C, A, B)),
-        ["'a.start' and 'b.start' at one place", "Clamp("],
-    ),
-    "ends of clamped bodies hinged to a third": (
-        (Clamp(A), Weld(A, B), Clamp(C), Pin(B, C)),
-        ["'b.start' and 'c.start' at one place", "do already"],
     ),
 }
 CONTRADICTIONS = {
@@ -142,14 +106,6 @@ CONTRADICTIONS = {
         (Clamp(A, DRIVE), Clamp(B, OTHER), Weld(B, A)),
         ["one of them driven", "turn=-1.0"],
     ),
-    "driven twice alike": (
-        (Clamp(A, DRIVE), Clamp(B, DRIVE), Weld(B, A)),
-        ["two clamps", "one clamp is allowed"],
-    ),
-    "driven and fixed through others": (
-        (Clamp(A, DRIVE), Weld(A, B), Weld(C, D), Clamp(D), Weld(B, C)),
-        ["Weld(ends=('b.start', 'c.start')", "two clamps", "one of them driven"],
-    ),
 }
 ENDS = {
     "an end twice in a pin": (
@@ -157,30 +113,13 @@ ENDS = {
         EndJoinedTwiceError,
         ["'a.start'", "2 times", "in each of them once"],
     ),
-    "an end twice in a weld": (
-        lambda: (Weld(A, B, A),),
-        EndJoinedTwiceError,
-        ["Weld(", "'a.start'", "2 times"],
-    ),
-    "an end three times": (lambda: (Pin(B, A, A, C, A),), EndJoinedTwiceError, ["'a.start'", "3 times"]),
     "a pin of nothing": (lambda: (Pin(),), SceneError, ["Pin(", "0 end(s)", "one or more is needed"]),
-    "a held pin of nothing": (
-        lambda: (Pin(grounded=True),),
-        SceneError,
-        ["Pin(", "0 end(s)", "one or more is needed"],
-    ),
     "a weld of nothing": (lambda: (Weld(),), SceneError, ["Weld(", "0 end(s)", "two or more are needed"]),
-    "a held weld of one": (
-        lambda: (Weld(A, grounded=True),),
-        SceneError,
-        ["1 end(s)", "two or more are needed"],
-    ),
     "an unknown third end": (
         lambda: (Pin(A, B, "c.middle"),),
         UnknownNameError,
         ["'c.middle'", "'c.start', 'c.end' and ('c', fraction)"],
     ),
-    "an unknown third body": (lambda: (Weld(A, B, "g.start"),), UnknownNameError, ["'g'", "'a', 'b'"]),
     "a third end that is no text": (lambda: (Pin(A, B, 3),), UnknownNameError, ["3", "name.start"]),
 }
 GAPS = {
@@ -188,17 +127,9 @@ GAPS = {
         lambda: star(Pin(A, B, C), moved="c", far=0.1),
         ["Pin(", "'a.start'", "(0.1, 0.0) ('c.start')", "0.1 m apart", "at most 1e-09 m is allowed"],
     ),
-    "the third end of a weld lies apart": (
-        lambda: star(Weld(A, B, C), moved="b", far=1e-6),
-        ["Weld(", "'b.start'", "1e-06 m apart", "allowed"],
-    ),
     "an end lies apart from one that it shares": (
         lambda: star(Weld(A, B), Pin(B, C), moved="c", far=0.2),
         ["Pin(ends=('b.start', 'c.start')", "0.2 m apart", "allowed"],
-    ),
-    "small gaps that add up": (
-        lambda: shifts("b", "c", "d", step=0.8e-9),
-        ["Pin(", "'a.start'", "1.6e-09 m apart"],
     ),
     "a loop that does not close": (
         lambda: ring(Pin("a.end", "b.start"), Pin("b.end", "c.start"), Pin("c.end", "a.start"), gap=0.01),
@@ -209,21 +140,9 @@ GAPS = {
         lambda: star(Pin(A, B, C), rows=[("c", 2.0)]),
         ["'a.start' and 'c.start'", "joined", "(0.0, 0.0) and (2.0, 0.0)", "must be equal"],
     ),
-    "ends that share a joint and move apart": (
-        lambda: star(Weld(A, B), Pin(C, B), rows=[("a", 1.0), ("b", 1.0), ("c", 1.1)]),
-        ["'a.start' and 'c.start'", "joined", "(1.0, 0.0) and (1.1, 0.0)", "must be equal"],
-    ),
     "a held hinge that moves": (
         lambda: star(Pin(A, B, C, grounded=True), rows=[("a", 1.0), ("b", 1.0), ("c", 1.0)]),
         ["'a.start'", "held", "(1.0, 0.0)", "(0, 0) is needed"],
-    ),
-    "a clamped end that moves": (
-        lambda: star(Clamp(B), Weld(A, B), rows=[("a", 1.0), ("b", 1.0)]),
-        ["'a.start'", "held", "(1.0, 0.0)", "(0, 0) is needed"],
-    ),
-    "a driven end that moves": (
-        lambda: star(Clamp(B, DRIVE), rows=[("b", 0.5)]),
-        ["'b.start'", "held", "(0.5, 0.0)", "(0, 0) is needed"],
     ),
     "an end that moves hinged to a clamped one": (
         lambda: star(Clamp(A), Pin(A, B), rows=[("b", 1.0)]),
@@ -248,8 +167,6 @@ def test_joints_that_do_not_fit_are_refused_by_name(name):
 
 RIGHT = {
     "two welded, a third hinged": (Weld(A, B), Pin(B, C)),
-    "two pairs hinged": (Weld(A, B), Weld(C, D), Pin(A, D)),
-    "six ends in one pin": (Pin(A, B, C, D, E, F),),
     "a star of pins": (Pin(A, B), Pin(A, C), Pin(A, D)),
     "a clamp that others hang on": (Clamp(A, DRIVE), Pin(A, B, C), Weld(C, D)),
     "clamps side by side": (Clamp(A), Clamp(B, DRIVE), Pin(B, C)),

@@ -8,8 +8,6 @@ import pytest
 from marks import slow_where
 from samples import bar
 
-from anctmm.integrators import generalized_alpha
-from anctmm.jit.announcing import compiling
 from anctmm.model.scene import Clamp
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Cost
@@ -41,35 +39,6 @@ def busy(seconds):
     until = process_time() + seconds
     while process_time() < until:
         pass
-
-
-def test_what_the_compiler_takes_is_no_part_of_building():
-    whole = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3)
-
-    def slow():
-        busy(0.02)
-        compiling.cpu_seconds += 0.015
-        return replace(whole, cost=Cost(cpu_s=0.002))
-
-    cost = accounted(slow)().cost
-    assert cost.compile_s == pytest.approx(0.015)
-    assert cost.build_s >= 0.02 - 0.015 - 0.002
-    assert accounted(accounted(slow))().cost.compile_s == pytest.approx(0.015)
-
-
-def test_what_is_compiled_within_steps_is_no_part_of_them(monkeypatch):
-    real, seconds = generalized_alpha.advance, 0.05
-
-    def compiling_late(begin, end, *arguments):
-        if end > begin:
-            busy(seconds)
-            compiling.cpu_seconds += seconds
-        return real(begin, end, *arguments)
-
-    monkeypatch.setattr(generalized_alpha, "advance", compiling_late)
-    cost = solve(SCENE, mesh=2, dt=1e-3, t_end=2e-3).cost
-    assert cost.cpu_s < seconds
-    assert cost.compile_s > 1.9 * seconds  # of the start and of the steps
 
 
 def test_unknown_steps_leave_the_rest_unknown_and_answers_of_another_kind_pass():

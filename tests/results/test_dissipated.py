@@ -8,7 +8,6 @@ from samples import SQUARE
 from scipy.integrate import solve_ivp
 
 import anctmm as at
-from reference import global_dae
 
 MASS, STIFFNESS, DAMPING, FORCE = 2.0, 80.0, 3.0, 5.0
 WAY, RATE = 0.1, 6.0
@@ -84,35 +83,6 @@ def test_what_a_damped_beam_takes_is_what_is_gone(how):
     lost = energy.kinetic[0] - (energy.kinetic + energy.strain)
     assert lost[-1] > 0.05 * energy.kinetic[0]
     assert np.abs(energy.dissipated - lost).max() < 1e-3 * lost[-1]
-
-
-def damped_mechanism(driven):
-    """A damped beam and a rigid body, with a damper at a place of the beam, a damped hinge and a varying force."""
-    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), SQUARE, at.Material(E=1e7, density=1000.0, damping=1e-3))
-    plate = at.RigidBody("plate", mass=0.5, inertia=0.02, center=(1.2, 0.0), points={"hinge": (1.0, 0.0)})
-    free = {"length": wavy} if driven else {}
-    connectors = [
-        at.Spring(("beam", 0.6), (0.6, 1.0), stiffness=20.0, damping=0.5, **free),
-        at.RotationalSpring("beam.end", "plate.hinge", stiffness=0.5, damping=0.05),
-        at.RotationalSpring("beam.start", law=lambda e, r, t: 0.3 * e + 0.02 * r**3),
-    ]
-    joints = [at.Pin("beam.start"), at.Pin("beam.end", "plate.hinge")]
-    loads = [at.Force("plate.center", lambda t: (0.0, 3.0 * np.sin(9.0 * t)))]
-    return at.Scene("damped", [beam, plate], joints, loads, gravity=(0.0, -9.81), connectors=connectors)
-
-
-@pytest.mark.parametrize("driven", [False, True])
-@pytest.mark.parametrize("how", ["generalized-alpha", "zhai"])
-def test_it_is_that_of_the_global_equations(how, driven):
-    options = {"mesh": 2, "t_end": 0.2, "output_dt": 0.02} | STEPS[how]
-    options |= {"dt": 2e-5} if how == "zhai" else {"newton_tolerance": 1e-11}
-    scene = damped_mechanism(driven)
-    ours, dae = at.solve(scene, **options), global_dae.solve(scene, **options)
-    assert ours.status.ok, ours.status
-    assert dae.status.ok, dae.status
-    assert ours.energy.dissipated[-1] > 1e-3
-    assert np.abs(ours.energy.dissipated - dae.energy.dissipated).max() < 1e-8
-    assert np.abs(ours.energy.work - dae.energy.work).max() < 1e-8
 
 
 def test_a_solver_that_does_not_tell_it_says_so():

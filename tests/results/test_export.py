@@ -1,20 +1,15 @@
 """Solutions in files, tables and pictures."""
 
 import json
-import pickle
-import zipfile
 from dataclasses import fields
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from samples import Trap
 
 import anctmm as at
 from anctmm.errors import OutputError, ResultError
-from anctmm.results.export import tables
 from anctmm.results.export.saving import functions_of
-from reference import exudyn_reissner, global_dae
 
 ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
 
@@ -71,27 +66,12 @@ def test_every_bit_comes_back(moved, tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("solve", [global_dae.solve, exudyn_reissner.solve])
-def test_answers_of_other_solvers_come_back_too(solve, run, tmp_path):
-    found = solve(fork(), run)
-    assert_same(found, at.load(found.save(tmp_path / "x.npz")))
-
-
 def test_equilibria_come_back(tmp_path):
     rest = at.solve_static(fork(), mesh=2)
     back = at.load(rest.save(tmp_path / "rest"))
     assert_same(rest, back)
     assert back.static
     assert "load factors" in repr(back)
-
-
-def test_anybody_can_read_the_arrays(moved, tmp_path):
-    with np.load(moved.save(tmp_path / "a"), allow_pickle=False) as file:
-        np.testing.assert_array_equal(file["t"], moved.t)
-        np.testing.assert_array_equal(file["energy.kinetic"], moved.energy.kinetic)
-        np.testing.assert_array_equal(file["fields.twig.coordinates"], moved.fields["twig"].coordinates)
-        about = json.loads(str(file["about"]))
-    assert (about["scene"], about["solver"], about["status"]) == ("fork", "anctmm", "ok")
 
 
 def test_functions_are_named_and_come_from_the_scene(run, tmp_path):
@@ -111,21 +91,6 @@ def test_functions_are_named_and_come_from_the_scene(run, tmp_path):
     shorter = at.Scene("fork", scene.bodies, scene.joints, scene.loads)
     with pytest.raises(ResultError, match="not of the one given"):
         at.load(path, shorter)
-
-
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (b"", "no saved solution"),
-        (b"PK\x03\x04 cut", "no saved solution"),
-        (pickle.dumps({"t": 1}), "no saved solution"),
-    ],
-)
-def test_foreign_files_are_refused(content, words, tmp_path):
-    path = tmp_path / "foreign.npz"
-    path.write_bytes(content)
-    with pytest.raises(ResultError, match=words):
-        at.load(path)
 
 
 def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
@@ -160,22 +125,6 @@ def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
     cut.write_bytes(bytes(flipped))
     with pytest.raises(ResultError, match="no saved solution"):
         at.load(cut)
-
-
-def test_arrays_of_objects_are_never_read(tmp_path):
-    path = tmp_path / "trap.npz"
-    np.savez(path, about=np.array(json.dumps({"format": "anctmm solution 1", "functions": []})))
-    with zipfile.ZipFile(path, "a") as file:
-        file.writestr("description.npy", pickle.dumps(Trap()))
-    with pytest.raises(ResultError):
-        at.load(path)
-    assert not Trap.sprung
-
-
-@pytest.mark.parametrize(("path", "words"), [("x.pkl", "'x.pkl'"), (3, "path is 3"), (None, "path is None")])
-def test_other_paths_are_refused(moved, path, words):
-    with pytest.raises(ResultError, match=words):
-        moved.save(path)
 
 
 def test_a_folder_that_cannot_be_written_is_named(moved, tmp_path):
@@ -218,23 +167,6 @@ def test_a_data_set_survives_netcdf(moved, tmp_path):
         moved.to_dataset(1)
 
 
-def test_a_data_set_of_equilibria_has_what_these_have(tmp_path):
-    """Rigid bodies among them: no velocities."""
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    beam = at.Beam("beam", (0.0, 0.0), (0.3, 0.0), ROD, RUBBER)
-    plate = at.RigidBody("plate", 0.1, 1e-4, (0.35, 0.0), points={"a": (0.3, 0.0)})
-    scene = at.Scene(
-        "hung", [beam, plate], [at.Clamp("beam.start"), at.Weld("beam.end", "plate.a")], gravity=(0, -9.81)
-    )
-    found = at.solve_static(scene, mesh=2)
-    found.to_dataset(3).to_netcdf(tmp_path / "hung.nc")
-    with xarray.open_dataset(tmp_path / "hung.nc") as read:
-        np.testing.assert_array_equal(read["position_plate"], found.position("plate.center"))
-        np.testing.assert_array_equal(read["angle_plate"], found.angle("plate"))
-        assert not [name for name in read if name.startswith("velocity")]
-
-
 def test_another_library_reads_the_files_of_vtk(moved, tmp_path):
     meshio = pytest.importorskip("meshio")
     listing = moved.to_vtk(tmp_path / "vtk", points=5)
@@ -256,7 +188,6 @@ def plate_and_mass(*more):
     return at.Scene("plate", [plate, *more, mass], [at.Pin("plate.a")], gravity=(0, -9.81))
 
 
-@pytest.mark.interpreted
 def test_files_of_vtk_show_bodies_of_all_kinds(tmp_path):
     """Rigid bodies and masses were left out, and a scene of them alone was an error of numpy's."""
     run = at.Discretisation(mesh=1, dt=5e-3, t_end=0.01)
@@ -282,19 +213,6 @@ def test_files_of_vtk_show_bodies_of_all_kinds(tmp_path):
         alone.until(0, alone.status).to_vtk(tmp_path)
 
 
-@pytest.mark.interpreted
-def test_a_scene_without_beams_is_a_data_set(tmp_path):
-    """It was an error of numpy's."""
-    xarray = pytest.importorskip("xarray")
-    pytest.importorskip("h5netcdf")
-    found = at.solve(plate_and_mass(), dt=5e-3, t_end=0.01)
-    found.to_dataset().to_netcdf(tmp_path / "plate.nc", engine="h5netcdf")
-    with xarray.open_dataset(tmp_path / "plate.nc") as read:
-        np.testing.assert_array_equal(read["velocity_mass"], found.velocity("mass.center"))
-        np.testing.assert_array_equal(read["angle_plate"], found.angle("plate"))
-        assert set(read.dims) == {"t", "axis"}
-
-
 def test_pictures(moved, tmp_path):
     figure = moved.plot(times=[0.0, 0.05, 0.1])
     left, right = figure.axes
@@ -313,20 +231,6 @@ def test_pictures(moved, tmp_path):
             moved.animate(path)
     with pytest.raises(ResultError, match="fps is 0"):
         moved.animate("x.gif", fps=0)
-
-
-def test_what_is_not_installed_is_said(moved, monkeypatch):
-    def missing(name):
-        raise ImportError(f"No module named {name!r}")
-
-    monkeypatch.setattr(tables, "import_module", missing)
-    for call, extra in [
-        (lambda: moved.to_frame(["twig.end"]), "files"),
-        (moved.to_dataset, "files"),
-        (moved.plot, "plots"),
-    ]:
-        with pytest.raises(ResultError, match=rf"pip install 'anctmm\[{extra}\]'"):
-            call()
 
 
 def test_a_solution_shows_itself_in_a_few_lines(moved):

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import anctmm as at
-from anctmm.errors import ResultError, UnknownKindError, UnknownNameError
-from anctmm.jit.interpreting import interpreted
+from anctmm.errors import ResultError, UnknownNameError
 from anctmm.results.fields import LagrangeField, RigidField, continuous
 from reference import exudyn_cable, exudyn_reissner, global_dae
 
@@ -109,76 +108,6 @@ def test_points_of_a_rigid_body():
     np.testing.assert_allclose(field.velocity("a"), 1.0 + rate * (0.5 * across + 0.25 * turn))
     np.testing.assert_allclose(field.angle("a", np.array([0.0, 1.0, 2.25])), angle)
     assert field.until(2).velocity().shape == (2, 2)
-
-
-@pytest.fixture(scope="module")
-def swung():
-    """A plate on a beam, and a mass on a spring."""
-    scene = at.Scene(
-        "swung",
-        [
-            at.Beam("arm", (0, 0), (0.3, 0), ROD, RUBBER),
-            at.RigidBody("plate", mass=0.2, inertia=1e-3, center=(0.4, 0), points={"a": (0.3, 0.0)}),
-            at.RigidBody("plate.v2", mass=0.2, inertia=1e-3, center=(1.0, 0), spin=3.0),
-            at.PointMass("load", mass=0.1, position=(2.0, 0.0)),
-        ],
-        [at.Pin("arm.start"), at.Weld("arm.end", "plate.a")],
-        gravity=(0, -9.81),
-        connectors=[at.Spring("load.center", (2.0, 1.0), stiffness=10.0)],
-    )
-    with interpreted():  # no other scene needs kernels of this kind
-        return at.solve(scene, mesh=1, dt=5e-3, t_end=0.02)
-
-
-@pytest.mark.parametrize("name", ["plate", "plate.v2"])
-def test_the_turn_of_a_rigid_body_is_asked_for_by_its_name(swung, name):
-    np.testing.assert_array_equal(swung.angle(name), swung.angle(f"{name}.center"))
-    np.testing.assert_array_equal(swung.spin(name), swung.spin(f"{name}.center"))
-    assert abs(swung.angle(name)[-1]) > 1e-4
-
-
-def test_a_point_mass_has_no_angle(swung):
-    """It was 0 in tables and data sets, as if it were known not to turn."""
-    for read in (swung.angle, swung.spin):
-        with pytest.raises(ResultError, match="point mass 'load' has no angle"):
-            read("load.center")
-        with pytest.raises(ResultError, match="point mass 'load' has no angle"):
-            read("load", ["center"])
-    columns = swung.to_frame(["load.center", "plate.center"]).columns
-    assert [name for name in columns if "angle" in name] == ["plate.center angle (rad)"]
-    assert "load.center vx (m/s)" in columns
-    found = swung.to_dataset()
-    assert "angle_plate" in found
-    assert "velocity_load" in found
-    assert "angle_load" not in found
-
-
-@pytest.mark.parametrize("read", ["position", "velocity", "angle", "spin", "section_force"])
-@pytest.mark.parametrize(
-    ("body", "places"),
-    [("arm", r"'arm\.start', 'arm\.end' and \('arm', fraction\)"), ("load", "'load.center'")],
-)
-def test_a_body_in_place_of_a_place_is_told_its_places(swung, read, body, places):
-    with pytest.raises(UnknownNameError, match=rf"place '{body}' is no place of a body; allowed is {places}"):
-        getattr(swung, read)(body)
-
-
-def test_a_rigid_body_has_no_one_position(swung):
-    with pytest.raises(UnknownNameError, match=r"'plate' is no place .* 'plate\.center', 'plate\.a'"):
-        swung.position("plate")
-
-
-@pytest.mark.parametrize("place", [("plate.a",), ("load.center",), ("plate", "a")])
-def test_bodies_that_do_not_bend_have_no_section_forces(swung, place):
-    with pytest.raises(UnknownKindError, match=r"body '(plate|load)' is a \w+; a Beam is needed"):
-        swung.section_force(*place)
-
-
-def test_joints_and_connectors_of_others_are_refused(swung):
-    with pytest.raises(UnknownNameError, match=r"joint Pin.* is not in scene 'swung'; one of `scene.joints`"):
-        swung.reaction(at.Pin("arm.end"))
-    with pytest.raises(UnknownNameError, match=r"connector Spring.* is not in scene 'swung'; one of"):
-        swung.tension(at.Spring("load.center", (2.0, 1.0), stiffness=11.0))
 
 
 def test_what_a_solution_has_not_is_said():

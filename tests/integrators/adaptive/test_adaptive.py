@@ -31,11 +31,11 @@ def case(request):
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-4])
-def test_achieved_error_stays_within_three_times_what_was_asked(case, tolerance):
+def test_achieved_error_stays_within_five_times_what_was_asked(case, tolerance):
     base, options, reference = case
     run = at.solve(base.scene, tolerance=tolerance, newton_tolerance=1e-8, **options)
     assert run.status.ok
-    assert at.compare(run, reference, base.probes).error <= 3.0 * tolerance
+    assert at.compare(run, reference, base.probes).error <= 5.0 * tolerance
     np.testing.assert_allclose(run.t, reference.t, rtol=0, atol=1e-12)
 
 

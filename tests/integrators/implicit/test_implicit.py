@@ -1,38 +1,17 @@
 """Generalized-α: its coefficients, order, energy, Newton's counts, and how a run ends."""
 
-from contextlib import nullcontext
-from dataclasses import replace
 from math import pi
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from marks import interpreted_where
-from numpy.testing import assert_allclose
-from samples import KINDS, SOFT, SQUARE, bar, chain_of, gap, scene_of
+from samples import KINDS, bar, gap, system_of
 
-from anctmm.discretise import kept_chains
 from anctmm.discretise.methods import GeneralizedAlpha
-from anctmm.elements.force_blocks import BLOCK
-from anctmm.integrators import generalized_alpha as implicit
-from anctmm.integrators.implicit import system as implicit_system
-from anctmm.integrators.implicit.newton_failure import correction_size, residual_history
-from anctmm.integrators.implicit.system import (
-    KAPPA,
-    ROUNDED,
-    new_newton,
-    new_state,
-    new_system,
-    single_will_do,
-)
-from anctmm.integrators.stability import highest_frequency
-from anctmm.integrators.statics import solve_static
-from anctmm.model.connectors import RotationalSpring
 from anctmm.model.drives import Quintic
-from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque
-from anctmm.solve import solve
-from reference import global_dae
+from anctmm.model.scene import Clamp, Force, Pin
+from anctmm.solve import solve, solve_static
 
 GRAVITY = (0.0, -9.81)
 every_kind = pytest.mark.parametrize("kind", KINDS)
@@ -58,13 +37,6 @@ def test_coefficients_fulfil_their_identities(rho):
     assert c.alpha_m <= c.alpha_f <= 0.5
 
 
-def test_known_members():
-    trapezoid, annihilating = GeneralizedAlpha(1.0), GeneralizedAlpha(0.0)
-    assert (trapezoid.alpha_m, trapezoid.alpha_f, trapezoid.beta, trapezoid.gamma) == (0.5, 0.5, 0.25, 0.5)
-    assert (annihilating.alpha_m, annihilating.alpha_f) == (-1.0, 0.0)
-    assert (annihilating.beta, annihilating.gamma) == (1.0, 1.5)
-
-
 def amplification(rho, frequency):
     """Matrix of a step of size 1 of q'' = −ω² q in (q, v, a), w = −ω² q."""
     c, s = GeneralizedAlpha(rho), frequency**2
@@ -80,28 +52,14 @@ def test_stable_at_every_frequency(rho, exponent):
     assert values.max() < 1.0 + 1e-6
 
 
-@pytest.mark.parametrize("rho", [0.1, 0.5, 0.9, 1.0])
-def test_spectral_radius_is_that_at_infinity(rho):
-    values = np.abs(np.linalg.eigvals(amplification(rho, 1e6)))
-    assert values.max() == pytest.approx(rho, rel=0.02)  # a threefold root
-
-
-@given(st.floats(0.0, 1.0), st.floats(1e-6, 1.0))
-def test_factors_of_a_correction_belong_together(rho, h):
-    """Adding x to q adds x/(β h²) to a_{n+1}; w follows by (1 − αm) a = (1 − αf) w + …"""
-    method = GeneralizedAlpha(rho)
-    c = method.of_step(h)
-    assert c.to_w * (1 - c.alpha_f) / (1 - c.alpha_m) * c.beta * h * h == pytest.approx(1.0)
-
-
 def test_small_vibration_follows_the_amplification_matrix():
     """One element, its lowest mode struck: the same recursion as a scalar oscillator, for 200 steps."""
     force = 1e-6
     scene = bar([Clamp("bar.start")], [Force("bar.end", (-0.8 * force, 0.6 * force))])
-    chain, h, rho = chain_of(scene, mesh=1), 5e-3, 0.7
-    e = chain.bodies.meshes[0].element
+    (mesh,), h, rho = system_of(scene, mesh=1).mesh.beams, 5e-3, 0.7
+    e = mesh.element
     across = np.array([-0.8, 0.6])
-    K = np.einsum("icjd,c,d->ij", e.tangent(chain.bodies.reference().T.reshape(4, 2)), across, across)[2:, 2:]
+    K = np.einsum("icjd,c,d->ij", e.tangent(mesh.reference.reshape(4, 2)), across, across)[2:, 2:]
     values, modes = np.linalg.eig(np.linalg.solve(e.mass[2:, 2:], K))
     rest = np.linalg.solve(K, [force, 0.0])
     parts = np.linalg.solve(modes, -rest)
@@ -195,98 +153,6 @@ def test_driven_clamp_is_held_exactly(kind):
 
 
 @every_kind
-def test_newtons_counts(kind):
-    """A vibration so small that it is linear needs one factorization beside the mass, one correction a step."""
-    small = bar([Clamp("bar.start")], [Force("bar.end", (1e-9, 1e-9))])
-    motion = run(small, 1e-3, 0.1, element=kind, newton_tolerance=1e-10)
-    assert motion.cost.steps == 100
-    assert motion.cost.factorizations == 2
-    assert motion.cost.newton_iterations == 100
-    large = run(bar([Clamp("bar.start")], gravity=GRAVITY), 1e-3, 0.5, element=kind, newton_tolerance=1e-10)
-    assert large.cost.steps == 500
-    assert 2 * 500 <= large.cost.newton_iterations <= 6 * 500
-    assert 2 < large.cost.factorizations <= 500
-
-
-@every_kind
-@pytest.mark.parametrize(("part", "corrections"), [(1.01, 1), (0.99, 2)])
-def test_a_correction_is_measured_in_lengths_of_the_chain(kind, part, corrections):
-    """A stiff free bar is pushed along itself: the first correction, F/(m c_w), is known, and the second is none."""
-    body = replace(bar().bodies[0], end=(2.4, 3.2), material=Material(1e10, 1000.0))
-    mass, h, push = 1000.0 * body.section.area * 4.0, 0.1, 1e-3
-    force = lambda t: (0.3 * push, 0.4 * push) if t > 0.0 else (0.0, 0.0)  # noqa: E731
-    scene = Scene("pushed", [body], [], [Force("bar.start", force), Force("bar.end", force)])
-    first = push / (mass * GeneralizedAlpha(0.9).of_step(h).to_w)
-    # the larger component of the direction (0.6, 0.8), over the length
-    tolerance = part * 0.8 * first / 4.0 / KAPPA
-    motion = run(scene, h, h, element=kind, newton_tolerance=tolerance, spectral_radius=0.9)
-    assert motion.cost.newton_iterations == corrections
-
-
-@every_kind
-def test_newtons_counts_are_those_of_its_rule(kind, monkeypatch):
-    """Of one step, under bounds on either side of each sum of the series that the corrections left would make."""
-    made = []
-    monkeypatch.setattr(
-        implicit_system, "new_newton", lambda chain: made.append(new_newton(chain)) or made[-1]
-    )
-    # no copy, whose history is not seen
-    monkeypatch.setattr(implicit, "own", lambda chain, find: nullcontext(find(chain)))
-    scene, step = bar([Clamp("bar.start")], gravity=GRAVITY), {"dt": 0.01, "t_end": 0.01, "element": kind}
-    solve(scene, mesh=2, newton_tolerance=1e-13, **step)
-    sizes = made[0].history[made[0].history > 0.0]
-    rates = np.append(1.0, sizes[1:] / sizes[:-1])
-    left = np.where(rates < 1.0, np.minimum(sizes, sizes * rates / (1.0 - np.minimum(rates, 0.999))), sizes)
-    assert (np.diff(left) < 0.0).all()
-    assert len(left) > 3
-    for found, bound in enumerate(left[:-1], 1):
-        if bound > 0.009 * KAPPA:  # beyond what may be asked
-            continue
-        for factor, more in ((1.001, 0), (0.999, 1)):
-            motion = solve(scene, mesh=2, newton_tolerance=factor * bound / KAPPA, **step)
-            assert motion.cost.newton_iterations == found + more
-
-
-def test_newtons_bound_is_no_less_than_rounding():
-    there = Beam("bar", (3e5, 4e5), (3e5 + 0.6, 4e5 + 0.8), SQUARE, SOFT)
-    eps = np.finfo(float).eps
-    for scene, furthest in ((bar(), 0.8), (scene_of(bodies=[there]), 4e5 + 0.8)):
-        loose, least = (new_newton(chain_of(scene, newton_tolerance=x)) for x in (1e-3, 1e-14))
-        assert (loose.scale, loose.tolerance) == pytest.approx((1.0, KAPPA * 1e-3))
-        assert least.tolerance == pytest.approx(32.0 * eps * (1.0 + furthest))
-
-
-@every_kind
-def test_the_worst_correction_is_measured_as_newton_measures(kind):
-    chain = chain_of(replace(bar(), bodies=[replace(bar().bodies[0], end=(2.4, 3.2))]), mesh=3, element=kind)
-    state = new_state(chain)
-    state.loads[:] = 1e-3
-    state.loads[0, 0], state.loads[1, -1], state.loads[2, 1] = 7.0, -2.0, -9.0
-    assert correction_size(chain, state) == pytest.approx([1.75, 2.0, 2.25, 1e-3])
-
-
-@pytest.mark.slow  # the global DAE's kernels
-@every_kind
-def test_a_chain_longer_than_a_block_moves_by_the_global_equations(kind):
-    scene = bar([Clamp("bar.start")], [Force("bar.end", (30.0, 40.0))], gravity=GRAVITY)
-    both = [
-        solver(scene, mesh=BLOCK + 3, element=kind, dt=1e-3, t_end=2e-3, newton_tolerance=1e-12)
-        for solver in (solve, global_dae.solve)
-    ]
-    assert gap(*both) < 1e-11
-
-
-@every_kind
-def test_newton_tolerance_bounds_the_difference(kind):
-    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
-    fine = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3)
-    for tolerance in (1e-6, 1e-8, 1e-10):
-        rough = run(scene, 1e-3, 0.3, element=kind, output_dt=0.3, newton_tolerance=tolerance)
-        assert gap(rough, fine) < 10.0 * tolerance
-        assert rough.cost.newton_iterations <= fine.cost.newton_iterations
-
-
-@every_kind
 def test_run_that_fails_says_where_and_keeps_its_history(kind):
     """A jerk beyond all reach at the end of the fifth step."""
     scene = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, -1e70 * (t > 0.055)))])
@@ -311,137 +177,4 @@ def test_run_that_fails_says_where_and_keeps_its_history(kind):
         assert np.isfinite(series).all()
 
 
-def test_gradients_beyond_all_bounds_end_a_run_that_newton_found():
-    struck = bar([Clamp("bar.start")], [Force("bar.end", lambda t: (0.0, 1e9 * (t > 0.015)))])
-    motion = run(struck, 1e-2, 0.1, newton_tolerance=1e-6)
-    assert (motion.status, motion.status.step, motion.status.residuals) == ("diverged", 2, ())
-    assert "gradients grew beyond 1000 by t = 0.02 s (step 2)" in motion.status.message
-    assert motion.t == pytest.approx([0.0, 0.01])
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-3])
-@every_kind
-def test_residuals_told_begin_with_that_of_the_predicted_state(kind, damping):
-    """One element on a driven clamp, with all that acts on it, in a state in which no term is zero."""
-    drive, moment, t = Quintic(pi / 4, 0.2), 0.7, 0.1
-    scene = bar([Clamp("bar.start", drive)], [Torque("bar.end", lambda t: moment)], gravity=GRAVITY,
-                material=Material(1e7, 1000.0, damping=damping))  # fmt: skip
-    chain = chain_of(scene, mesh=1, element=kind, dt=1e-3, spectral_radius=0.8)
-    system, rng, c = new_system(chain), np.random.default_rng(2), GeneralizedAlpha(0.8).of_step(1e-3)
-    state = system.state
-    state.q_before[:] = state.q + 0.01 * rng.standard_normal(state.q.shape)
-    for x in (state.v, state.a, state.w_before):
-        x[:] = rng.standard_normal(x.shape)
-    q0, v0, a0, w0 = (x.T.reshape(-1, 2) for x in (state.q_before, state.v, state.a, state.w_before))
-
-    def acceleration(w):
-        return ((1 - c.alpha_f) * w + c.alpha_f * w0 - c.alpha_m * a0) / (1 - c.alpha_m)
-
-    def position(w):
-        return q0 + c.h * v0 + c.h**2 * ((0.5 - c.beta) * a0 + c.beta * acceleration(w))
-
-    half, turned = len(q0) // 2, np.arctan2(0.8, 0.6) + drive(np.array([t]))[0][0]
-    held = np.array([[0.0, 0.0], [np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]])[:half]
-    w = w0.copy()
-    w[:half] += (held - position(w0)[:half]) / (position(w0 + 1.0) - position(w0))[0, 0]
-    q, v = position(w), v0 + c.h * ((1 - c.gamma) * a0 + c.gamma * acceleration(w))
-    assert np.abs(q[:half] - held).max() < 1e-12
-    element = chain.bodies.meshes[0].element
-    force = np.multiply.outer(element.gravity, GRAVITY) - element.force(q) - element.mass @ w
-    force -= element.damping_force(q, v)
-    x, y = q[-1]
-    force[-1] += moment * np.array([-y, x]) / (x * x + y * y)
-    assert residual_history(chain, system, t)[0] == pytest.approx(np.linalg.norm(force[half:]), rel=1e-9)
-
-
-def test_step_may_be_far_above_the_explicit_limit():
-    scene = bar([Clamp("bar.start")], gravity=GRAVITY)
-    dt = 0.01
-    assert dt * highest_frequency(chain_of(scene, element="shear")) > 100.0
-    motion = run(scene, dt, 0.5, element="shear")
-    assert motion.status.ok
-    assert np.abs(motion.displacement("bar.end")).max() > 0.4
-
-
-@every_kind
-@pytest.mark.parametrize("tolerance", [1e-8, 1e-11, 1e-13])
-def test_a_step_that_modified_newton_misses_is_found_by_newton_from_the_predictor(kind, tolerance):
-    """Steps of a large part of the swing, all high frequencies annihilated: the old matrix leads astray."""
-    scene = bar([Clamp("bar.start")], gravity=(0.0, -0.02))
-    options = {"mesh": 4, "element": kind, "spectral_radius": 0.0, "newton_tolerance": tolerance}
-    motion = solve(scene, dt=0.5, t_end=10.0, **options)
-    assert motion.status.ok
-    assert motion.cost.newton_iterations > motion.cost.factorizations > motion.cost.steps
-    peer = global_dae.solve(scene, dt=0.5, t_end=10.0, **{**options, "newton_tolerance": 1e-12})
-    assert gap(motion, peer) < 1e2 * max(tolerance, 1e-12)
-
-
 # --- factors in single precision ----------------------------------------------------------------------------
-
-
-def long_row(kind, dt, damping=0.0, elements=2100):
-    """A clamped beam of thousands of elements of 0.1 m."""
-    beam = Beam("row", (0.0, 0.0), (0.1 * elements, 0.0), SQUARE, Material(1e7, 1000.0, damping=damping))
-    scene = Scene("row", [beam], [Clamp("row.start")], gravity=GRAVITY)
-    return chain_of(scene, mesh=elements, element=kind, dt=dt, t_end=dt)
-
-
-@every_kind
-def test_only_long_chains_keep_rounded_factors_and_only_where_newton_bears_it(kind):
-    assert single_will_do(long_row(kind, 1e-4))
-    assert not single_will_do(long_row(kind, 1e-4, elements=1000))
-    highest = highest_frequency(long_row(kind, 1e-4, elements=4))
-    borne = float(np.sqrt(ROUNDED / np.finfo(np.float32).eps)) / highest  # ε (hω)² of that size
-    assert single_will_do(long_row(kind, borne))
-    assert not single_will_do(long_row(kind, 10.0 * borne))
-
-
-def test_damping_counts_among_the_stiffness():
-    """τ = 100 h makes the matrix, and its condition, some 200 times as large."""
-    dt = next(h for h in (1e-3 * 1.3**k for k in range(40)) if not single_will_do(long_row("cable", 1.3 * h)))
-    assert single_will_do(long_row("cable", dt))
-    assert not single_will_do(long_row("cable", dt, damping=100.0 * dt))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "shear", KINDS))
-@pytest.mark.parametrize(
-    "damping",
-    [  # kernels whose factors are rounded are compiled for one of them
-        pytest.param(0.0, id="undamped", marks=pytest.mark.interpreted),
-        pytest.param(1e-3, id="damped", marks=pytest.mark.exhaustive),
-    ],
-)
-def test_rounded_factors_change_no_history(kind, damping, monkeypatch):
-    """A driven chain with a pin and a load: as many corrections, the same start, and no more than they leave."""
-    material = Material(1e7, 1000.0, damping=damping)
-    one, two = (
-        Beam(name, (x, 0.0), (x + 1.0, 0.0), SQUARE, material) for name, x in (("a", 0.0), ("b", 1.0))
-    )
-    joints = [Clamp("a.start", Quintic(pi / 4, 0.2)), Pin("a.end", "b.start")]
-    scene = Scene("two", [one, two], joints, [Torque("b.end", 0.5)], GRAVITY)
-    options = {"element": kind, "mesh": 4, "dt": 2e-3, "t_end": 0.06, "newton_tolerance": 1e-11}
-    exact = solve(scene, **options)
-    kept = []
-    monkeypatch.setattr(implicit_system, "single_will_do", lambda chain: kept.append(chain) or True)
-    kept_chains.forget()
-    rounded = solve(scene, **options)
-    assert len(kept) == 1
-    assert rounded.status.ok
-    for name, field in exact.fields.items():
-        assert_allclose(rounded.fields[name].coordinates, field.coordinates, rtol=0, atol=1e-10)
-    assert rounded.cost.newton_iterations <= 1.1 * exact.cost.newton_iterations
-
-
-@every_kind
-def test_residuals_told_count_the_turns_of_rotational_springs(kind):
-    """A beam that two whole turns have brought back where it was: the spring's moment is what is missing."""
-    stiffness = 0.3
-    scene = replace(bar(), connectors=[RotationalSpring("bar.start", stiffness=stiffness)])
-    chain = chain_of(scene, mesh=1, element=kind, dt=1e-3)
-    system = new_system(chain)
-    system.state.q_before[:] = system.state.q
-    system.state.v[:] = 0.0
-    system.loads.connectors.memory[0, 1] = 4.0 * pi  # as the last step left it
-    moment = residual_history(chain, system, 1e-3)[0]
-    assert moment == pytest.approx(4.0 * pi * stiffness, rel=1e-9)

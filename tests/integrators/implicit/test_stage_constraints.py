@@ -6,7 +6,7 @@ from math import pi
 
 import numpy as np
 import pytest
-from driven_bead import bead, force_on_bead
+from driven_bead import bead
 
 import anctmm as at
 from reference.exact.andrews import PUBLISHED, andrews_squeezer, angles_of
@@ -79,7 +79,7 @@ def run(name, **options):
 @cache
 def fixed(name, divisor, **options):
     """A run with the longest step, or a part of it, which several tests look at."""
-    return run(name, dt=SCENES[name][2] / divisor, newton_tolerance=1e-12, **options)
+    return run(name, dt=SCENES[name][2] / divisor, newton_tolerance=1e-15, **options)
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -117,37 +117,6 @@ def test_joints_stay_closed_to_rounding(tolerance):
         assert np.abs(found.displacement(place)).max() < 1e-13
     arm = found.position("one.b") - found.position("one.a")
     assert np.abs(np.hypot(*arm.T) - 0.3).max() < 1e-13
-
-
-@pytest.mark.parametrize("steps", [{"dt": 1e-2}, {"tolerance": 1e-4}])
-def test_forces_of_a_driven_guide_are_those_of_the_motion(steps):
-    scene = bead()
-    found = at.solve(scene, integrator="esdirk", t_end=0.5, output_dt=0.01, **steps)
-    assert found.status.ok
-    wanted = force_on_bead(found.t)
-    assert np.abs(found.reaction(scene.joints[1])[:, :2] - wanted).max() < 2e-4 * np.abs(wanted).max()
-
-
-@pytest.mark.parametrize("name", SCENES)
-def test_errors_stay_within_three_times_what_is_asked(name):
-    exact = fixed(name, 4, integrator="esdirk")
-    for tolerance in (1e-2, 1e-4):
-        found = run(name, integrator="esdirk", tolerance=tolerance)
-        assert found.status.ok
-        assert at.compare(found, exact, SCENES[name][1]).error <= 3.0 * tolerance
-
-
-@pytest.mark.parametrize("steps", [{"dt": 0.02}, {"tolerance": 1e-3, "output_dt": 0.02}])
-def test_a_linkage_that_locks_is_named(steps):
-    """A drive turns the rocker of a four-bar further than its other links reach."""
-    scene = four_bar()
-    rocker = at.Clamp("three.b", angle=at.Quintic(2 * pi, 1.0))
-    locks = at.Scene("locks", scene.bodies, [*scene.joints[:-1], rocker])
-    found = at.solve(locks, integrator="esdirk", t_end=1.0, **steps)
-    usual = at.solve(locks, integrator="generalized-alpha", dt=0.01, t_end=1.0)
-    assert (found.status.code, usual.status.code) == ("failed", "failed")
-    assert "a linkage locks" in found.status.message
-    assert found.status.time == pytest.approx(usual.status.time, abs=0.05)
 
 
 def test_a_floating_pair_keeps_its_momenta():

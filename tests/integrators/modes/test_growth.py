@@ -4,12 +4,9 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from scipy.linalg import eigh
 from scipy.optimize import root
 
 import anctmm as at
-from anctmm.elements.cable import CableElement
-from anctmm.errors import SolverError
 
 G, THIN = 9.81, at.Rectangle(2e-4, 2e-4)
 E, DENSITY = 2e11, 7800.0
@@ -58,12 +55,6 @@ def test_a_column_beyond_its_critical_load_diverges_at_the_exact_rate(ratio, lea
     assert repr(found).count("unstable (divergence)") == leaving
     if leaving:
         assert f"{found.growth_rates[0]:11.4g} 1/s  unstable (divergence)" in repr(found)
-
-
-def test_the_fastest_of_many_is_found_though_damping_asks_for_few():
-    """Six modes leave, at rates on both sides of those that swing: as many pairs as ARPACK is asked for and more."""
-    found, _ = about_equilibrium(column(40.0, 1e-6), 1, mesh=24)
-    np.testing.assert_allclose(rates(found), rates_of_column(40.0, 1e-6)[:1], rtol=2e-3)
 
 
 @pytest.mark.parametrize("damping", [0.0, 0.3])
@@ -153,53 +144,6 @@ def test_frequencies_and_flutter_of_becks_column(load, damping, mesh, element):
         assert stable == (load < 20.05)
 
 
-def test_damped_motions_of_a_free_body_are_the_same_about_its_start():
-    """About a solution the stiffness is taken as that of a stressed body, whose damping is no multiple of it."""
-    bar = at.Beam("bar", (0, 0), (0.6, 0.8), at.Rectangle(0.01, 0.01), at.Material(E, DENSITY, damping=1e-4))
-    free = at.Scene("free", [bar])
-    rest = at.solve(free, mesh=2, dt=1e-3, t_end=2e-3)
-    found, known = at.modes(free, mesh=2, about=rest), at.modes(free, mesh=2)
-    np.testing.assert_allclose(rates(found), rates(known), rtol=1e-8, atol=1e-3)
-    assert (rates(found)[:3] == 0.0).all()
-
-
-def trolley(damping, rise, spring=0.0):
-    """A cart that is free to move along a line, with a beam that its weight bends."""
-    cart = at.RigidBody("cart", 3.0, 0.1, (0, 0), points={"w": (0.1, 0.0)})
-    rubber = at.Material(5e7, 1200.0, damping=damping)
-    arm = at.Beam(
-        "arm", (0.1, 0.0), (0.1 + 0.8 * sqrt(1 - rise**2), 0.8 * rise), at.Rectangle(0.01, 0.01), rubber
-    )
-    joints = [at.Prismatic("cart.center", (1, 0)), at.Weld("cart.w", "arm.start")]
-    springs = [at.Spring("cart.center", (-1.0, 0.0), stiffness=spring)] if spring else []
-    return at.Scene("trolley", [cart, arm], joints, gravity=(0, -G), connectors=springs)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize("damping", [1e-6, 1e-3, 0.1])
-@pytest.mark.parametrize("rise", [0.3, 1.0])
-def test_a_damped_trolley_that_nothing_holds_moves_as_one_that_a_soft_spring_holds(damping, rise):
-    """The stiffness is singular: in one motion nothing acts; upright, the beam falls besides."""
-    free, stable = about_equilibrium(trolley(damping, rise), 5, mesh=4)
-    held, _ = about_equilibrium(trolley(damping, rise, spring=1e-3), 8, mesh=4)
-    own = np.sqrt(1e-3 / 3.3)
-    found, known = (x[np.abs(x) > 10.0 * own] for x in (rates(free), rates(held)))
-    assert len(found) == 4
-    np.testing.assert_allclose(found, known[:4], rtol=2e-5)
-    assert free.unstable.sum() == held.unstable.sum() == (1 if rise == 1.0 else 0)
-    assert not stable
-
-
-@pytest.mark.compiled
-def test_damping_beyond_all_measure_is_refused_where_nothing_holds():
-    scene = trolley(100.0, 0.3)
-    rest = at.solve_static(scene, mesh=4)
-    with pytest.raises(
-        SolverError, match=r"'trolley' are singular there: some motion needs no force.*less damping"
-    ):
-        at.modes(scene, mesh=4, count=5, about=rest)
-
-
 def test_a_campbell_diagram_shows_what_grows():
     """A mass on springs with dampers in a hub: beyond its own frequency damping drives it out."""
     hub = at.RigidBody(
@@ -218,106 +162,3 @@ def test_a_campbell_diagram_shows_what_grows():
     labels = [line.get_label() for line in found.plot().axes[0].lines]
     assert labels.count("unstable") == 1
     assert "unstable" not in [line.get_label() for line in at.campbell(scene, [12.0]).plot().axes[0].lines]
-
-
-def test_pictures_of_modes_tell_rates_where_nothing_oscillates():
-    found, _ = about_equilibrium(column(1.2, 1e-4), 12, mesh=2)
-    titles = [axes.get_title() for axes in found.plot().axes[:12]]
-    assert titles[0].split()[1] == "grows"
-    assert titles[1].endswith("Hz")
-    assert titles[-1].split()[1] == "decays"
-
-
-PLATES = [("a", (0.0, 0.0), (0.3, 0.2), (0.4, -0.1)), ("b", (1.0, 0.5), (0.7, 0.3), (0.8, 0.9))]
-
-
-def plate(number):
-    """A plate of 2 kg and 0.1 kg m² with two points."""
-    name, center, p, q = PLATES[number]
-    return at.RigidBody(name, 2.0, 0.1, center, points={"p": p, "q": q})
-
-
-def pull(number, point, along):
-    """Forces (x, y, moment) on a plate of a unit force at a point."""
-    x, y = np.subtract(PLATES[number][2 + "pq".index(point)], PLATES[number][1])
-    return [*along, x * along[1] - y * along[0]]
-
-
-def direction(one, two):
-    return np.subtract(one, two) / np.linalg.norm(np.subtract(one, two))
-
-
-@pytest.mark.parametrize("damping", [0.0, 1e-9])
-@pytest.mark.parametrize("stiffness", [1e2, 1e8, 1e12])
-def test_plates_on_stiff_springs_are_free_to_move_and_do_not_grow(stiffness, damping):
-    """However stiff the springs: frequencies are theirs, those of a free body 0."""
-    pairs = ["pp", "qq", "pq"]
-    springs = [
-        at.Spring(f"a.{one}", f"b.{two}", stiffness=stiffness, damping=damping * stiffness)
-        for one, two in pairs
-    ]
-    found = at.modes(at.Scene("plates", [plate(0), plate(1)], connectors=springs))
-    K = np.zeros((6, 6))
-    for one, two in pairs:
-        along = direction(PLATES[0][2 + "pq".index(one)], PLATES[1][2 + "pq".index(two)])
-        g = np.array([*pull(0, one, along), *pull(1, two, -along)])
-        K += stiffness * np.outer(g, g)
-    exact = np.sqrt(eigh(K, np.diag([2.0, 2.0, 0.1] * 2), eigvals_only=True)[3:])
-    np.testing.assert_allclose(np.abs(rates(found))[3:], exact, rtol=1e-5)
-    assert np.abs(rates(found))[:3].max() < 1e-5 * exact[0]
-    assert not found.unstable.any()
-
-
-@pytest.mark.parametrize("stiffness", [1e4, 1e6, 1e8, 1e10])
-def test_a_soft_beam_on_stiff_springs(stiffness):
-    """Springs between distant nodes, up to 1e7 times as stiff as the beam, beside dense matrices assembled here.
-
-    The relative error grows with the stiffness of the springs: 1.6e-4 at 1e10 N/m, where EA is 1e3 N.
-    """
-    mesh, ends = 3, {"p": (2.0, 0.0), "q": (3.0, 0.0)}
-    beam = at.Beam("beam", ends["p"], ends["q"], at.Rectangle(0.01, 0.01), at.Material(1e7, 1000.0))
-    springs = [
-        at.Spring(f"a.{p}", f"beam.{q}", stiffness=stiffness) for p, q in (("p", "start"), ("q", "end"))
-    ]
-    found = at.modes(at.Scene("held", [plate(0), beam], connectors=springs), mesh=mesh, count=7)
-    element, n = CableElement.of(beam, mesh), 4 * (mesh + 1)
-    K, M = np.zeros((n + 3, n + 3)), np.diag([0.0] * n + [2.0, 2.0, 0.1])
-    straight = np.array([(0.0, 0.0), (1.0, 0.0), (element.l, 0.0), (1.0, 0.0)])
-    for k in range(mesh):
-        own = slice(4 * k, 4 * k + 8)
-        K[own, own] += element.tangent(straight).reshape(8, 8)
-        M[own, own] += np.kron(element.mass, np.eye(2))
-    for point, row in (("p", 0), ("q", n - 4)):
-        along = direction(PLATES[0][2 + "pq".index(point)], ends[point])
-        g = np.zeros(n + 3)
-        g[row : row + 2], g[n:] = -along, pull(0, point, along)
-        K += stiffness * np.outer(g, g)
-    squares = eigh(K, M, eigvals_only=True)
-    exact = np.sqrt(squares[4:7]) / (2 * pi)
-    np.testing.assert_allclose(found.frequencies[4:], exact, rtol=1e-5 + 3e-14 * stiffness)
-    assert (2 * pi * found.frequencies[:4].max()) ** 2 < 1e-12 * squares[-1]  # what counts as rounding
-    assert not found.unstable.any()
-
-
-@pytest.mark.parametrize("second", [1.0, 1e3, 1e9])
-def test_no_unit_of_time_makes_a_growth_rounding(second):
-    """A pendulum upside down, which leaves at the rate √(m g l / J) in any unit, also in nanoseconds."""
-    rod = at.RigidBody("rod", 1.0, 0.1, (0.0, 0.5), {"hinge": (0.0, 0.0)})
-    scene = at.Scene("upright", [rod], [at.Pin("rod.hinge")], gravity=(0.0, -G / second**2))
-    found, stable = about_equilibrium(scene)
-    assert not stable
-    assert list(found.unstable) == [True]
-    np.testing.assert_allclose(found.growth_rates * second, sqrt(0.5 * G / 0.35), rtol=1e-9)
-
-
-def test_frequencies_of_a_bar_are_those_of_any_unit_of_time():
-    """In seconds and in nanoseconds, of a damped one with a body at its end."""
-
-    def frequencies(second):
-        material = at.Material(E / second**2, DENSITY, damping=1e-6 * second)
-        bar = at.Beam("bar", (0, 0), (1, 0), at.Rectangle(1e-2, 1e-2), material)
-        load = at.RigidBody("load", 2.0, 0.01, (1.1, 0.0), {"a": (1.0, 0.0)})
-        scene = at.Scene("loaded", [bar, load], [at.Clamp("bar.start"), at.Pin("bar.end", "load.a")])
-        return at.modes(scene, mesh=4, count=4).frequencies * second
-
-    np.testing.assert_allclose(frequencies(1e9), frequencies(1.0), rtol=1e-8, atol=1e-6)

@@ -4,12 +4,9 @@ from math import pi
 
 import numpy as np
 import pytest
-from ziegler import growth as growth_of_ziegler
-from ziegler import ziegler
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
 SECTION, E, DENSITY = at.Rectangle(0.02, 0.01), 2e9, 1500.0
 EI = E * SECTION.second_moment
 
@@ -84,44 +81,6 @@ def test_a_rope_beside_it_does_not_hide_the_flutter_of_a_column(load, damping, g
         own = at.modes(alone, mesh=16, about=at.solve_static(alone, mesh=16))
         assert found.growth_rates[0] == pytest.approx(own.growth_rates[0], rel=1e-5)
         assert found.growth_rates[0] == pytest.approx(growth, rel=1e-4)
-
-
-@pytest.mark.parametrize(
-    "others", [10, pytest.param(60, marks=pytest.mark.slow), pytest.param(310, marks=pytest.mark.exhaustive)]
-)
-def test_masses_that_creep_do_not_hide_the_flutter_of_two_bars(others):
-    """Ziegler's pendulum with dampers, in closed form, and slower masses beside it."""
-    alone = ziegler(1.5, 0.1)
-    masses, joints, connectors = on_springs(*[(0.1 + 1e-3 * n, 1.0) for n in range(others)], y=5.0)
-    scene = at.Scene(
-        "ziegler", [*alone.bodies, *masses], [*alone.joints, *joints], alone.loads,
-        connectors=[*alone.connectors, *connectors],
-    )  # fmt: skip
-    rest = at.solve_static(scene)
-    assert rest.status.code == "unstable", rest.status
-    found = at.modes(scene, about=rest, count=4)
-    assert found.unstable[0]
-    assert found.growth_rates[0] == pytest.approx(growth_of_ziegler(1.5, 0.1), rel=1e-5)
-
-
-@pytest.mark.parametrize("beside", [0, 2])
-@pytest.mark.parametrize("cranks", [2, 3, 5])
-def test_cranks_that_repeat_each_other_hide_no_mode(cranks, beside):
-    """A platform on parallel cranks without mass, and a spring: ω² = k/m, whatever the number of cranks."""
-    ends = {f"p{n}": (float(n), 1.0) for n in range(cranks)}
-    platform = at.RigidBody("platform", 2.0, 0.1, (1.0, 1.0), ends)
-    bars = [
-        at.RigidBody(f"c{n}", 1e-6, 1e-9, (float(n), 0.5), {"a": (float(n), 0.0), "b": (float(n), 1.0)})
-        for n in range(cranks)
-    ]
-    joints = [at.Pin(f"c{n}.a") for n in range(cranks)] + [
-        at.Pin(f"c{n}.b", f"platform.p{n}") for n in range(cranks)
-    ]
-    masses, guides, connectors = on_springs(*[(400.0, 0.0)] * beside, y=5.0)
-    springs = [at.Spring("platform.p0", (-3.0, 1.0), stiffness=50.0), *connectors]
-    scene = at.Scene("parallel", [platform, *bars, *masses], [*joints, *guides], connectors=springs)
-    found = at.modes(scene).frequencies * 2.0 * pi
-    np.testing.assert_allclose(found, [5.0, *[20.0] * beside], rtol=1e-5)
 
 
 def test_guides_that_repeat_each_other_hide_no_mode():

@@ -52,36 +52,6 @@ def test_a_cantilever_with_a_mass_at_its_tip(ratio):
     np.testing.assert_allclose(2 * pi * found, unit() * np.square(roots[:4]), rtol=1e-5)
 
 
-def test_two_masses_and_two_springs():
-    masses = [at.PointMass(n, mass=m, position=(x, 0)) for n, m, x in (("a", 2.0, 0.3), ("b", 0.5, 0.8))]
-    springs = [
-        at.Spring("a.center", (0, 0), stiffness=100.0),
-        at.Spring("a.center", "b.center", stiffness=40.0),
-    ]
-    guides = [at.Slider("a.center", (1, 0)), at.Slider("b.center", (1, 0))]
-    found = at.modes(at.Scene("two masses", masses, guides, connectors=springs))
-    exact = np.sort(np.linalg.eigvals(np.array([[140.0, -40.0], [-40.0, 40.0]]) / [[2.0], [0.5]]))
-    np.testing.assert_allclose((2 * pi * found.frequencies) ** 2, exact, rtol=1e-10)
-    a, b = found.displacement("a.center")[:, 0], found.displacement("b.center")[:, 0]
-    assert (a[0] / b[0]).real > 0.0 > (a[1] / b[1]).real
-    np.testing.assert_allclose(found.damping, 0.0)
-
-
-@pytest.mark.parametrize("damping", [0.5, 2.0, 40.0])
-def test_dampers_of_springs(damping):
-    """Under the critical damping and over it."""
-    mass, guide = slide(0.5)
-    spring = at.Spring("mass.center", (0, 0), stiffness=50.0, damping=damping)
-    found = at.modes(at.Scene("damped", [mass], [guide], connectors=[spring]))
-    omega, ratio = sqrt(50.0 / 0.5), damping / (2 * sqrt(50.0 * 0.5))
-    if ratio < 1.0:
-        assert found.damping[0] == pytest.approx(ratio, rel=1e-8)
-        assert 2 * pi * found.frequencies[0] == pytest.approx(omega * sqrt(1 - ratio**2), rel=1e-8)
-    else:
-        assert found.frequencies[0] == 0.0
-        assert found.damping[0] == pytest.approx(1.0)
-
-
 def test_a_law_is_linearised():
     mass, guide = slide(0.5)
     spring = at.Spring("mass.center", (0, 0), law=law)
@@ -93,37 +63,6 @@ def test_a_law_is_linearised():
 
 def law(x, v, t):
     return 50.0 * x + 300.0 * x**3 + 0.8 * v
-
-
-def thick(x, v, t):
-    """A damper that resists only where its spring is pulled out, the more the later."""
-    return 50.0 * x + 60.0 * x**2 * v * (1.0 + t)
-
-
-@pytest.mark.parametrize("time", [None, 6.0], ids=["equilibrium", "motion"])
-def test_a_law_damps_as_it_does_in_the_configuration(time):
-    mass, guide = slide(0.5)
-    spring = at.Spring("mass.center", (0, 0), law=thick)
-    scene = at.Scene("law", [mass], [guide], [at.Force("mass.center", (5.0, 0.0))], connectors=[spring])
-    rest = at.solve_static(scene) if time is None else at.solve(scene, dt=4e-3, t_end=time)
-    found = at.modes(scene, about=rest)
-    stretch = rest.position("mass.center")[-1, 0] - 1.0
-    assert stretch == pytest.approx(0.1, rel=1e-3)
-    omega = sqrt(50.0 / 0.5)
-    ratio = 60.0 * stretch**2 * (1.0 + (time or 0.0)) / (2.0 * sqrt(50.0 * 0.5))
-    assert found.damping[0] == pytest.approx(ratio, rel=1e-5)
-    assert 2 * pi * found.frequencies[0] == pytest.approx(omega * sqrt(1 - ratio**2), rel=1e-3)
-
-
-@pytest.mark.parametrize("moved", [True, False], ids=["motion", "equilibrium"])
-def test_a_law_of_an_angle_damps_as_at_its_whole_angle(moved):
-    wheel = at.RigidBody("wheel", mass=1.0, inertia=0.02, center=(0.0, 0.0), points={"rim": (0.3, 0.0)})
-    spring = at.RotationalSpring("wheel.center", law=thicker)
-    torque = at.Torque("wheel.center", thicker(8.0, 0.0, 0.0))
-    scene = at.Scene("wound", [wheel], [at.Pin("wheel.center")], [torque], connectors=[spring])
-    rest = at.solve(scene, dt=4e-3, t_end=4.0) if moved else at.solve_static(scene)
-    assert rest.status.ok
-    assert at.modes(scene, about=rest).growth_rates[0] == pytest.approx(-0.05 * 8.0 / (2 * 0.02), rel=1e-5)
 
 
 def test_a_run_that_has_failed_has_no_modes():
@@ -141,19 +80,6 @@ def test_a_run_that_has_failed_has_no_modes():
 
 def thicker(angle, rate, t):
     return 5.0 * angle + 0.05 * angle * rate
-
-
-def test_a_rigid_pendulum_about_its_equilibrium():
-    scene = pendulum()
-    exact = sqrt(2.0 * G * 0.4 / (0.05 + 2.0 * 0.16))
-    found = at.modes(scene, about=at.solve_static(scene))
-    assert len(found.frequencies) == 1
-    assert 2 * pi * found.frequencies[0] == pytest.approx(exact, rel=1e-9)
-    assert at.modes(scene).frequencies[0] == pytest.approx(0.0, abs=1e-4)  # without gravity
-    held = at.Scene(
-        "held", scene.bodies, scene.joints, connectors=[at.RotationalSpring("bob.pin", stiffness=3.0)]
-    )
-    assert 2 * pi * at.modes(held).frequencies[0] == pytest.approx(sqrt(3.0 / (0.05 + 0.32)), rel=1e-9)
 
 
 def test_an_upright_pendulum_leaves():
@@ -249,100 +175,10 @@ def test_a_hinged_blade_lags_by_its_offset():
     assert ratio == pytest.approx(1e-2 / (2 * inertia * exact), rel=1e-6)
 
 
-def test_a_campbell_diagram_of_a_blade():
-    """Wright et al. 1982: λ² = flap² − γ² in the plane."""
-    gamma, flap = np.array([0.0, 1.0, 2.0, 5.0, 10.0]), np.array([3.5160, 3.6817, 4.1373, 6.4495, 11.2023])
-    blade = at.Scene("blade", [bar("blade", (0, 0), (0.6, 0.8))], [at.Clamp("blade.start")])
-    found = at.campbell(blade, unit() * gamma[::-1], mesh=24, count=3)
-    np.testing.assert_allclose(
-        2 * pi * found.frequencies[:, 0] / unit(), np.sqrt(flap**2 - gamma**2), rtol=1e-4
-    )
-    assert found.frequencies.shape == found.damping.shape == (5, 3)
-    (speed, frequency), *_ = found.resonances(1)
-    assert unit() * 2.0 < speed < unit() * 5.0
-    assert frequency == pytest.approx(speed / (2 * pi))
-    assert found.resonances(1) == found.resonances()
-    assert "rad/s" in repr(found)
-    figure = found.plot()
-    assert [line.get_label() for line in figure.axes[0].lines[:3]] == ["mode 1", "mode 2", "mode 3"]
-    grown = at.campbell(lambda speed: blade, unit() * gamma, mesh=24, count=3)
-    np.testing.assert_allclose(grown.frequencies, found.frequencies)
-
-
-def test_what_cannot_be_asked_of_a_campbell_diagram():
-    blade = at.Scene("blade", [bar("blade", (0, 0), (1, 0))], [at.Clamp("blade.start")])
-    for speeds, words in [
-        ([], "speeds are 0"),
-        ("fast", "speeds is 'fast'"),
-        ([float("nan")], "a speed"),
-        (3.0, "list"),
-    ]:
-        with pytest.raises(DiscretisationError, match=words):
-            at.campbell(blade, speeds, mesh=2)
-    with pytest.raises(DiscretisationError, match="raises ZeroDivisionError"):
-        at.campbell(lambda speed: 1 / 0, [1.0], mesh=2)
-    with pytest.raises(DiscretisationError, match="order"):
-        at.campbell(blade, [0.0], mesh=2, count=2).resonances(0)
-    sprung = at.Scene(
-        "sprung", blade.bodies, blade.joints, connectors=[at.Spring("blade.end", (1, 1), stiffness=1.0)]
-    )
-    with pytest.raises(DiscretisationError, match="stands still"):
-        at.campbell(sprung, [1.0], mesh=2)
-
-
-def test_shapes_are_drawn_and_move(tmp_path):
-    scene = pendulum()
-    mass, guide = slide(0.5)
-    arm = bar("arm", (0, 0.5), (1, 0.5))
-    every = at.Scene(
-        "every", [*scene.bodies, mass, arm], [*scene.joints, guide, at.Clamp("arm.start")],
-        connectors=[at.Spring("mass.center", "bob.center", stiffness=20.0)],
-    )  # fmt: skip
-    found = at.modes(every, mesh=2, count=3)
-    figure = found.plot()
-    assert [axes.get_title() for axes in figure.axes[:3]] == [
-        f"{k + 1}: {f:.4g} Hz" for k, f in enumerate(found.frequencies)
-    ]
-    motion = found.motion(3, amplitude=0.2)
-    assert max(np.abs(motion.displacement(p)).max() for p in ("arm.end", "bob.center", "mass.center")) <= 0.41
-    assert motion.t[-1] == pytest.approx(1.0 / found.frequencies[2])
-    np.testing.assert_allclose(motion.position("arm.end")[0], motion.position("arm.end")[-1], atol=1e-12)
-    assert found.animate(tmp_path / "mode.gif", mode=3).stat().st_size > 1000
-    with pytest.raises(DiscretisationError, match="mode is 9"):
-        found.motion(9)
-    with pytest.raises(DiscretisationError, match="amplitude"):
-        found.motion(1, amplitude=-1.0)
-
-
-def test_long_chains_of_mechanisms():
-    """A rope of many elements with a box at its end hangs as a pendulum; nothing global is assembled."""
-    rope = at.Beam("rope", (0, 0), (0, -10.0), at.Circle(0.01), at.Material(E=1e7, density=1000.0))
-    box = at.RigidBody("box", mass=5.0, inertia=0.1, center=(0, -10.2), points={"top": (0, -10.0)})
-    scene = at.Scene(
-        "rope", [rope, box], [at.Pin("rope.start"), at.Pin("rope.end", "box.top")], gravity=(0, -G)
-    )
-    frequencies = []
-    for mesh in (64, 256, 2048):
-        rest = at.solve_static(scene, mesh=mesh)
-        frequencies.append(at.modes(scene, mesh=mesh, count=2, about=rest).frequencies)
-    np.testing.assert_allclose(frequencies[1:], [frequencies[0]] * 2, rtol=1e-3)
-    assert 2 * pi * frequencies[0][0] == pytest.approx(sqrt(G / 10.6), rel=0.05)
-
-
 def test_about_an_equilibrium_that_was_not_found_there_are_no_modes():
     fallen = at.Scene("fallen", [at.PointMass("m", 1.0, (0.0, 0.0))], gravity=(0.0, -G))
     with pytest.raises(DiscretisationError, match="about ended at 0 of the load"):
         at.modes(fallen, about=at.solve_static(fallen))
-
-
-def test_meshes_that_rounding_spoils_are_refused():
-    """The stiffness of an element grows as its length to the power of −4 beside that of the lowest mode."""
-    beam = at.Scene("beam", [bar("beam", (0, 0), (1, 0))], [at.Clamp("beam.start")])
-    assert 2 * pi * at.modes(beam, mesh=1000, count=1).frequencies[0] == pytest.approx(
-        3.5160 * unit(), rel=1e-3
-    )
-    with pytest.raises(at.errors.SolverError, match="no digit of the lowest modes"):
-        at.modes(beam, mesh=100_000, count=1)
 
 
 def hung(length, mass, time):

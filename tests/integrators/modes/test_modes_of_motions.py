@@ -4,7 +4,6 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
-from marks import interpreted_where
 
 import anctmm as at
 from anctmm.errors import DiscretisationError, EquilibriumWarning
@@ -106,7 +105,7 @@ KINDS = {
 CARRIED = ("slider", "prismatic", "prismatic of a box")
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", KINDS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_drives_that_have_come_to_rest_are_held_where_they_are(kind):
     """As of the same scene, built where its drive has led it."""
     make, turns = KINDS[kind]
@@ -118,10 +117,10 @@ def test_drives_that_have_come_to_rest_are_held_where_they_are(kind):
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-4)
     if "in a box" in kind or "hinge" in kind:  # the place matters
         start = at.modes(moved, mesh=2, count=4).frequencies
-        assert np.abs(start / exact - 1.0)[exact > 1e-3].max() > 1e-3
+        assert (np.abs(start - exact) > 1e-3 * exact)[exact > 1e-3].any()
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", CARRIED))
+@pytest.mark.parametrize("kind", CARRIED)
 def test_a_guide_that_moves_steadily_carries_the_scene(kind):
     make, _ = KINDS[kind]
     scene = at.Scene("carried", *make(Steady(0.3), 0.0, 0.0))
@@ -141,74 +140,6 @@ def test_a_clamp_that_turns_steadily_spins_the_scene(kind):
     held = at.modes(scene, mesh=2, count=4).frequencies
     np.testing.assert_allclose(found, exact, rtol=5e-5)  # what is left of the start
     assert np.abs(held / exact - 1.0).max() > 1e-3
-
-
-@pytest.mark.interpreted
-@pytest.mark.parametrize("speed", [12.0, 35.0, 40.0])
-@pytest.mark.parametrize("damping", [0.0, 3.0])
-@pytest.mark.parametrize("driven", [False, True])
-def test_a_mass_on_springs_in_a_hub_that_turns(speed, damping, driven):
-    """ω0 ± Ω; with dampers in the hub roots of z̈ + (c/m + 2iΩ) ż + (ω0² − Ω²) z = 0, which grow beyond Ω = ω0."""
-    mass, stiffness, arm = 0.5, 200.0, 0.2
-    bodies = [
-        box("hub", (0, 0), e=(arm, 0), n=(0, arm), w=(-arm, 0), s=(0, -arm)),
-        at.PointMass("m", mass=mass, position=(0, 0)),
-    ]
-    springs = [at.Spring("m.center", f"hub.{p}", stiffness=stiffness, damping=damping) for p in "enws"]
-    law = Steady(speed) if driven else None
-    scene = at.Scene("rotor", bodies, [at.Clamp("hub.center", angle=law)], connectors=springs)
-    state = {"about": at_the_end(scene, 0.3, dt=5e-3)} if driven else {"spin": speed}
-    found = at.modes(scene, **state)
-    own = sqrt(2.0 * stiffness / mass)
-    roots = np.roots([1.0, 2.0 * damping / mass + 2j * speed, own**2 - speed**2])
-    order = np.argsort(np.abs(roots.imag))
-    np.testing.assert_allclose(2 * pi * found.frequencies, np.abs(roots.imag)[order], rtol=1e-7)
-    np.testing.assert_allclose(found.damping, (-roots.real / np.abs(roots))[order], atol=1e-7)
-    if damping == 0.0:
-        np.testing.assert_allclose(2 * pi * found.frequencies, [abs(own - speed), own + speed], rtol=1e-7)
-    else:
-        assert (found.damping[0] < 0.0) == (speed > own)
-
-
-@pytest.mark.interpreted
-def test_loads_are_those_of_the_last_output():
-    """A pendulum in a uniform force that has grown: its frequency is that of the force then."""
-    bob = at.RigidBody(
-        "bob", mass=2.0, inertia=0.05, center=(0.0, -0.4), points={"pin": (0.0, 0.0), "tip": (0.0, -0.5)}
-    )
-
-    def grown(t):
-        return 0.0 * t, -30.0 * np.minimum(t, 1.0)
-
-    scene = at.Scene(
-        "pulled", [bob], [at.Pin("bob.pin")], [at.Force("bob.tip", at.History(grown, breaks=[1.0]))]
-    )
-    found = at.modes(scene, about=at.solve(scene, dt=0.1, t_end=2.0))
-    assert 2 * pi * found.frequencies[0] == pytest.approx(sqrt(30.0 * 0.5 / (0.05 + 0.32)), rel=1e-9)
-
-
-def hardening(angle, rate, t):
-    return 0.5 * angle + 0.02 * angle**3 + 0.5 * rate
-
-
-@pytest.mark.interpreted
-@pytest.mark.parametrize("moved", [True, False], ids=["motion", "equilibrium"])
-def test_whole_turns_of_springs_are_those_of_the_configuration(moved):
-    """A wheel that has come to rest after more than a turn, against a spring that hardens."""
-    wheel = at.RigidBody("wheel", mass=1.0, inertia=0.02, center=(0.0, 0.0), points={"rim": (0.3, 0.0)})
-    turn = 8.0
-    scene = at.Scene(
-        "wound", [wheel], [at.Pin("wheel.center")], [at.Torque("wheel.center", hardening(turn, 0.0, 0.0))],
-        connectors=[at.RotationalSpring("wheel.center", law=hardening)],
-    )  # fmt: skip
-    rest = at.solve(scene, dt=1e-2, t_end=10.0) if moved else at.solve_static(scene)
-    assert rest.angle("wheel")[-1] == pytest.approx(turn, rel=1e-9)
-    found = at.modes(scene, about=rest)
-    stiffness = 0.5 + 0.06 * turn**2
-    own = sqrt(stiffness / 0.02)
-    ratio = 0.5 / (2.0 * 0.02 * own)
-    assert found.damping[0] == pytest.approx(ratio, rel=1e-6)
-    assert 2 * pi * found.frequencies[0] == pytest.approx(own * sqrt(1.0 - ratio**2), rel=1e-6)
 
 
 def with_what_stands_still():
@@ -235,7 +166,6 @@ def with_what_stands_still():
         yield at.Scene("s", *make(Steady(0.5), 0.0, 0.0)), "against each other"
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize(("scene", "words"), list(with_what_stands_still()))
 def test_motions_without_modes_are_refused_by_name(scene, words):
     about = at_the_end(scene, 0.4)
@@ -243,7 +173,7 @@ def test_motions_without_modes_are_refused_by_name(scene, words):
         at.modes(scene, mesh=2, about=about)
 
 
-@pytest.mark.parametrize("kind", interpreted_where(lambda kind: kind == "slider", KINDS))
+@pytest.mark.parametrize("kind", KINDS)
 def test_drives_that_speed_up_are_refused(kind):
     make, turns = KINDS[kind]
     scene = at.Scene("fast", *make(at.Quintic(turn=TURN if turns else MOVE, duration=REST), 0.0, 0.0))
@@ -262,7 +192,6 @@ def swinging(angle):
     return scene, at.solve(scene, dt=1e-2, t_end=0.1)
 
 
-@pytest.mark.interpreted
 def test_a_motion_that_is_no_equilibrium_is_told():
     """Its stiffness is that of a pendulum held at an angle: √cos φ of the frequency."""
     scene, motion = swinging(0.5)
@@ -275,7 +204,6 @@ def test_a_motion_that_is_no_equilibrium_is_told():
     assert 2 * pi * found.frequencies[0] == pytest.approx(known, rel=1e-6)
 
 
-@pytest.mark.interpreted
 def test_next_to_an_equilibrium_and_in_free_flight_nothing_is_told():
     """Warnings are errors here."""
     scene, motion = swinging(1e-4)

@@ -5,8 +5,6 @@ import pytest
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
-
 
 def net(count, stretch=1.0, gravity=(0.3, -9.81), columns=(0,)):
     """Masses in squares, springs along their sides and one diagonal, stretched so many times; columns that are held."""

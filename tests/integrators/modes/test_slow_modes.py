@@ -5,7 +5,6 @@ import pytest
 
 import anctmm as at
 
-pytestmark = pytest.mark.interpreted
 E, AREA = 2e11, 2e-4
 STEEL = at.Material(E=E, density=7800.0)
 THICK = at.Rectangle(0.02, 0.01)

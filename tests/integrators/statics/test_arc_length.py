@@ -8,9 +8,9 @@ from samples import KINDS, SOFT, SQUARE, bar
 from scipy.optimize import minimize_scalar
 
 from anctmm.errors import DiscretisationError, UnknownOptionError
-from anctmm.integrators.statics import equilibria, solve_static
 from anctmm.model.scene import Beam, Clamp, Force, Material, Pin, Scene, Torque, Weld
 from anctmm.model.sections import Rectangle
+from anctmm.solve import solve_static
 
 RISE = 0.1
 #: So deep that the bars of the truss do not buckle: a cable has no shear.
@@ -148,14 +148,6 @@ def test_a_mechanism_has_no_path_and_keeps_its_start():
     assert found.status == "diverged"
     assert "path of equilibria ends at load factor 0" in found.status.message
     assert found.t.tolist() == [0.0]
-
-
-def test_a_path_that_never_ends_is_stopped(monkeypatch):
-    monkeypatch.setattr(equilibria, "POINTS", 5)
-    found = solve_static(truss(-1.5 * PEAK.fun), mesh=1, path="arclength")
-    assert found.status == "diverged"
-    assert "5 points do not reach the full load" in found.status.message
-    assert len(found.t) == len(found.stable) == 5
 
 
 def test_paths_are_named():

@@ -47,28 +47,6 @@ def test_the_global_equations_have_the_same_work_of_moments():
         np.testing.assert_allclose(theirs.work, ours.work, rtol=1e-9)
 
 
-def test_points_of_a_path_have_it_too():
-    scene = clamped([at.Torque("b.end", 0.1 * BENDING)])
-    found = at.solve_static(scene, mesh=2, load_steps=2, path="arclength")
-    np.testing.assert_allclose(found.energy.work, 0.1 * BENDING * found.angle("b.end"))
-    assert found.energy.work[-1] == pytest.approx(0.01 * BENDING, rel=1e-4)
-
-
-@pytest.mark.parametrize("solve_static", [at.solve_static, global_dae.solve_static], ids=["anctmm", "dae"])
-@pytest.mark.parametrize("joints", [(), (at.Slider(("b", 0.5), (0.0, 1.0)),)], ids=["whole", "cut"])
-def test_forces_that_vary_in_time_work_as_constant_ones_lose_potential(joints, solve_static):
-    def acting(kind, place, value):
-        return [kind(place, value)], [kind(place, lambda t: (value[0] + t, value[1] - t))]
-
-    for kind, place in ((at.Force, ("b", 0.8)), (at.LineLoad, "b")):
-        constant, varying = (
-            solve_static(clamped(loads, joints=joints), mesh=4, load_steps=2).energy
-            for loads in acting(kind, place, (0.1, -0.4))
-        )
-        np.testing.assert_allclose(varying.work, -constant.potential, rtol=1e-9)
-        assert np.abs(constant.work).max() == 0.0 < varying.work[-1]
-
-
 def test_the_energies_of_an_equilibrium_are_stationary_under_the_whole_loads():
     """A larger or smaller part of the loads leads to states that have more."""
     loads = [at.Force("b.end", (0.0, -1.0)), at.Torque("b.end", -0.3)]

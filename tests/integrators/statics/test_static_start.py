@@ -57,7 +57,6 @@ def test_nothing_moves_from_an_equilibrium(options):
     assert found.energy.strain[0] == pytest.approx(rest.energy.strain[-1], rel=1e-9)
 
 
-@pytest.mark.compiled
 def test_a_load_that_is_let_go_gives_back_its_energy():
     """A beam bent by a force swings about its straight shape: it comes to the mirrored place after half a period."""
     beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
@@ -97,72 +96,7 @@ def test_forces_inside_begin_as_in_the_equilibrium(options):
         np.testing.assert_allclose(forces_in(found, output), expected, atol=1e-8)
 
 
-def test_a_guide_in_a_body_that_has_turned_pushes_across_its_line():
-    """A block on the line of a plate, which a torque has turned against its spring."""
-    plate = at.RigidBody("plate", mass=2.0, inertia=0.1, center=(0.0, 0.0), points={"o": (0.5, 0.0)})
-    block = at.PointMass("block", mass=1.0, position=(0.5, 0.0))
-    guide = at.Slider("block.center", direction=(1, 0), body="plate")
-    holds = [
-        at.RotationalSpring("plate.center", stiffness=3.0),
-        at.Spring("block.center", "plate.center", stiffness=200.0, length=0.5),
-    ]
-    scene = at.Scene(
-        "tilted", [plate, block], [at.Pin("plate.center"), guide], [at.Torque("plate.center", 8.0)],
-        gravity=(0.0, -9.81), connectors=holds,
-    )  # fmt: skip
-    rest = at.solve_static(scene, load_steps=4, newton_tolerance=1e-13)
-    found = at.solve(scene, dt=1e-3, t_end=0.01, start=rest)
-    turned = rest.angle("plate")[-1]
-    assert abs(turned) > 0.5
-    across = 9.81 * np.cos(turned) * np.array([-np.sin(turned), np.cos(turned)])
-    for solution in (rest, found):
-        np.testing.assert_allclose(solution.reaction(guide)[-1], [*across, 0.0], atol=1e-8)
-
-
-@pytest.mark.compiled
-@pytest.mark.parametrize(
-    "element", ["cable", *(pytest.param(kind, marks=pytest.mark.exhaustive) for kind in ("shear", "quintic"))]
-)
-def test_whole_turns_of_an_equilibrium_are_counted(element):
-    """A cantilever that a moment rolls up, at once, in small parts, downhill and along the path: by M L/EI."""
-    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Rectangle(0.02, 0.02), SOFT)
-    moment = 2.0 * np.pi * 1.2 * SOFT.E * beam.section.second_moment
-    scene = at.Scene("rolled", [beam], [at.Clamp("beam.start")], [at.Torque("beam.end", moment)])
-    run = at.Discretisation(mesh=16, element=element)
-    parts = at.solve_static(scene, run, load_steps=16)
-    places = [0.0, 0.31, 0.5, 1.0]
-    field = replace(parts.fields["beam"], turned=None)  # half a turn from one output to the next at most
-    turned = np.array([field.angle(place, parts.t)[-1] for place in places])
-    assert turned[-1] > (1.1 if element == "shear" else 2.3) * np.pi
-    for options in ({"load_steps": 16}, {}, {"branch": "stable"}, {"path": "arclength"}):
-        found = at.solve_static(scene, run, **options)
-        np.testing.assert_allclose(found.angle("beam", places)[-1], turned, atol=1e-6)
-
-
-@pytest.mark.parametrize("steps", [1, 8])
-def test_turns_of_the_start_are_counted(steps):
-    """A rotational spring wound by more than a turn: it pushes back by all of it."""
-    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), SQUARE, SOFT)
-    bending = SOFT.E * SQUARE.second_moment
-    spring = at.RotationalSpring("beam.end", stiffness=1e-3 * bending)
-    moment = 2.0 * np.pi * 1.2 * bending
-    scene = at.Scene(
-        "wound", [beam], [at.Clamp("beam.start")], [at.Torque("beam.end", moment)], connectors=[spring]
-    )
-    rest = at.solve_static(scene, mesh=8, load_steps=steps, newton_tolerance=1e-12)
-    assert rest.status.ok, rest.status
-    found = at.solve(scene, mesh=8, dt=1e-3, t_end=0.05, start=rest)
-    assert found.energy.strain[0] == pytest.approx(rest.energy.strain[-1], rel=1e-9)
-    assert np.abs(found.position("beam", 1.0) - rest.position("beam", 1.0)[-1]).max() < 1e-8
-    assert rest.angle("beam.end")[-1] > 2.0 * np.pi
-    for solution in (rest, found):
-        assert solution.tension(spring)[-1] == pytest.approx(
-            1e-3 * bending * rest.angle("beam.end")[-1], rel=1e-9
-        )
-
-
 @pytest.mark.exhaustive
-@pytest.mark.compiled
 def test_a_start_that_does_not_fit_is_refused_by_name():
     scene = loaded()
     rest = rest_of(scene)

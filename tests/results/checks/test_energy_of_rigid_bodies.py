@@ -6,8 +6,6 @@ import pytest
 import anctmm as at
 from reference import global_dae
 
-pytestmark = pytest.mark.interpreted
-
 
 def pendulum():
     bar = at.RigidBody("bar", 1.0, 1.0 / 12.0, (0.5, 0.0), points={"a": (0.0, 0.0)})
