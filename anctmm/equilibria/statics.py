@@ -117,7 +117,7 @@ def solve_static(
             "path is 'arclength' beside branch 'stable'; one of them is allowed: the path passes stable and unstable "
             "equilibria"
         )
-    refuse(checked_scene(scene), LACKING - {"own-joints"}, "ANC-TMM", "statics")
+    refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
     run = discretise(run, options)
     check_kinds(run.of(scene), with_statics(), "statics")
     system = System(scene, run)
