@@ -135,7 +135,7 @@ def advance(
         signals, loads, free, t = inputs.signals[n], inputs.loads[n], inputs.free[n], inputs.t[n]
         if step > 0 and not step_alpha(size, space, m, tables, state, signals, loads, free, t):
             return step
-        count_work(space, tables, state, step > 0, m.h, signals, loads, free, t, out)
+        count_work(space, tables, state, step > 0, signals, loads, free, t, out)
         count_turns(out.turning, state.q)
         if step % m.stride == 0 or step == m.steps:
             if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):

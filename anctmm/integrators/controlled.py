@@ -62,7 +62,7 @@ def attempt_alpha(size, space, restart, m, tables, state, inputs, out):  # type:
         signals, loads, free, t = inputs.signals[0], inputs.loads[0], inputs.free[0], inputs.t[0]
         for _ in range(2):
             balance(size, space, tables, state, signals, loads, free, t)
-        count_work(space, tables, state, m.h < 0.0, m.h, signals, loads, free, t, out)
+        count_work(space, tables, state, m.h < 0.0, signals, loads, free, t, out)
     signals, loads, free, t = inputs.signals[1], inputs.loads[1], inputs.free[1], inputs.t[1]
     if not step_alpha(size, space, m, tables, state, signals, loads, free, t):
         return np.inf
@@ -85,7 +85,7 @@ def prepare(size, space, tables, state, c, signals, loads, free, t):  # type: ig
 
 @part
 def filtered(size, space, to_w, tables, state):  # type: ignore[no-untyped-def]
-    """The error in `base` through the filter: root mean square of positions over the nodes."""
+    """The error in `base` through the filter: root mean square over the nodes, by `State.weight`."""
     matrix, dim, nodes, total = tables.matrix, len(space), state.q.shape[1], 0.0
     for k in range(state.f.shape[0]):
         for i in range(nodes):
@@ -95,9 +95,9 @@ def filtered(size, space, to_w, tables, state):  # type: ignore[no-untyped-def]
     gather(matrix.at, state.f, dim, matrix.unknowns)
     solve(size, matrix.plan, matrix.values, matrix.x)
     scatter(matrix.at, matrix.unknowns, dim, state.scratch)
-    for k in range(dim):
+    for k in range(state.weight.shape[0]):
         for i in range(nodes):
-            total += state.scratch[k, i] * state.scratch[k, i]
+            total += (state.weight[k, i] * state.scratch[k, i]) ** 2
     return np.sqrt(total / nodes)
 
 
@@ -106,7 +106,7 @@ def take(space, place, h, tables, state, inputs, row, out):  # type: ignore[no-u
     """Count the work of a step of h unless h is 0, and turns; keep the state as output `place` unless that is −1."""
     if h > 0.0:
         signals, loads, free, t = inputs.signals[row], inputs.loads[row], inputs.free[row], inputs.t[row]
-        count_work(space, tables, state, h > 0.0, h, signals, loads, free, t, out)
+        count_work(space, tables, state, h > 0.0, signals, loads, free, t, out)
     count_turns(out.turning, state.q)
     if too_large(tables.elements, state.q, len(space), STRETCH_LIMIT):
         return False

@@ -71,7 +71,7 @@ def advance(
             check += w[k, 0] + w[k, w.shape[1] - 1]
         if check - check != 0.0:  # also of no number
             return step
-        count_work(space, tables, state, step > 0, dt, signals, inputs.loads[n], inputs.free[n], t, out)
+        count_work(space, tables, state, step > 0, signals, inputs.loads[n], inputs.free[n], t, out)
         count_turns(out.turning, q)
         if step % numbers.stride == 0 or step == numbers.steps:
             if too_large(tables.elements, q, dim, STRETCH_LIMIT):

@@ -20,7 +20,7 @@ from anctmm.results.status import Status
 from anctmm.system.acting import connector_energy, power, work_done
 from anctmm.system.body_meshes import BeamMesh, MassMesh, RigidMesh
 from anctmm.system.elastic import Elements, kinetic_energy, strain_energy, subtract_damping
-from anctmm.system.rows import drive_power
+from anctmm.system.rows import drive_power, drive_work
 from anctmm.system.system import System, Tables, set_reactions
 
 Array = NDArray[np.float64]
@@ -41,8 +41,8 @@ class Output(NamedTuple):
     turning : Turning
     memory : ndarray, shape (4, rows, nodes)
         At the last step: forces of drives on driven vectors, damping forces of materials, and the coordinates of both.
-    power : ndarray, shape (1,)
-        Power of the drives of rows at the last step, W.
+    drive : ndarray, shape (3, signals)
+        Memory of `drive_work`.
     """
 
     series: Array
@@ -51,7 +51,7 @@ class Output(NamedTuple):
     angles: Array
     turning: Turning
     memory: Array
-    power: Array
+    drive: Array
 
 
 class Record:
@@ -72,7 +72,8 @@ class Record:
         turning = turning_of(system)
         self.out = Output(
             np.zeros((3, len(t), rows, nodes)), np.zeros((len(t), 4)), np.zeros(2),
-            np.zeros((len(t), len(turning.angle))), turning, np.zeros((4, rows, nodes)), np.zeros(1),
+            np.zeros((len(t), len(turning.angle))), turning, np.zeros((4, rows, nodes)),
+            np.zeros((3, 1 + len(system.signals))),
         )  # fmt: skip
         self.started: tuple[float, float] = _clocks()
         self.ended: tuple[float, float] | None = None
@@ -200,7 +201,6 @@ def count_work(
     tables: Tables,
     state: State,
     moving: bool,
-    dt: float,
     signals: Array,
     loads: Array,
     free: Array,
@@ -210,10 +210,7 @@ def count_work(
     """Count the work of a step that ends at the state, by the trapezoidal rule; none yet unless `moving`."""
     work_done(space, tables.acting, moving, state.q, loads, free, out.work)
     if signals.shape[0] > 1 and len(tables.rows.at) > 0:
-        now = drive_power(tables.rows, state.q, signals)
-        if moving:
-            out.work[0] += 0.5 * dt * (now + out.power[0])
-        out.power[0] = now
+        out.work[0] += drive_work(tables.rows, state.q, signals, moving, out.drive)
     driven, dim = tables.driven, len(space)
     if len(driven.node) > 0:
         set_reactions(space, tables, state.q, state.v, state.w, loads, free, t, state.scratch)

@@ -5,6 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from anctmm.system.body_meshes import RigidMesh
+from anctmm.system.mesh import Mesh
 from anctmm.system.system import System
 
 Array = NDArray[np.float64]
@@ -29,6 +31,9 @@ class State(NamedTuple):
         Newton corrections and factorizations; whether the matrix is to be renewed; corrections of the last solution.
     sizes : ndarray, shape (ITERATIONS,)
         Corrections of the last solution: positions over `scale`, gradients as they are.
+    weight : ndarray
+        Of a component in errors: 1 of positions, the radius of gyration (m) of the axis of a rigid body, 0 of the
+        gradients of a beam.
     scale : ndarray, shape (2,)
         Length that corrections of positions are compared with, m, and the bound of the last correction.
     """
@@ -44,6 +49,7 @@ class State(NamedTuple):
     scratch: Array
     counts: Ints
     sizes: Array
+    weight: Array
     scale: Array
 
 
@@ -57,5 +63,17 @@ def new_state(system: System, q: Array, v: Array) -> State:
     tolerance = float(system.run.newton_tolerance)
     return State(  # type: ignore[call-arg]
         q.copy(), v.copy(), *zeros, np.zeros(4, np.int64), np.zeros(ITERATIONS),
-        np.array([system.scene.length, tolerance]),
+        _weights(system.mesh), np.array([system.scene.length, tolerance]),
     )  # fmt: skip
+
+
+def _weights(mesh: Mesh) -> Array:
+    """`State.weight`."""
+    found = {}
+    for name, body in mesh.bodies.items():
+        weight = np.zeros((body.nodes, body.vectors, mesh.dim))
+        weight[:, 0] = 1.0
+        if isinstance(body, RigidMesh):
+            weight[:, 1] = np.sqrt(body.inertia / body.mass) if body.anchors is None else 1.0
+        found[name] = weight
+    return mesh.flat(found)

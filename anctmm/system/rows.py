@@ -243,3 +243,32 @@ def drive_power(rows: Rows, q: Array, signals: Array) -> float:
     for k in range(len(rows.g)):
         power += rows.multiplier[k] * rows.g[k]
     return power
+
+
+@part
+def drive_work(rows: Rows, q: Array, signals: Array, moving: bool, memory: Array) -> float:
+    """Work of what drives rows since the last call, J: mean force λ ∂g/∂w of each signal w times its change.
+
+    Memory, (3, signals): forces and values at the last call, and scratch. There is no work yet unless `moving`.
+    """
+    dim = rows.C.shape[1]
+    for w in range(memory.shape[1]):
+        memory[2, w] = 0.0
+    for t in range(len(rows.pairs)):
+        row, i, a, j, b, w, _, _ = rows.pairs[t]
+        for k in range(dim):
+            for m in range(dim):
+                memory[2, w] += rows.multiplier[row] * q[a + k, i] * rows.C[t, k, m] * q[b + m, j]
+    for t in range(len(rows.terms)):
+        row, i, a, w, _ = rows.terms[t]
+        for k in range(dim):
+            memory[2, w] += rows.multiplier[row] * rows.c[t, k] * q[a + k, i]
+    for t in range(len(rows.constants)):
+        row, w = rows.constants[t]
+        memory[2, w] += rows.multiplier[row] * rows.n[t]
+    work = 0.0
+    for w in range(1, memory.shape[1]):
+        if moving:
+            work += 0.5 * (memory[0, w] + memory[2, w]) * (signals[w, 0] - memory[1, w])
+        memory[0, w], memory[1, w] = memory[2, w], signals[w, 0]
+    return work
