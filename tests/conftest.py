@@ -15,21 +15,21 @@ settings.load_profile("steady")
 
 #: Modules that `-m "not slow"` leaves out: long runs, many scenes, other codes, commands and studies.
 SLOW = {
-    "adaptive": ["driven_mechanisms", "events", "stiff_chains", "wound_springs"],
-    "checks": ["bench", "check", "check_of_cases", "conform", "energy_check", "small_scenes"],
+    "adaptive": ["driven_mechanisms", "events", "stiff_chains"],
+    "checks": ["bench", "check", "check_of_cases", "conform"],
     "commands": ["commands", "plugins"],
     "engine": ["processes", "refinement"],
     "golden": ["golden"],
     "implicit": ["esdirk"],
-    "integrators": ["graph_motion", "graph_properties", "interrupted", "memory", "motion", "properties"],
-    "mechanisms": ["n_four_bar", "driven_hinges", "work_of_drives"],
+    "integrators": ["graph_motion", "graph_properties", "memory", "motion", "properties"],
     "model": ["typing"],
-    "modes": ["growth", "modes_of_mechanisms", "modes_of_motions"],
-    "of_reference": ["agreement", "dae", "exact_mechanisms", "global_dae",
-                     "junctions", "motor_law", "quintic_against_dae", "random_scenes", "slider_crank"],
+    "modes": ["growth", "modes_of_motions"],
+    "of_reference": ["agreement", "dae", "exact_mechanisms", "global_dae", "junctions", "motor_law",
+                     "quintic_against_dae", "random_scenes", "slider_crank"],
     "peers": ["exudyn", "exudyn_mechanisms", "peer_opensees", "peer_pyelastica"],
     "questions": ["gallery", "question_new_solver", "questions", "trade"],
-    "results": ["pictures"],
+    "results": ["dissipated", "pictures"],
+    "statics": ["arc_length", "equilibrium_stability", "turns_of_equilibria"],
 }  # fmt: skip
 
 #: Modules that take longest, the longest first: no process is to begin with one when the others are done.

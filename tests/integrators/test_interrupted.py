@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sys
 import threading
 
 import numpy as np
@@ -10,6 +9,7 @@ import pytest
 from samples import bar
 
 import anctmm as at
+from anctmm.equilibria import statics
 from anctmm.model.scene import Clamp, Force
 from anctmm.solve import solve
 from reference import global_dae
@@ -81,7 +81,7 @@ def test_a_run_with_a_tolerance_ends_soon_and_keeps_its_history(integrator, scen
     assert found.status.time >= found.t[-1]
 
 
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("road", [solve])
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("when", [0.0, 2.4e-3, 9.99e-3])
 def test_the_history_kept_is_that_of_the_whole_run(road, kind, when, monkeypatch):
@@ -148,40 +148,27 @@ def test_a_broken_history_is_told_at_the_first_time_at_which_it_breaks(road):
         road(scene, dt=1e-2, t_end=1.0, output_dt=0.1)
 
 
-@pytest.mark.parametrize("road", [at.solve_static, global_dae.solve_static], ids=lambda road: road.__module__)
 @pytest.mark.parametrize("options", [{}, {"branch": "stable"}])
-def test_equilibria_found_before_ctrl_c_are_kept(road, options, monkeypatch):
-    if road is global_dae.solve_static and options:
-        pytest.skip("has one branch")
+def test_equilibria_found_before_ctrl_c_are_kept(options, monkeypatch):
     scene = bar([Clamp("bar.start")], [Force("bar.end", (0.02, -0.05))])
     options = {"mesh": 2, "load_steps": 6, **options}
-    whole = road(scene, **options)
-    pressed = _press_after(4, road, monkeypatch)
-    with pytest.raises(at.Interrupted) as caught:
-        road(scene, **options)
-    found = caught.value.solution
-    n = found.t.size
-    assert pressed
-    assert 2 <= n < 7
-    assert found.status == "interrupted"
-    assert f"beyond {found.t[-1]:.6g} of the load" in found.status.message
-    assert_begins(found, whole)
-
-
-def _press_after(count, road, monkeypatch):
-    """Press Ctrl-C while the stability of the equilibrium number `count` is looked at; a list of the presses."""
-    module = sys.modules[road.__module__ if road is at.solve_static else "reference.global_dae.static"]
-    looked, pressed, look = [], [], module._doubt
+    whole = at.solve_static(scene, **options)
+    looked, look = [], statics.doubt_of
 
     def interrupted(*arguments):
         looked.append(1)
-        if len(looked) == count:
-            pressed.append(1)
+        if len(looked) == 4:
             raise KeyboardInterrupt
         return look(*arguments)
 
-    monkeypatch.setattr(module, "_doubt", interrupted)
-    return pressed
+    monkeypatch.setattr(statics, "doubt_of", interrupted)
+    with pytest.raises(at.Interrupted) as caught:
+        at.solve_static(scene, **options)
+    found = caught.value.solution
+    assert 2 <= found.t.size < 7
+    assert found.status == "interrupted"
+    assert f"beyond {found.t[-1]:.6g} of the load" in found.status.message
+    assert_begins(found, whole)
 
 
 def test_an_interrupted_run_is_a_keyboard_interrupt():

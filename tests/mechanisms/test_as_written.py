@@ -63,38 +63,3 @@ def test_a_history_that_fails(how, what):
     with pytest.raises(PropertyError) as told:
         at.solve(FAILING[what], **STEPS[how])
     assert str(told.value).startswith(f"{what}: the history gave no")
-
-
-def _broken(x):
-    raise ZeroDivisionError
-
-
-@pytest.mark.parametrize(
-    ("velocity", "at_x", "told"),
-    [
-        (_broken, 0.35, "beam 'b' velocity, a function, at 0.35 raises ZeroDivisionError"),
-        (
-            lambda x: (0.0, np.nan),
-            0.35,
-            "beam 'b' velocity at fraction 0.35 (m/s), y is nan; a finite number",
-        ),
-        (lambda x: None, 0.35, "beam 'b' velocity at fraction 0.35 (m/s) is None; a pair"),
-        (None, 0.35, "beam 'b' velocity has no slope at fraction 0.35"),
-    ],
-    ids=["raises", "no number", "no pair", "no slope"],
-)
-def test_an_initial_velocity_is_told_by_the_beam_where_the_user_gave_it(velocity, at_x, told):
-    """The joint at a quarter divides the beam: neither the name of the part nor its fractions are the user's."""
-
-    def given(x):
-        if velocity is not None and abs(x - at_x) < 1e-3:
-            return velocity(x)
-        return 0.0, 0.0 if velocity is not None else (-2.0 if x < at_x else 1.0) * abs(x - at_x) ** 0.5
-
-    beam = at.Beam("b", (0.0, 0.0), (1.0, 0.0), SECTION, MATERIAL, velocity=given)
-    guided = at.Scene("s", [beam], [at.Slider(INSIDE, (0.0, 1.0))])
-    with pytest.raises(PropertyError) as error:
-        at.solve(guided, mesh=20, dt=0.01, t_end=0.01)
-    assert str(error.value).startswith(told)
-    assert "from 0.25" not in str(error.value)
-    assert str(error.value).count("is needed") == 1

@@ -182,7 +182,7 @@ TAKEN = {
 #: What the message may name in place of a place's last word.
 WORDS = {
     "probe": ("probe", "end", "body"), "probes": ("probe", "end", "body"),
-    "run": ("run", "mesh"), "dt": ("dt", "t_end"),
+    "section second_moment": ("second_moment", "second moment"), "run": ("run", "mesh"), "dt": ("dt", "t_end"),
 }  # fmt: skip
 
 

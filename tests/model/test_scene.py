@@ -1,19 +1,18 @@
 """Scenes, drives and discretisations as values; what is refused is in `test_failures.py`."""
 
 import pickle
-from dataclasses import FrozenInstanceError, astuple, replace
-from math import inf, nan, pi
+from dataclasses import FrozenInstanceError, replace
+from math import inf, nan
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from samples import beam, refused, run_of, scene_of
+from samples import refused, run_of, scene_of
 
 from anctmm import errors
 from anctmm.model.drives import History, Pulse, Quintic, breaks_of, tabulate
-from anctmm.model.scene import Clamp, Force, Material, Torque, distance
-from anctmm.model.sections import Circle, Rectangle
+from anctmm.model.scene import Clamp, Force, Torque
 from studies.scenes import CASES
 
 # --- drives ------------------------------------------------------------------------------------------------
@@ -86,18 +85,6 @@ def scalar_only(t):
     return (1.0, t) if t > 0.5 else (0.0, -t)
 
 
-def swapped_on_arrays(t):
-    """Right for one time, and another thing for three."""
-    return np.array([t, 2.0 * t]) if np.ndim(t) == 0 else np.zeros((2, len(t)))
-
-
-@pytest.mark.parametrize("history", [scalar_only, swapped_on_arrays, lambda t: (t, 1.0), lambda t: [t**2, t]])
-def test_histories_are_tabulated_as_if_asked_time_by_time(history):
-    t = np.linspace(0.0, 1.0, 7)
-    expected = np.array([history(float(x)) for x in t])
-    assert np.array_equal(tabulate("load", history, t, 2), expected)
-
-
 @pytest.mark.parametrize(
     ("history", "words"),
     [
@@ -130,17 +117,6 @@ def test_scenes_and_runs_are_values():
     with pytest.raises(FrozenInstanceError):
         one.dt = 1.0
     assert replace(one, dt=0.5).steps == 2
-
-
-def test_properties_of_bodies():
-    b = beam("b", (1.0, 1.0), (4.0, 5.0))
-    assert (b.length, distance(b.start, b.end)) == (5.0, 5.0)
-    assert b.angle == pytest.approx(np.arctan2(4.0, 3.0))
-    lam, G = Material(1.0, 1.0, 0.25).lame
-    assert (lam, G) == pytest.approx((0.4, 0.4))
-    assert Circle(2.0).area == pytest.approx(pi)
-    assert astuple(Rectangle(2.0, 3.0)) == (6.0, 4.5, 2.0 * 3.0**5 / 80, 2.0, 3.0)
-    assert (Circle(2.0).diameter, repr(Circle(2.0))[:17]) == (2.0, "Circle(area=3.141")
 
 
 def test_probes():

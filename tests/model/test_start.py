@@ -113,7 +113,7 @@ def fitted(scene):
         return at.consistent_velocities(scene)
 
 
-@pytest.mark.slow  # the global DAE's kernels
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_a_driven_bar_that_starts_as_it_must_keeps_its_energy_in_every_road(integrator):
     """To 0.3 %, which bends it a little; from rest the same drive brings up to 3.95 times the energy."""

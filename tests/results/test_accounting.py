@@ -5,7 +5,6 @@ from math import isnan, nan
 from time import process_time
 
 import pytest
-from marks import slow_where
 from samples import bar
 
 from anctmm.model.scene import Clamp
@@ -24,7 +23,7 @@ RUNS = {
 }
 
 
-@pytest.mark.parametrize("run", slow_where(lambda run: run == "global-dae", RUNS))  # its kernels
+@pytest.mark.parametrize("run", RUNS)
 def test_the_parts_of_a_cost_add_up_to_the_call(run):
     RUNS[run]()
     began = process_time()

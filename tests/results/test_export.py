@@ -9,17 +9,8 @@ import pytest
 
 import anctmm as at
 from anctmm.errors import OutputError, ResultError
-from anctmm.results.export.saving import functions_of
 
 ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
-
-
-def swing(t):
-    return 0.3 * t**2, 0.6 * t, 0.6
-
-
-def push(t):
-    return 0.1 * t, -0.2
 
 
 def fork(angle=None, force=(0.0, -0.5)):
@@ -72,25 +63,6 @@ def test_equilibria_come_back(tmp_path):
     assert_same(rest, back)
     assert back.static
     assert "load factors" in repr(back)
-
-
-def test_functions_are_named_and_come_from_the_scene(run, tmp_path):
-    scene = fork(swing, push)
-    assert list(functions_of(scene)) == [swing, push]
-    found = at.solve(scene, run)
-    path = found.save(tmp_path / "functions")
-    back = at.load(path)
-    assert back.scene.joints[0].angle.name == "swing"
-    with pytest.raises(ResultError, match="function push was not saved"):
-        back.scene.loads[0].value(0.0)
-    np.testing.assert_array_equal(back.position("twig.end"), found.position("twig.end"))
-    assert_same(found, at.load(path, scene))
-    for other in (fork(), fork(lambda t: swing(t), push)):
-        with pytest.raises(ResultError, match=r"scene 'fork' has the functions .*needs 'swing', 'push'"):
-            at.load(path, other)
-    shorter = at.Scene("fork", scene.bodies, scene.joints, scene.loads)
-    with pytest.raises(ResultError, match="not of the one given"):
-        at.load(path, shorter)
 
 
 def test_files_that_are_not_ours_or_damaged_are_refused(moved, tmp_path):
@@ -165,19 +137,6 @@ def test_a_data_set_survives_netcdf(moved, tmp_path):
         xarray.testing.assert_identical(back.load(), found)
     with pytest.raises(ResultError, match="points is 1"):
         moved.to_dataset(1)
-
-
-def test_another_library_reads_the_files_of_vtk(moved, tmp_path):
-    meshio = pytest.importorskip("meshio")
-    listing = moved.to_vtk(tmp_path / "vtk", points=5)
-    assert listing.name == "fork.pvd"
-    grid = meshio.read(tmp_path / "vtk" / "fork_00010.vtu")
-    wanted = np.concatenate([moved.position(b, np.linspace(0, 1, 5))[10] for b in ("trunk", "twig")])
-    np.testing.assert_array_equal(grid.points[:, :2], wanted)
-    np.testing.assert_array_equal(grid.point_data["velocity"][4, :2], moved.velocity("trunk.end")[10])
-    assert listing.read_text().count("<DataSet") == len(moved.t)
-    with pytest.raises(ResultError, match=r"points is 2\.5"):
-        moved.to_vtk(tmp_path, points=2.5)
 
 
 def plate_and_mass(*more):

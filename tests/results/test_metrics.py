@@ -69,27 +69,6 @@ def test_numbers_that_are_not_finite_are_no_agreement(probes, lost):
             assert result.by_probe["bar.end"] == 0.0
 
 
-@pytest.mark.parametrize("many", [False, True], ids=["few", "many"])
-def test_only_common_times_are_compared(many):
-    """Ours has every second time of the reference and some of its own, all but rounding; in both searches."""
-    n = 3001 if many else 31
-    theirs = np.linspace(0.0, 3.0, n)
-    ours = np.sort(np.concatenate([theirs[::2] * (1.0 + 1e-13), theirs[1:-1:20] + 0.3 * theirs[1]]))
-    path = np.stack([theirs, np.zeros(n)], axis=1)
-    common = np.isin(np.round(ours, 9), np.round(theirs, 9))
-    # far off where there is nothing to compare
-    found = np.stack([ours, np.where(common, 0.0, 100.0)], axis=1)
-    one = moved(ours, np.zeros_like(found), found)
-    two = moved(theirs, np.zeros_like(path), path)
-    assert (len(ours) * len(theirs) >= 4_000_000) == many
-    result = compare(one, two, ["bar.end"])
-    assert result.common == (n + 1) // 2
-    assert result.error < 1e-12
-    assert compare(two, one, ["bar.end"]).common == result.common
-    short = moved(theirs[: n // 2], path[: n // 2] * 0.0, path[: n // 2], status=Status("diverged", "early"))
-    assert compare(two, short, ["bar.end"]).common == n // 2
-
-
 def test_a_run_cut_short_is_compared_up_to_its_end():
     cut = moved([0.0, 1.0], STILL[:2], [[0, 0], [0, 4]], status=Status("diverged", "at 2 s"))
     result = compare(cut, THEIRS, ["bar.end"])

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from marks import exhaustive_where
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
@@ -19,7 +18,7 @@ CASES = {
 BOTH = [(name, element) for name in CASES for element in ("cable", "shear")]
 
 
-@pytest.fixture(scope="module", params=exhaustive_where(lambda case: case[1] == "shear", BOTH), ids="-".join)
+@pytest.fixture(scope="module", params=BOTH, ids="-".join)
 def case(request):
     """A base scene, its options and a reference whose step is far below what any tolerance here takes."""
     name, element = request.param

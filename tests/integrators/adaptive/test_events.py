@@ -75,7 +75,7 @@ EVENTS = {
 
 
 MISSED = pytest.mark.xfail(
-    strict=True, reason="what nothing tells of is stepped over; small energies are told as wrong"
+    strict=True, reason="unsaid events are stepped over; small energies are told as wrong"
 )
 UNSEEN = ("shortest bump that is promised", "short swing")
 

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from marks import exhaustive_where
 from samples import SOFT, SQUARE, acted_on, bar, linkage
 from scipy.integrate import solve_ivp
 
@@ -141,7 +140,7 @@ LEVELS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", exhaustive_where(of_quintics, LEVELS))
+@pytest.mark.parametrize("name", LEVELS)
 def test_fourth_order_against_scipy(name):
     """Half a step leaves a sixteenth of the error; its level is asserted, too."""
     make, mesh, element = SCENES[name]

@@ -133,7 +133,7 @@ def test_a_floating_pair_keeps_its_momenta():
     assert np.abs(found.energy.balance).max() < 1e-6 * found.energy.kinetic.max()
 
 
-@pytest.mark.exhaustive
+@pytest.mark.slow
 def test_andrews_squeezer_comes_to_its_published_angles():
     scene, errors = andrews_squeezer(), []
     for steps in (240, 480, 960):

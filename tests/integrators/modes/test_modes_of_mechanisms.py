@@ -113,52 +113,6 @@ def test_a_y_frame_turns_its_joint():
     assert np.abs(found / exact - 1.0).min() < 1e-6
 
 
-def test_a_guided_end():
-    """Clamped, and guided across by a prismatic joint, with and without a rigid plate at the end."""
-    exact = unit() * brentq(lambda b: tan(b) + tanh(b), 1.8, 3.0) ** 2
-    beam = bar("beam", (0, 0), (0.6, 0.8))
-    guided = at.Scene("guided", [beam], [at.Clamp("beam.start"), at.Prismatic("beam.end", (-0.8, 0.6))])
-    assert 2 * pi * at.modes(guided, mesh=24, count=1).frequencies[0] == pytest.approx(exact, rel=1e-6)
-    plate = at.RigidBody("plate", mass=1e-9, inertia=1e-9, center=(0.6, 0.8))
-    joints = [
-        at.Clamp("beam.start"),
-        at.Weld("beam.end", "plate.center"),
-        at.Prismatic("plate.center", (-0.8, 0.6)),
-    ]
-    heavy = at.Scene("plate", [beam, plate], joints)
-    assert 2 * pi * at.modes(heavy, mesh=24, count=1).frequencies[0] == pytest.approx(exact, rel=1e-5)
-
-
-def test_a_portal_with_a_slider_vibrates_as_in_a_run():
-    """Columns and a girder that carries a rigid box on a spring: the lowest frequency is that of a small motion."""
-    soft = at.Material(E=5e7, density=1000.0)
-    section = at.Rectangle(0.02, 0.02)
-    bodies = [
-        at.Beam("left", (0, 0), (0, 0.5), section, soft),
-        at.Beam("girder", (0, 0.5), (0.6, 0.5), section, soft),
-        at.RigidBody("box", mass=0.3, inertia=1e-3, center=(0.6, 0.5), points={"hook": (0.65, 0.5)}),
-    ]
-    joints = [at.Clamp("left.start"), at.Weld("left.end", "girder.start"), at.Pin("girder.end", "box.center"),
-              at.Slider("box.center", (1, 0))]  # fmt: skip
-    springs = [
-        at.Spring("box.hook", (1.0, 0.5), stiffness=30.0),
-        at.RotationalSpring("box.center", stiffness=2.0),
-    ]
-    scene = at.Scene("portal", bodies, joints, connectors=springs)
-    found = at.modes(scene, mesh=4, count=4)
-    pushed = at.Scene("portal", bodies, joints, [at.Force("box.center", (1e-3, 0.0))], connectors=springs)
-    f = found.frequencies[0]
-    run = at.solve(
-        scene, mesh=4, dt=1e-3, t_end=round(6.0 / f, 3), start=at.solve_static(pushed, mesh=4),
-        integrator=at.GeneralizedAlpha(spectral_radius=1.0),
-    )  # fmt: skip
-    x = run.position("box.center")[:, 0] - 0.6
-    phases = 2 * pi * np.outer(run.t, found.frequencies)
-    table = np.concatenate([np.cos(phases), np.sin(phases)], axis=1)
-    left = x - table @ np.linalg.lstsq(table, x, rcond=None)[0]
-    assert float(np.abs(left).max()) < 0.01 * float(np.abs(x).max())
-
-
 def test_a_hinged_blade_lags_by_its_offset():
     """A rigid blade hinged at e from the axis: ω = Ω √(3e/2L) in the plane; a damper at the hinge damps it."""
     e, length, speed = 0.1, 0.9, 30.0

@@ -96,7 +96,6 @@ def test_forces_inside_begin_as_in_the_equilibrium(options):
         np.testing.assert_allclose(forces_in(found, output), expected, atol=1e-8)
 
 
-@pytest.mark.exhaustive
 def test_a_start_that_does_not_fit_is_refused_by_name():
     scene = loaded()
     rest = rest_of(scene)

@@ -10,7 +10,6 @@ from samples import beam
 import anctmm as at
 from anctmm.results.checks.constraints import PARTED
 from anctmm.results.checks.divergence import checked
-from anctmm.results.fields import LagrangeField
 from reference import exudyn_cable, global_dae
 
 BODIES = [beam("a{0}"), beam("b", (1.0, 0.0), (1.5, 0.5)), beam("c", (1.5, 0.5), (2.0, 0.5))]
@@ -81,14 +80,6 @@ def test_what_newton_leaves_is_no_fault(whole, what):
     node = 0 if "start" in BROKEN[what][2].split("'")[1] else -1
     assert checked(changed(whole, body, lifted(node, 0.1 * PARTED))).status.ok
     assert checked(changed(whole, body, turned(node, 0.1 * PARTED))).status.ok
-
-
-def test_positions_are_looked_at_of_every_field(whole):
-    path = LagrangeField(whole.fields["c"].coordinates[:, :, 0] + [0.0, 1e-2])
-    found = checked(replace(whole, fields={**whole.fields, "c": path}))
-    assert found.status == "failed"
-    assert len(found.t) == 0
-    assert "'b.end' and 'c.start'" in found.status.message or "'c.end'" in found.status.message
 
 
 def test_a_rigid_body_that_is_longer_is_told():
