@@ -6,11 +6,7 @@ import pytest
 
 import anctmm as at
 from anctmm.discretise.discretisation import discretise
-<<<<<<< HEAD
-from anctmm.integrators.stability import highest_frequency, highest_rate, largest_step
-=======
 from anctmm.integrators.stability import highest_frequency, largest_step
->>>>>>> tests
 from anctmm.system.system import System
 
 LEVER = at.RigidBody("lever", 2.0, 0.3, (0.5, 0.0), points={"o": (0.0, 0.0), "e": (1.0, 0.0)})
