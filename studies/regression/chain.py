@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.elements.kinds import wholly_held
+from anctmm.elements.kinds import KINDS, flexible
 from anctmm.elimination.transfer import CLAMPED, FREE, PINNED, Body, Row, row_of
 from anctmm.errors import SolverError
 from anctmm.model.joints import Clamp, Joint, Pin, Weld
@@ -22,8 +22,10 @@ Array = NDArray[np.float64]
 Complex = NDArray[Any]
 #: Inboard side of each body (0 start, 1 end), joints between neighbours, and what holds both outer ends.
 Layout = tuple[list[int], list[Joint], list[Joint | None]]
+#: Kinds of element of which joints hold all vectors.
+HELD = tuple(name for name in flexible() if KINDS[name].held == KINDS[name].vectors)
 ALLOWED = (
-    f"allowed are beams of one kind of element ({' or '.join(wholly_held())}) in their order, each joined to the next "
+    f"allowed are beams of one kind of element ({' or '.join(HELD)}) in their order, each joined to the next "
     f"by one Pin or Weld of two ends, neither grounded nor driven, at the outer ends a Pin, a Clamp or nothing, all "
     f"stretches held, and on ends Torques and Forces that do not follow"
 )
@@ -40,7 +42,7 @@ class Chain:
 
     def __init__(self, scene: Scene, run: Discretisation) -> None:
         kinds = {kind for _, kind in run.of(scene).values()}
-        alike = len(kinds) == 1 and kinds <= {*wholly_held()} and len(scene.beams) == len(scene.bodies)
+        alike = len(kinds) == 1 and kinds <= set(HELD) and len(scene.beams) == len(scene.bodies)
         layout = _layout(scene) if alike and scene.dim == 2 and _known_loads(scene) else None
         if layout is None:
             raise SolverError(f"scene {scene.name!r} is no chain for transfer matrices; {ALLOWED}")
