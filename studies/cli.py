@@ -395,6 +395,14 @@ def _watches(
     return watches_of(cases, one("--elements", options.meshes), one("--dt", options.steps))
 
 
+@app.command("compile", cls=Command)
+def compile_() -> None:
+    """Compile all kernels beforehand, some minutes once a machine and version; later runs start at once."""
+    from studies.command_line.compiling import compile_kernels
+
+    compile_kernels(lambda kind: print(f"compiled: {kind}", flush=True))
+
+
 @app.command(cls=Command)
 def conform(name: Annotated[str, typer.Argument(help="A registered solver (see `anctmm list`).")]) -> None:
     """Test a solver against the rules of all solvers: exit 1 where it breaks one, 4 where it is not installed."""

@@ -9,6 +9,8 @@ import os
 import pytest
 from hypothesis import settings
 
+from studies.command_line.compiling import compile_kernels
+
 settings.register_profile("steady", derandomize=True, deadline=None, max_examples=25)
 settings.register_profile("thorough", deadline=None, max_examples=1000, print_blob=True)
 settings.load_profile("steady")
@@ -45,6 +47,15 @@ def pytest_configure(config):
     config.option.loadscopereorder = False
     if getattr(config.option, "numprocesses", None):
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+@pytest.hookimpl(tryfirst=True)  # before the processes start
+def pytest_sessionstart(session):
+    """Compile kernels before a full run by several processes, which would each compile the same ones."""
+    option = session.config.option
+    workers = getattr(option, "numprocesses", None)
+    if workers and not option.markexpr and not option.collectonly:
+        compile_kernels(workers=workers)
 
 
 @pytest.hookimpl(tryfirst=True)  # before marks choose

@@ -1,0 +1,55 @@
+"""`anctmm compile`: kernels compiled beforehand, by one short run of each kind."""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from itertools import product
+from multiprocessing import get_context
+from typing import Any
+
+import anctmm as at
+
+#: Elements of each block size, and kinds of calls: by the options of a motion, or by name.
+ELEMENTS = ("cable", "shear")
+CALLS: dict[str, dict[str, Any]] = {
+    "zhai": {"integrator": "zhai", "dt": 1e-6, "t_end": 2e-6},
+    "generalized-alpha": {"integrator": "generalized-alpha", "dt": 1e-4, "t_end": 2e-4},
+    "esdirk": {"integrator": "esdirk", "dt": 1e-4, "t_end": 2e-4},
+    "generalized-alpha with a tolerance": {
+        "integrator": "generalized-alpha",
+        "tolerance": 1e-2,
+        "t_end": 1e-3,
+    },
+    "esdirk with a tolerance": {"integrator": "esdirk", "tolerance": 1e-2, "t_end": 1e-3},
+    "statics": {},
+    "modes": {},
+}
+
+
+def compile_kernels(done: Callable[[str], None] = lambda _: None, workers: int | None = None) -> None:
+    """Compile what has not been compiled yet.
+
+    Parameters
+    ----------
+    done : callable
+        Is told of each kind of run that is done.
+    workers : int, optional
+        Processes; default: as many as there are processors.
+    """
+    kinds = sorted(product(CALLS, ELEMENTS), key=lambda kind: kind[1])
+    with ProcessPoolExecutor(workers or os.cpu_count(), mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(call, *kind) for kind in kinds]):
+            done(future.result())
+
+
+def call(name: str, element: str) -> str:
+    """One short call; in words."""
+    beam = at.Beam("beam", (0.0, 0.0), (1.0, 0.0), at.Circle(0.05), at.Material(E=1e7, density=1000.0))
+    scene = at.Scene("compile", [beam], [at.Clamp("beam.start")], gravity=(0.0, -1.0))
+    if name == "statics":
+        at.solve_static(scene, mesh=2, element=element)
+    elif name == "modes":
+        at.modes(scene, mesh=2, element=element, count=2)
+    else:
+        at.solve(scene, mesh=2, element=element, **CALLS[name])
+    return f"{name}, {element}"
