@@ -241,7 +241,7 @@ def _several(what: str, value: object) -> tuple[Any, ...]:
     """At least one thing of an ordered iterable."""
     unordered = isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable)
     try:
-        found = () if unordered else tuple(islice(value, MOST + 1))  # type: ignore[arg-type]
+        found = () if unordered else tuple(islice(value, MOST + 1))  # type: ignore[call-overload]
     except Exception as error:  # an iterable of the user's own
         raise CheckError(
             f"{what} {shown(value)}, which raises {reason(error)}; a list of at least one is needed"
