@@ -51,43 +51,6 @@ def test_solving_needs_no_reference_and_no_study():
     assert (done.stdout.strip(), done.returncode) == ("[]", 0), done.stderr
 
 
-#: What takes long to load, and is needed where something is computed or drawn.
-HEAVY = {
-    "numba",
-    "llvmlite",
-    "scipy.linalg",
-    "scipy.sparse",
-    "scipy.optimize",
-    "pandas",
-    "matplotlib",
-    "jinja2",
-}
-
-
-@pytest.mark.parametrize(
-    "program",
-    [
-        "import anctmm",
-        "import anctmm as at; at.Scene('s', [at.Beam('a', (0, 0), (1, 0), at.Circle(0.1), at.Material(1e9, 1e3))])",
-        "from studies.cli import app; app(['--help'])",
-        "from studies.cli import app; app(['list'])",
-        "from studies.cli import app; app(['lisd'])",
-        "from studies.cli import app; app(['run', 'nothing'])",
-        "from studies.cli import app; app(['study', 'nothing'])",
-    ],
-    ids=["package", "scene", "help", "list", "no-command", "no-scene", "no-study"],
-)
-def test_what_computes_nothing_loads_nothing_that_computes(program):
-    """The compiler above all: it takes longer to load than all of ours."""
-    code = f"""
-import atexit, sys
-atexit.register(lambda: print("loaded:", *sorted({HEAVY} & sys.modules.keys()), file=sys.stderr))
-{program}
-"""
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stderr.splitlines()[-1] == "loaded:", done.stderr
-
-
 @pytest.mark.parametrize("module", SOLVERS, ids=lambda m: m.__name__)
 def test_every_solver_has_one_signature(module):
     for function in (module.solve, module.solve_static):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
 from anctmm.discretise.lacking import LACKING
+from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.equilibria.arc_length import ArcPath
 from anctmm.equilibria.balance import Balance, Configuration
@@ -43,6 +44,8 @@ BRANCHES = ("path", "stable")
 PATHS = ("load", "arclength")
 #: First load factor of a path by its arc length, and points of it at most.
 FIRST, POINTS = 1.0 / 32.0, 20_000
+#: Bytes that a search takes for each coordinate: the tangent, its factors and a few vectors.
+BYTES = 2000.0
 #: Advice where forces have no potential, and so no branch is one of least energy, and where they have.
 LESS = "smaller loads, or a stiffer scene, may help"
 ADVICE = "branch='stable' finds a stable one"
@@ -120,6 +123,7 @@ def solve_static(
     refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
     run = discretise(run, options)
     check_kinds(run.of(scene), with_statics(), "statics")
+    check_memory(scene, run, BYTES, (steps or 1) + 1, 8.0)
     system = System(scene, run)
     balance = Balance(system)
     if branch == "stable" and not balance.conservative:

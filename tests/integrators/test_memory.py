@@ -75,7 +75,6 @@ def test_too_much_memory_is_refused_by_name_before_any_work(options, words):
     assert isinstance(caught.value, MemoryError)
 
 
-@pytest.mark.xfail(run=False, reason="equilibria are not checked for memory")
 @pytest.mark.parametrize("options", [{"mesh": 2 * 10**9}, {"mesh": 1000, "load_steps": 10**6}])
 def test_too_much_memory_for_equilibria_is_refused_by_name(options):
     with refused(MemoryLimitError, ["scene 'bar'", "free"]):

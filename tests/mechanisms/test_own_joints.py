@@ -7,7 +7,6 @@ import pytest
 
 import anctmm as at
 
-REFUSED = pytest.mark.xfail(strict=True, reason="LACKING refuses own joints, which the new equations take")
 ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
 STEPS: dict[str, dict[str, Any]] = {
     "zhai": {"dt": 2e-5, "t_end": 0.1, "output_dt": 0.01},
@@ -39,7 +38,6 @@ class Lift(at.Joint):
         return [a.position @ np.array([0.0, 1.0]) - float(a.position.start[1]) - up]
 
 
-@REFUSED
 @pytest.mark.parametrize("integrator", STEPS)
 def test_a_link_to_the_ground_makes_a_pendulum(integrator):
     """A mass on a link moves as the centre of a mass that Lagrange's equation turns."""
@@ -56,7 +54,6 @@ def test_a_link_to_the_ground_makes_a_pendulum(integrator):
     assert np.abs(found.energy.balance).max() < 1e-4
 
 
-@REFUSED
 @pytest.mark.parametrize("integrator", STEPS)
 def test_a_point_stays_half_way(integrator):
     beams = [at.Beam("a", (0, 0), (0.5, 0), ROD, RUBBER), at.Beam("b", (0, 0.2), (0.5, 0.2), ROD, RUBBER)]
@@ -69,7 +66,6 @@ def test_a_point_stays_half_way(integrator):
     assert np.abs(found.position("m.center") - middle).max() < 1e-12
 
 
-@REFUSED
 @pytest.mark.parametrize("integrator", STEPS)
 def test_a_driven_equation_does_the_work_of_what_it_moves(integrator):
     body = at.RigidBody("body", 2.0, 0.1, (0.0, 0.0), {"p": (0.3, 0.0)})
@@ -95,7 +91,6 @@ def test_statics_and_modes_take_them():
     np.testing.assert_allclose(found.frequencies[0], np.sqrt(9.81) / (2.0 * np.pi), rtol=1e-9)
 
 
-@REFUSED
 def test_a_tolerance_takes_them():
     mass = at.PointMass("m", 1.0, (1.0, 0.0))
     scene = at.Scene("pendulum", [mass], [RigidLink("m.center", (0.0, 0.0))], gravity=(0.0, -9.81))
@@ -105,7 +100,6 @@ def test_a_tolerance_takes_them():
     assert at.compare(loose, fine, ["m.center"]).error < 1e-2
 
 
-@REFUSED
 def test_reactions_are_refused_by_name():
     found = at.solve(hanging(), dt=0.01, t_end=0.05)
     with pytest.raises(at.errors.ResultError, match="RigidLink"):

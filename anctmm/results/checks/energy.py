@@ -20,7 +20,7 @@ from anctmm.model.connectors import Spring
 from anctmm.model.joints import drive_of
 from anctmm.model.loads import LOADS
 from anctmm.model.scene import Force, LineLoad, Load, Scene, Torque
-from anctmm.results.checks.acting import drive_rates, length_of, load_sizes, mass_of, weight_of
+from anctmm.results.checks.acting import drive_rates, length_of, load_sizes, mass_of, reach_of, weight_of
 from anctmm.results.checks.finding import Finding, most_stretched, part
 from anctmm.results.fields import HermiteField
 from anctmm.results.solution import Energy, Solution
@@ -51,6 +51,8 @@ UNSEEN = 1e-3
 SETTLED = 0.5
 #: Errors of strain that rounding of positions makes in a long run, in units of one rounding.
 ROUNDINGS = 1e3
+#: Roundings of positions in a step that make speeds.
+SHAKEN = 10.0
 #: What Newton's iteration may leave of its tolerance.
 NEWTON = 0.01
 #: Outputs below which they may miss energy exchanged between them.
@@ -141,6 +143,8 @@ def noise(solution: Solution) -> float:
     left = NEWTON * run.newton_tolerance * length if run is not None and implicit else 0.0
     if run is not None:
         total += max(ROUNDINGS * EPS, left / length) * _work_of_loads(solution.scene, run)
+        speed = SHAKEN * EPS * reach_of(solution.scene) / run.exact_dt
+        total += 0.5 * mass_of(solution.scene) * speed**2
     for name, field in solution.fields.items():
         if isinstance(field, HermiteField) and field.coordinates.size:
             body, elements = solution.scene.beam(name), field.coordinates.shape[1] - 1

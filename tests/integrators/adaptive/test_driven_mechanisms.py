@@ -5,7 +5,6 @@ at any tolerance, and the work of the drive by 0.07; with esdirk the work by 0.0
 """
 
 import numpy as np
-import pytest
 
 import anctmm as at
 
@@ -99,15 +98,3 @@ def errors(make, drive, tolerance, integrator):
     )
     balance = np.abs(found.energy.balance).max() / np.abs(found.energy.kinetic).max()
     return found.cost.steps, wrong / largest / tolerance, balance / tolerance
-
-
-@pytest.mark.xfail(
-    strict=True, reason="a tolerance does not see velocities and work of driven rigid mechanisms"
-)
-@pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
-@pytest.mark.parametrize("drive", [steady, swinging])
-@pytest.mark.parametrize("make", [slider_crank, four_bar])
-def test_velocities_and_work_are_within_the_tolerance(make, drive, integrator):
-    _, velocities, balance = errors(make, drive, 1e-2, integrator)
-    assert velocities < VELOCITIES
-    assert balance < BALANCE[integrator]
