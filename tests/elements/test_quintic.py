@@ -153,16 +153,6 @@ def test_quintic_and_plain_cables_are_welded_to_each_other():
     assert np.abs(mixed.position("c", 1.0)[-1] - tip).max() < 1e-7
 
 
-@pytest.mark.parametrize("kinds", [("quintic", "shear"), ("cable", "shear"), ("shear", "cable")])
-def test_slender_elements_of_any_kind_are_welded_to_each_other(kinds):
-    scene = arms(0.4)
-    mixed = solve_static(scene, mesh=32, element=dict(zip("ac", kinds, strict=True)))
-    assert mixed.status.ok
-    whole = solve_static(scene, mesh=32)
-    way = np.abs(whole.displacement("c.end")).max()
-    assert np.abs(mixed.position("c", 1.0) - whole.position("c", 1.0)).max() < 1e-2 * way
-
-
 @pytest.mark.parametrize("road", [solve_static, global_dae.solve_static, at.modes])
 def test_joints_between_the_ends_of_a_beam_are_refused_by_name(road):
     beam = at.Beam("b", (0.0, 0.0), (1.0, 0.0), WIRE, SOFT)

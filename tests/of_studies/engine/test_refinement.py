@@ -190,24 +190,6 @@ def test_finer_meshes_that_end_early_are_told():
     assert "elements times steps would be needed" in found.reason
 
 
-def test_a_law_that_raises_an_error_ends_the_search():
-    """Steps were halved to 0.6 µs, in fourteen runs, before the cause was told."""
-
-    def law(angle, rate, t):
-        if t > 0.3:
-            raise ValueError("the law is at its end")
-        return 3.0 * angle
-
-    bar = at.RigidBody("bar", 2.0, 0.17, (0.5, 0.0), points={"o": (0.0, 0.0), "tip": (1.0, 0.0)})
-    hinge = at.RotationalSpring("bar.o", law=law)
-    scene = at.Scene("bar", [bar], [at.Pin("bar.o")], connectors=[hinge], gravity=(0.0, -9.81))
-    case = at.Case(scene, ["bar.tip"], t_end=0.5, output_dt=0.05)
-    found = Refinement(case, Setup(), Runner(None)).refined(1e-3)
-    assert not found.reached
-    assert "ValueError: the law is at its end" in found.reason
-    assert found.levels.runs == 1
-
-
 def test_a_solver_that_cannot_do_a_scene_is_asked_once():
     found = levels(DOUBLE_PENDULUM, solver="pyelastica").refined(1e-2)
     assert not found.reached
