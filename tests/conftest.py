@@ -54,7 +54,7 @@ def pytest_sessionstart(session):
     """Compile kernels before a full run by several processes, which would each compile the same ones."""
     option = session.config.option
     workers = getattr(option, "numprocesses", None)
-    if workers and not option.markexpr and not option.collectonly:
+    if workers and option.markexpr == "not exhaustive" and not option.collectonly:
         compile_kernels(workers=workers)
 
 

@@ -260,6 +260,7 @@ def test_random_scenes_move_as_by_anc_tmm(seed):
     assert error(ours, theirs, [f"{body.name}.end" for body in scene.bodies]) < 1e-9
 
 
+@pytest.mark.exhaustive
 def test_dense_and_sparse_agree_to_rounding():
     run = at.Discretisation(mesh=MESH, dt=1e-3, t_end=0.2, output_dt=0.02, newton_tolerance=1e-12)
     scene = four_bar().scene

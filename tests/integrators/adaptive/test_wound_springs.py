@@ -31,6 +31,7 @@ def error_of(run, exact):
     return np.sqrt(np.mean(off**2)) / np.linalg.norm(place - place[0], axis=1).max()
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("spring", [{"stiffness": STIFFNESS}, {"law": linear}], ids=["linear", "law"])
 @pytest.mark.parametrize("steps", [HALF, TWO], ids=["half", "two"])
 @pytest.mark.parametrize(

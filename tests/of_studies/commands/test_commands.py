@@ -114,6 +114,7 @@ def test_a_study_of_which_all_runs_fail_is_exit_code_1():
     assert "unsupported" in output
 
 
+@pytest.mark.exhaustive
 @pytest.mark.slow
 def test_recommend_finds_the_trade_that_the_study_has_written():
     assert called("study", "trade", "my.py", "--quick", "--solvers", "anctmm,global-dae")[0] == 0

@@ -30,6 +30,7 @@ def refined(file, name, target=3e-3, **options):
     return levels(file, name, **options).refined(target)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize(("file", "name"), CASES)
 def test_the_estimated_error_holds(file, name):
     found = refined(file, name)

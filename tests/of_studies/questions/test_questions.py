@@ -26,6 +26,7 @@ def asked(case, **options):
 # --- convergence ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("case", EVERY, ids=lambda c: c.name)
 def test_convergence_of_any_case(case):
     result = convergence.run(asked(case), RUNNER)
@@ -87,6 +88,7 @@ def test_a_solver_that_cannot_do_a_case_is_a_finding():
 # --- fidelity ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.exhaustive
 def test_a_stiff_beam_may_be_rigid_and_a_soft_one_not():
     soft, stiff = at.Material(E=5e6, density=1000.0), at.Material(E=1e10, density=1000.0)
     rod = at.Rectangle(0.02, 0.01)
