@@ -49,10 +49,10 @@ def with_knee(links, where, off):
 @pytest.mark.parametrize("off", [1e-4, 3e-6, 1e-8])
 @pytest.mark.parametrize(("integrator", "dt"), [("zhai", 1e-4), ("generalized-alpha", 1e-3)])
 def test_bars_that_are_nearly_straight_hold(links, off, integrator, dt):
-    """What cannot move must not fall with the status ok."""
+    """What cannot move must not fall with the status ok; rows kept to rounding leave the root of it across them."""
     scene = with_knee(links, links // 2, off)
     found = at.solve(scene, mesh=1, integrator=integrator, dt=dt, t_end=10 * dt, newton_tolerance=1e-12)
-    assert not found.status.ok or np.abs(found.displacement("p.b")).max() < 1e-7
+    assert not found.status.ok or np.abs(found.displacement("p.b")).max() < 1e-6
     assert links == 2 or np.abs(found.displacement("link5.b")).max() > 1e-6
 
 

@@ -267,7 +267,6 @@ def test_a_linkage_that_locks_has_failed_where_it_locks(what, dt):
     assert stretched(ours) < 1e-6
 
 
-@pytest.mark.xfail(strict=True, reason="joints are looked at where there are outputs alone")
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
 @pytest.mark.parametrize("what", ["no mobility", "no mobility, square"])
 def test_it_has_failed_though_its_crank_comes_back_to_where_it_was(what, dt):
