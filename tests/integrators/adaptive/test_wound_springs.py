@@ -55,6 +55,7 @@ def test_a_flywheel_on_a_spring_swings_by_whole_turns(steps, integrator, turns, 
     assert np.abs(off).max() < 2e-2 * STIFFNESS * spin / FREQUENCY
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("integrator", ["generalized-alpha", "esdirk"])
 @pytest.mark.parametrize("steps", [HALF, TWO], ids=["half", "two"])
 def test_a_spring_wound_at_rest_is_let_go_from_there(steps, integrator):
