@@ -3,7 +3,6 @@
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation, discretise
-from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.discretise.methods import Esdirk, GeneralizedAlpha, Zhai
 from anctmm.elements.kinds import check_kinds, kind_of, moved_by
@@ -11,7 +10,6 @@ from anctmm.equilibria import solve_static
 from anctmm.integrators.integrate import integrate
 from anctmm.model.bodies import beam_of
 from anctmm.model.checks.start import check_rigid_start
-from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
@@ -25,7 +23,7 @@ __all__ = ["modes", "solve", "solve_static"]
 
 #: Bytes that a run takes for each coordinate, by integrator: as measured, and 8 more for each of 8 vectors of stages.
 BYTES = {Zhai.name: 300.0, GeneralizedAlpha.name: 300.0, Esdirk.name: 400.0}
-OFFER = Offer(lacks=uncombined() | LACKING, extras=frozenset({Esdirk.name}))
+OFFER = Offer(lacks=uncombined(), extras=frozenset({Esdirk.name}))
 
 
 @accounted
@@ -74,8 +72,7 @@ def solve(
 
 
 def _solved(scene: Scene, run: Discretisation, start: Solution | None) -> Solution:
-    refuse(checked_scene(scene), LACKING, "ANC-TMM", run.integrator)
-    cut = run.of(scene)
+    cut = run.of(checked_scene(scene))
     check_memory(scene, run, BYTES[run.method.name])
     check_kinds(cut, moved_by(run.integrator), f"integrator {run.integrator!r}")
     for name, (_, kind) in cut.items():

@@ -1,19 +1,18 @@
-"""What all solvers beside ANC-TMM share: an adapter to another code, the memory check, nodes of beams."""
+"""What all solvers beside ANC-TMM share: an adapter to another code, nodes of beams."""
 
-import os
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import INTEGRATORS, Discretisation
-from anctmm.elements.kinds import check_kinds, kind_of
-from anctmm.errors import MemoryLimitError, UnsupportedError, unknown_option
+from anctmm.discretise.memory import check_memory
+from anctmm.elements.kinds import check_kinds
+from anctmm.errors import UnsupportedError, unknown_option
 from anctmm.model.needs import refuse
 from anctmm.model.scene import Beam, Scene, checked_scene
 from anctmm.results.checks.divergence import checked
@@ -27,8 +26,6 @@ Array = NDArray[np.float64]
 
 #: Bytes that are kept of each coordinate at an output: itself, its velocity and its acceleration.
 KEPT = 24.0
-#: Runs that take less are not looked at: every machine has so much.
-SMALL = 1 << 26
 
 
 @dataclass
@@ -120,7 +117,7 @@ class Adapter:
         """The answer of the code; where it lacks something its status is "unsupported"."""
         scene, run = checked_scene(self.scene), self.run
         each, kept = self.memory
-        check_memory(scene, run, each, outputs=self.load_steps + 1 if self.static else None, kept=kept)
+        check_memory(scene, run, each, self.load_steps + 1 if self.static else None, kept)
         try:
             self._refuse()
             model = self.build()
@@ -172,59 +169,3 @@ def slopes_of(body: Beam, intervals: int) -> Array:
     """Derivatives by x of the velocities at t = 0 at equally spaced nodes, (nodes, 2), 1/s."""
     fractions = np.linspace(0.0, 1.0, intervals + 1).tolist()
     return np.array([body.velocity_slope_at(x) for x in fractions]) / body.length
-
-
-def check_memory(
-    scene: Scene,
-    run: Discretisation,
-    each: float,
-    pair: float = 0.0,
-    outputs: int | None = None,
-    kept: float = KEPT,
-) -> None:
-    """Refuse a run that takes more memory than is free.
-
-    Parameters
-    ----------
-    scene : Scene
-    run : Discretisation
-    each, pair : float
-        Bytes that the solver takes for each coordinate, and for each pair of coordinates.
-    outputs : int, optional
-        States that are kept; those of the run without it.
-    kept : float
-        Bytes that are kept of each coordinate at an output.
-
-    Raises
-    ------
-    MemoryLimitError
-        Naming the figures, and what would do.
-    """
-    cut = run.of(scene)
-    nodes = sum(count + 1 for count, _ in cut.values())
-    size = sum(2 * len(kind_of(kind).vectors) * (count + 1) for count, kind in cut.values())
-    outputs = run.steps // run.stride + 2 if outputs is None else outputs
-    system, history = size * (each + pair * size), outputs * size * kept
-    free = _free_memory() if system + history > SMALL else None
-    if free is None or system + history <= free:
-        return
-    needed = (
-        "a larger output_dt or a coarser mesh"
-        if history > system
-        else f"a coarser mesh, below {nodes} nodes,"
-    )
-    raise MemoryLimitError(
-        f"scene {scene.name!r} with {nodes} nodes and {outputs} outputs takes about {system + history:.3g} bytes of "
-        f"memory, {history:.3g} of them for the outputs, and {free:.3g} are free; {needed} is needed"
-    )
-
-
-def _free_memory() -> float | None:
-    """Bytes that this process may still allocate; None if the system does not report it."""
-    with suppress(OSError, ValueError):
-        for line in Path("/proc/meminfo").read_text().splitlines():
-            if line.startswith("MemAvailable"):
-                return 1024.0 * int(line.split()[1])
-    with suppress(OSError, ValueError, AttributeError):
-        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    return None

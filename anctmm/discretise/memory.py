@@ -24,6 +24,7 @@ def check_memory(
     each: float,
     outputs: int | None = None,
     kept_each: float = HISTORIES * NUMBER,
+    pair: float = 0.0,
 ) -> None:
     """Refuse a run that takes more memory than is free.
 
@@ -37,6 +38,8 @@ def check_memory(
         States that are kept; those of the run without it.
     kept_each : float
         Bytes that are kept of each coordinate at an output.
+    pair : float
+        Bytes that the solver takes for each pair of coordinates.
 
     Raises
     ------
@@ -47,7 +50,7 @@ def check_memory(
     nodes = sum(elements + 1 for elements, _ in cut.values())
     size = nodes * scene.dim * max((len(kind_of(kind).vectors) for _, kind in cut.values()), default=0)
     kept = run.steps // run.stride + 2 if outputs is None else outputs
-    system, output = size * each, size * kept_each + ENERGIES
+    system, output = size * (each + pair * size), size * kept_each + ENERGIES
     total = system + kept * output
     free = None if total <= SMALL else free_memory()
     if free is None or total <= free:

@@ -120,11 +120,6 @@ class ElementKind:
     order: float = float("nan")
 
     @property
-    def turning_row(self) -> int:
-        """First component of the vector that a torque turns."""
-        return 2 * self.vectors.index(self.turned)
-
-    @property
     def turned_vector(self) -> int:
         """Number of the vector that a torque turns."""
         return self.vectors.index(self.turned)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
-from anctmm.discretise.lacking import LACKING
 from anctmm.discretise.memory import check_memory
 from anctmm.elements.kinds import check_kinds, with_statics
 from anctmm.equilibria.arc_length import ArcPath
@@ -21,7 +20,6 @@ from anctmm.equilibria.stability import stability_of
 from anctmm.errors import DiscretisationError
 from anctmm.integrators.output import field_of
 from anctmm.kernels.announcing import compiling
-from anctmm.model.needs import refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.checks.divergence import checked, inside_out
@@ -120,7 +118,7 @@ def solve_static(
             "path is 'arclength' beside branch 'stable'; one of them is allowed: the path passes stable and unstable "
             "equilibria"
         )
-    refuse(checked_scene(scene), LACKING, "ANC-TMM", "statics")
+    checked_scene(scene)
     run = discretise(run, options)
     check_kinds(run.of(scene), with_statics(), "statics")
     check_memory(scene, run, BYTES, (steps or 1) + 1, 8.0)

@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 
 from anctmm.discretise.methods import GeneralizedAlpha
 from anctmm.integrators.newton import Coefficients, iterate
-from anctmm.integrators.output import Output, count_work, keep, too_large
+from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
-from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import inlined, kernel, thin
-from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.system import Inputs, Tables
 
 Array = NDArray[np.float64]
@@ -136,10 +134,6 @@ def advance(
         if step > 0 and not step_alpha(size, space, m, tables, state, signals, loads, free, t):
             return step
         count_work(space, tables, state, step > 0, signals, loads, free, t, out)
-        count_turns(out.turning, state.q)
-        if step % m.stride == 0 or step == m.steps:
-            if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
-                return step
-            place = step // m.stride if step % m.stride == 0 else len(out.energy) - 1
-            keep(place, tables, state, dim, out)
+        if not keep_due(step, m.steps, m.stride, tables, state, dim, out):
+            return step
     return -1

@@ -17,21 +17,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.discretise.methods import stages
-from anctmm.integrators.accelerations import VIOLATED, take_off
+from anctmm.integrators.accelerations import KEPT, VIOLATED, take_off
 from anctmm.integrators.newton import Coefficients, iterate, set_end
-from anctmm.integrators.output import Output, keep, stage_power, too_large
+from anctmm.integrators.output import Output, keep_due, stage_power
 from anctmm.integrators.starting import balance
 from anctmm.integrators.state import State
-from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import inlined, kernel, part
-from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.rows import set_jacobian, set_rates, set_rows
 from anctmm.system.system import Inputs, System, Tables, place_driven
 
 Array = NDArray[np.float64]
 
-#: Projections at the end of a step at most, and values of rows, of the size of the scene, that are kept.
-PROJECTIONS, KEPT = 6, 1e-14
+#: Projections at the end of a step at most.
+PROJECTIONS = 6
 
 
 #: For kernels no literal, for which others would be compiled once more.
@@ -240,10 +238,6 @@ def advance(
             if not solved:
                 return step
             add_work(out, numbers.h, numbers.method, room)
-        count_turns(out.turning, state.q)
-        if step % numbers.stride == 0 or step == numbers.steps:
-            if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
-                return step
-            place = step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1
-            keep(place, tables, state, dim, out)
+        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+            return step
     return -1

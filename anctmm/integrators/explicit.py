@@ -14,11 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from anctmm.integrators.accelerations import factorize_mass, project, solve_accelerations
-from anctmm.integrators.output import Output, count_work, keep, too_large
+from anctmm.integrators.output import Output, count_work, keep_due
 from anctmm.integrators.state import State
-from anctmm.integrators.turning import count_turns
 from anctmm.kernels.options import kernel
-from anctmm.results.checks.divergence import STRETCH_LIMIT
 from anctmm.system.rows import set_jacobian
 from anctmm.system.system import Inputs, Tables, place_driven, set_forces
 
@@ -72,17 +70,8 @@ def advance(
         if check - check != 0.0:  # also of no number
             return step
         count_work(space, tables, state, step > 0, signals, inputs.loads[n], inputs.free[n], t, out)
-        count_turns(out.turning, q)
-        if step % numbers.stride == 0 or step == numbers.steps:
-            if too_large(tables.elements, q, dim, STRETCH_LIMIT):
-                return step
-            keep(
-                step // numbers.stride if step % numbers.stride == 0 else len(out.energy) - 1,
-                tables,
-                state,
-                dim,
-                out,
-            )
+        if not keep_due(step, numbers.steps, numbers.stride, tables, state, dim, out):
+            return step
         if step < numbers.steps:
             for k in range(q.shape[0]):
                 for i in range(q.shape[1]):

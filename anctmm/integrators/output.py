@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from anctmm.integrators.starting import rests
 from anctmm.integrators.state import State
-from anctmm.integrators.turning import Turning, turning_of
+from anctmm.integrators.turning import Turning, count_turns, turning_of
 from anctmm.kernels.announcing import compiling
 from anctmm.kernels.options import part, thin
 from anctmm.model.rigid_bodies import PointMass
 from anctmm.model.topology import turning_bodies
-from anctmm.results.checks.divergence import checked
+from anctmm.results.checks.divergence import STRETCH_LIMIT, checked
 from anctmm.results.fields import HermiteField, RigidField, beam_field
 from anctmm.results.solution import Cost, Energy, Solution
 from anctmm.results.status import Status
@@ -287,3 +287,15 @@ def too_large(elements: Elements, q: Array, dim: int, limit: float) -> bool:
                 if not abs(q[k, i]) <= limit:
                     return True
     return False
+
+
+@thin
+def keep_due(step, last, stride, tables, state, dim, out):  # type: ignore[no-untyped-def]
+    """Count turns to the state of a fixed step, and keep it if an output is due; False if a gradient is too large."""
+    count_turns(out.turning, state.q)
+    if step % stride != 0 and step != last:
+        return True
+    if too_large(tables.elements, state.q, dim, STRETCH_LIMIT):
+        return False
+    keep(step // stride if step % stride == 0 else len(out.energy) - 1, tables, state, dim, out)
+    return True

@@ -7,7 +7,8 @@ sources that kernels consist of and by the versions of Python, numba and this pa
 import hashlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -50,25 +51,35 @@ def _directory() -> str:
 DIRECTORY = _directory()
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function by numba on its first call, and store it on disk.
+@contextmanager
+def _stored() -> Iterator[None]:
+    """Let numba store what is declared in the directory of these kernels.
 
-    The setting of numba's directory is restored: functions of the user's own are stored where he wants them.
+    Its setting is restored: functions of the user's own are stored where he wants them.
     """
     before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
     try:
-        return _njit(function, cache=True, **OPTIONS)
+        yield
     finally:
         _settings.CACHE_DIR = before
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function by numba on its first call, and store it on disk."""
+    with _stored():
+        return _njit(function, cache=True, **OPTIONS)
 
 
 def part(function: Callable[..., Any]) -> Any:
     """The same for a function that other kernels call, and Python does not."""
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
-    try:
+    with _stored():
         return _njit(function, cache=True, no_cpython_wrapper=True, **OPTIONS)
-    finally:
-        _settings.CACHE_DIR = before
+
+
+def inlined(function: Callable[..., Any]) -> Any:
+    """The same for a small function: its machine code becomes part of that of the kernels that call it."""
+    with _stored():
+        return _njit(function, cache=True, no_cpython_wrapper=True, forceinline=True, **OPTIONS)
 
 
 def thin(function: Callable[..., Any]) -> Any:
@@ -81,17 +92,5 @@ def thin(function: Callable[..., Any]) -> Any:
 
 def c_function(signature: Any, function: Callable[..., Any]) -> Any:
     """Compile a function for callers in C, and store it on disk."""
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
-    try:
+    with _stored():
         return numba.cfunc(signature, cache=True, error_model="numpy", fastmath={"contract"})(function)
-    finally:
-        _settings.CACHE_DIR = before
-
-
-def inlined(function: Callable[..., Any]) -> Any:
-    """Make a small function part of the kernels that call it."""
-    before, _settings.CACHE_DIR = _settings.CACHE_DIR, DIRECTORY
-    try:
-        return _njit(function, cache=True, no_cpython_wrapper=True, forceinline=True, **OPTIONS)
-    finally:
-        _settings.CACHE_DIR = before

@@ -92,11 +92,6 @@ def refuse(scene: Scene, lacks: Iterable[str], who: str, *features: str) -> None
             )
 
 
-def not_offered(thing: object) -> UnsupportedError:
-    """What to raise where a thing is met that should have been refused before."""
-    return UnsupportedError(f"{shown(thing)} is not offered here")
-
-
 def _inside(scene: Scene, places: Iterable[Written]) -> bool:
     return any(scene.place(place).interior for place in places)
 

@@ -8,13 +8,13 @@ times are compared). See README.md for what they share with ANC-TMM.
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation, discretise, parts_of_load
+from anctmm.discretise.memory import check_memory
 from anctmm.model.needs import MECHANISMS, refuse
 from anctmm.model.scene import Scene, checked_scene
 from anctmm.results.accounting import accounted
 from anctmm.results.solution import Solution
 from anctmm.solvers.capabilities import Offer
 from anctmm.validation import one_of
-from reference.adapters import check_memory
 
 __all__ = ["solve", "solve_dense", "solve_plain", "solve_static"]
 
@@ -69,7 +69,7 @@ def solve(
     one_of("linear_algebra", linear_algebra, LINEAR_ALGEBRA)
     one_of("stabilization", stabilization, STABILIZATION)
     dense = linear_algebra == "dense-refactor"
-    check_memory(_offered(scene), run, SPARSE, DENSE if dense else 0.0)
+    check_memory(_offered(scene), run, SPARSE, pair=DENSE if dense else 0.0)
     # here, and not above: to see what is offered takes no SciPy
     from reference.global_dae.runs import motion
 

@@ -13,7 +13,6 @@ from anctmm.model.bodies import BODIES, Beam, Body
 from anctmm.model.checks.start import EQUAL, drive_rate
 from anctmm.model.initial_motion.least_norm import MANY, least_norm
 from anctmm.model.joints import Clamp, Guide, Pin, Prismatic, Slider, Weld, built_in, unknown_joint
-from anctmm.model.kept import kept
 from anctmm.model.places import Written
 from anctmm.model.rigid_bodies import PointMass, RigidBody
 from anctmm.model.scene import Scene, checked_scene, scene_that_does_not_start
@@ -78,26 +77,6 @@ def consistent_velocities(scene: Scene | None = None, **parts: Any) -> Scene:
         _moved(body, (vx, vy), spin) for body, (vx, vy, spin) in zip(scene.bodies, motions, strict=True)
     )
     return replace(scene, bodies=bodies)
-
-
-@kept
-def mobile(scene: Scene) -> bool:
-    """Whether joints leave the bodies of a scene a motion if all are rigid and all drives stand still.
-
-    Parameters
-    ----------
-    scene : Scene
-
-    Returns
-    -------
-    bool
-        True, too, of more than `FEW` bodies, whose equations are not looked at.
-    """
-    if len(scene.bodies) > FEW:
-        return True
-    rows, _ = _rigid_constraints(scene)
-    scale = _scales(scene)
-    return bool(np.linalg.matrix_rank(_dense(rows, len(scale)) / scale) < len(scale))
 
 
 def _least_motion(rows: Sequence[Row], rates: Array, scale: Array) -> tuple[Array, float]:

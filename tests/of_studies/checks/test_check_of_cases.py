@@ -114,7 +114,6 @@ def test_the_sense_in_which_a_resting_probe_turns_is_seen():
     assert (code, "1 same, 1 differs" in output or "1 differs, 1 same" in output) == (1, True), output
 
 
-@pytest.mark.interpreted
 @pytest.mark.parametrize(("newton", "blind"), [(1e-3, True), (1e-5, True), (1e-12, False)])
 def test_a_history_that_hides_changes_is_told_when_it_is_stored(newton, blind):
     """Of a loose iteration the tolerance was a fiftieth of the motion, and nobody was told."""

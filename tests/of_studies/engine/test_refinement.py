@@ -52,7 +52,6 @@ def wheel_on_a_spring():
     return at.Case(scene, ["wheel.center"], t_end=0.2)
 
 
-@pytest.mark.interpreted
 def test_of_a_probe_that_turns_and_does_not_move_the_angle_converges():
     """Its displacement is zero in all runs: the estimated error was 0, and the angle unknown by twice its size."""
     found = Refinement(wheel_on_a_spring(), Setup(), Runner(None)).refined(1e-2)

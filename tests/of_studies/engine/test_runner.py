@@ -112,7 +112,6 @@ def test_a_damaged_store_is_computed_anew(tmp_path):
     assert all(s.status.ok for s in runner(tmp_path).solve_many(trials()))
 
 
-@pytest.mark.compiled
 def test_workers_give_the_same_bits(tmp_path):
     beam = at.Beam("b", (0, 0), (1, 0), at.Circle(0.01), at.Material(E=1e8, density=1000.0))
     scene = at.Scene("fall", [beam], [at.Clamp("b.start")], loads=[at.Force("b.end", lambda t: (0.0, -t))])
