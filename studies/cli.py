@@ -379,7 +379,7 @@ def _watches(
     from studies.engine.study import without_beams
     from studies.regression.of_cases import watches_of
     from studies.regression.scenes import declared_in
-    from studies.regression.small_watches import all_watches
+    from studies.regression.watches import all_watches
 
     if file is None:
         for option, value in (("--case", case), ("--elements", elements), ("--dt", dt)):

@@ -219,7 +219,7 @@ def first_seen(only: str = "") -> str:
     """The first comparison of the check that fails in this process; empty if all hold."""
     from studies.regression.check import BASELINES, check, select
     from studies.regression.scenes import tasks_of
-    from studies.regression.small_watches import all_watches
+    from studies.regression.watches import all_watches
 
     tasks = select(tasks_of(all_watches()), [only] if only else (), ("anctmm",))
     for found in check(sorted(tasks, key=_slowness), BASELINES):
