@@ -10,11 +10,9 @@ from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, replace
 from fnmatch import fnmatch
-from importlib.metadata import distributions
-from itertools import chain, zip_longest
+from itertools import chain
 from multiprocessing import get_all_start_methods, get_context
 from pathlib import Path
-from platform import machine, python_version, system
 from time import perf_counter
 
 import numpy as np
@@ -22,14 +20,15 @@ import numpy as np
 from anctmm.errors import OutputError, PluginError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
+from studies.engine import provenance
 from studies.regression.history import (
     Baseline,
-    Column,
     History,
     Tolerance,
     is_ours,
     note_file,
     physics_of,
+    quantity_of,
     read_baseline,
     write_baseline,
 )
@@ -59,9 +58,9 @@ GOOD = {SAME, NOT_RUN, NEW, RENEWED, UNCHANGED}
 
 @dataclass(frozen=True)
 class Worst:
-    """The largest difference of two histories, in units of the tolerance."""
+    """The largest difference of two histories, in units of the tolerance, and the head of its column."""
 
-    column: Column
+    column: str
     time: float
     difference: float
     tolerance: float
@@ -97,16 +96,14 @@ def select(tasks: Sequence[Task], only: Sequence[str], solvers: Sequence[str]) -
         If a solver is neither asked for nor installed, or nothing is left.
     """
     asked = {task.solver for task in tasks}
-    for solver in solvers:
-        if solver not in asked and solver not in registry.names():
-            known = sorted(asked | set(registry.names()))
-            raise CheckError(f"--solver has {solver!r}; allowed are {', '.join(known)}")
-        if solver not in asked:
-            runs = {(task.scene.name, task.run_name): task for task in tasks}
-            tasks = (*tasks, *(replace(task, solver=solver) for task in runs.values()))
+    if unknown := [name for name in solvers if name not in asked and name not in registry.names()]:
+        known = ", ".join(sorted(asked | set(registry.names())))
+        raise CheckError(f"--solver has {unknown[0]!r}; allowed are {known}")
+    runs = {(task.scene.name, task.run_name): task for task in tasks}
+    others = [replace(task, solver=name) for name in solvers if name not in asked for task in runs.values()]
     chosen = [
         task
-        for task in tasks
+        for task in (*tasks, *others)
         if (not solvers or task.solver in solvers)
         and (not only or any(o in task.name or fnmatch(task.name, o) for o in only))
     ]
@@ -158,52 +155,38 @@ def check(
     if not baselines.is_dir():
         raise CheckError(f"--baselines {baselines}: no such directory; --update makes it")
     others = _unasked(tasks, baselines, file) if whole else ()
-    found: Iterator[tuple[Finding, ...]]
     if workers < 2 or len(tasks) < 2 or "fork" not in get_all_start_methods():
         found = (_checked(task, baselines) for task in tasks)
     else:
-        found = _side_by_side(_groups(tasks), baselines, workers)
+        found = _side_by_side(tasks, baselines, workers)
     return chain(found, [others] if others else [])
 
 
-#: Groups of tasks that processes begun from this one know: scenes need not be picklable.
-_shared: list[list[Task]] = []
+#: Tasks that processes begun from this one know: scenes, which may have functions of a user's, need not be picklable.
+_shared: list[Task] = []
 
 
-def _side_by_side(groups: list[list[Task]], baselines: Path, workers: int) -> Iterator[tuple[Finding, ...]]:
+def _side_by_side(tasks: Sequence[Task], baselines: Path, workers: int) -> Iterator[tuple[Finding, ...]]:
     """Findings as they come. Processes begin at once, before any thread that shows progress: copies of it may hang."""
-    _shared[:] = groups
+    _shared[:] = tasks
     pool = ProcessPoolExecutor(workers, get_context("fork"))
-    jobs = {pool.submit(_job, k, baselines): group for k, group in enumerate(groups)}
-    return _as_they_come(pool, jobs)
+    return _as_they_come(pool, {pool.submit(_job, k, baselines): task for k, task in enumerate(tasks)})
 
 
 def _as_they_come(
-    pool: ProcessPoolExecutor, jobs: dict["Future[list[tuple[Finding, ...]]]", list[Task]]
+    pool: ProcessPoolExecutor, jobs: "dict[Future[tuple[Finding, ...]], Task]"
 ) -> Iterator[tuple[Finding, ...]]:
     """Findings of each task; where a process has died, those of all that was not done."""
     with pool:
         for job in as_completed(jobs):
             try:
-                yield from job.result()
+                yield job.result()
             except BrokenProcessPool as error:
-                yield from (
-                    (Finding(task.name, FAILED, f"its process has died: {error}"),) for task in jobs[job]
-                )
+                yield (Finding(jobs[job].name, FAILED, f"its process has died: {error}"),)
 
 
-def _job(k: int, baselines: Path) -> list[tuple[Finding, ...]]:
-    return [_checked(task, baselines) for task in _shared[k]]
-
-
-def _groups(tasks: Sequence[Task]) -> list[list[Task]]:
-    """Tasks that share most of their kernels, so that one process compiles these; the largest groups first."""
-    groups: dict[tuple[str, ...], list[Task]] = {}
-    for task in tasks:
-        run = task.run
-        words = (str(getattr(run, name, "")) for name in ("element", "integrator", "tolerance"))
-        groups.setdefault((task.solver, type(run).__name__, *words), []).append(task)
-    return sorted(groups.values(), key=len, reverse=True)
+def _job(k: int, baselines: Path) -> tuple[Finding, ...]:
+    return _checked(_shared[k], baselines)
 
 
 def _checked(task: Task, baselines: Path) -> tuple[Finding, ...]:
@@ -236,8 +219,7 @@ def _ours(task: Task, baselines: Path) -> Baseline | None:
     if task.solver not in SAME_EQUATIONS:
         return None
     try:
-        own = read_baseline(task.path(baselines))
-        ours = read_baseline(replace(task, solver=OURS).path(baselines))
+        own, ours = (read_baseline(replace(task, solver=s).path(baselines)) for s in (task.solver, OURS))
     except (FileNotFoundError, CheckError):
         return None  # reported in the row of that history
     if not task.settings == own.settings == ours.settings or "displacement" not in own.tolerances:
@@ -248,54 +230,47 @@ def _ours(task: Task, baselines: Path) -> Baseline | None:
 
 
 def _displacements(history: History) -> History:
-    keep = [c.quantity == "displacement" for c in history.columns]
-    columns = tuple(c for c, k in zip(history.columns, keep, strict=True) if k)
-    return replace(history, columns=columns, values=history.values[:, keep])
+    return replace(history, frame=history.of_quantity("displacement"))
 
 
 def _compared(task: Task, computed: History, stored: Baseline, against: str) -> Finding:
     """A run against a stored history; where they differ, what of the scene is not what it was."""
-    columns = stored.history.columns
     # histories that were stored before angles were have none
-    keep = [c.quantity != "angle" or c in columns for c in computed.columns]
-    computed = replace(
-        computed,
-        columns=tuple(c for c, k in zip(computed.columns, keep, strict=True) if k),
-        values=computed.values[:, keep],
-    )
+    columns = [c for c in computed.frame if quantity_of(c) != "angle" or c in stored.history.frame]
+    computed = replace(computed, frame=computed.frame[columns])
     found = Finding(task.name, SAME, against=against, computed=computed, stored=stored)
     if stored.settings != task.settings:
-        return replace(found, verdict=SETTINGS, reason=_changes(stored.settings, task.settings))
+        reason = _changes(stored.settings.split(", "), task.settings.split(", "))
+        return replace(found, verdict=SETTINGS, reason=reason)
     reason = _unlike(computed, stored.history)
-    if not reason and len(columns):
+    if not reason and columns:
         found = replace(found, worst=_worst(computed, stored))
-        reason = _too_far(found) if against == task.solver else _too_far(found, work=False)
+        reason = _too_far(found, work=against == task.solver)
     if reason is None:
         return found
-    scene = _scene_changes(stored.physics, physics_of(task))
+    scene = _changes(stored.physics, physics_of(task)) if stored.physics else ""
+    scene = f"the scene has changed: {scene}" if scene else ""
     return replace(found, verdict=DIFFERS, reason="; ".join(filter(None, (reason, scene))))
 
 
 def _unlike(computed: History, stored: History) -> str | None:
     """Why two histories have no common samples; None if they have."""
-    if computed.columns != stored.columns:
-        now, before = ([c.label for c in h.columns] for h in (computed, stored))
-        gone, come = [c for c in before if c not in now], [c for c in now if c not in before]
-        return (
-            f"columns have changed: {', '.join(gone) or 'none'} are gone, {', '.join(come) or 'none'} are new"
+    now, before = list(computed.frame), list(stored.frame)
+    if now != before:
+        gone, come = (
+            ", ".join(c for c in one if c not in other) for one, other in ((before, now), (now, before))
         )
+        return f"columns have changed: {gone or 'none'} are gone, {come or 'none'} are new"
     if not set(stored.ending.split(", ")) <= set(computed.ending.split(", ")):
         return f"it ended with {stored.ending or 'ok'}; now with {computed.ending or 'ok'}"
     t, times = computed.t, stored.t
-    if len(times) and (
-        t.shape != times.shape or not np.abs(t - times).max() <= 1e-9 * max(times[-1], 1e-300)
-    ):
+    if t.shape != times.shape or not np.allclose(t, times, rtol=0.0, atol=1e-9 * max(times, default=0.0)):
         found, wanted = (f"{len(x)} up to {x[-1]:g}" if len(x) else "none" for x in (t, times))
         return f"stored times are {wanted}; now there are {found}"
     return None
 
 
-def _too_far(found: Finding, work: bool = True) -> str | None:
+def _too_far(found: Finding, work: bool) -> str | None:
     """Why a history differs from the stored one: empty where its numbers say so; None if it does not."""
     assert found.worst and found.computed and found.stored  # noqa: PT018
     if not found.worst.difference <= found.worst.tolerance:
@@ -308,18 +283,18 @@ def _too_far(found: Finding, work: bool = True) -> str | None:
 
 def _worst(computed: History, stored: Baseline) -> Worst:
     """The sample farthest off in units of its tolerance; what is no number is farther than all others."""
-    difference = np.abs(computed.values - stored.history.values)
-    tolerance = np.array([stored.tolerances[c.quantity].value for c in computed.columns])
+    difference = np.abs(computed.frame.to_numpy() - stored.history.frame.to_numpy())
+    tolerance = np.array([stored.tolerances[quantity_of(c)].value for c in computed.frame])
     parts = np.nan_to_num(difference / tolerance, nan=np.inf)
     i, k = np.unravel_index(int(parts.argmax()), parts.shape)
-    return Worst(computed.columns[k], float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
+    column = computed.frame.columns[k]
+    return Worst(column, float(computed.t[i]), float(difference[i, k]), float(tolerance[k]))
 
 
 def _not_whole(task: Task, status: Status, stored: bool) -> Finding:
     """A finding for a run that did not end as it must."""
     missing = status.code == "unsupported" and "not installed" in status.message
-    absent = _absent(task.solver)
-    if absent or missing:
+    if (absent := _absent(task.solver)) or missing:
         return Finding(task.name, NOT_RUN, absent or str(status))
     # what was stored could be run once: that the solver now says it cannot is a change
     unable = status.code == "unsupported" and not stored
@@ -344,11 +319,9 @@ def _unasked(tasks: Sequence[Task], baselines: Path, file: str) -> tuple[Finding
     """Stored histories without a task: something is no longer checked. Those of other files are not asked for here."""
     asked = {task.path(baselines) for task in tasks}
     found = []
-    for path in sorted(baselines.glob("*/*/*.csv")):
-        if path in asked or not is_ours(path):
-            continue
+    for path in sorted(set(baselines.glob("*/*/*.csv")) - asked):
         owner = _owner(path)
-        if file and owner not in ("", file):
+        if not is_ours(path) or (file and owner not in ("", file)):
             continue
         way_out = "delete it, or ask for it"
         if file and not owner:
@@ -367,6 +340,12 @@ def _owner(path: Path) -> str:
         return read_baseline(path).file
     except CheckError:
         return ""
+
+
+def _changes(before: Sequence[str], now: Sequence[str]) -> str:
+    """What is not what it was, of settings or of the parts of a scene."""
+    gone, come = [b for b in before if b not in now], [n for n in now if n not in before]
+    return f"stored with {', '.join(gone) or 'less'}; now {', '.join(come) or 'less'}" if gone or come else ""
 
 
 # --- storing -------------------------------------------------------------------------------------------------
@@ -410,55 +389,29 @@ def _renewed(task: Task, baselines: Path, file: str) -> Finding:
         if file and before.stored and before.stored.file != file:
             note_file(path, file)
         return replace(before, verdict=UNCHANGED)
-    if not np.isfinite(computed.values).all():
+    if not np.isfinite(computed.frame.to_numpy()).all():
         return Finding(task.name, FAILED, "its history has values that are no numbers; it is not stored")
     try:
         stored = replace(measured(task, computed), file=file)
     except CheckError as error:
         return Finding(task.name, FAILED, str(error))
-    write_baseline(path, task, stored, _made_by())
-    reasons = filter(None, (before.reason if before.verdict != MISSING else "", _blind(task, stored)))
-    return replace(before, verdict=NEW if before.verdict == MISSING else RENEWED, reason="; ".join(reasons))
+    machine = provenance.machine()
+    made_by = f"{machine['cores']} cores, {machine['system']}, {provenance.software()}"
+    write_baseline(path, task, stored, made_by)
+    new = before.verdict == MISSING
+    reasons = filter(None, ("" if new else before.reason, _blind(task, stored)))
+    return replace(before, verdict=NEW if new else RENEWED, reason="; ".join(reasons))
 
 
 def _blind(task: Task, stored: Baseline) -> str:
     """That a check will not see much, where a loose bound of Newton's iteration makes tolerances wide."""
     known = stored.tolerances.get("displacement")
-    loose = [run for run in iterations_of(task.run) if run.newton_tolerance > TIGHT]
-    if known is None or not loose:
+    if known is None or all(run.newton_tolerance <= TIGHT for run in iterations_of(task.run)):
         return ""
-    part = known.value / max(float(np.abs(stored.history.of_quantity("displacement")).max()), 1e-300)
+    part = known.value / max(float(stored.history.of_quantity("displacement").abs().to_numpy().max()), 1e-300)
     if part <= BLIND:
         return ""
     return (
         f"displacements may change by {known.value:.1e} m unseen, {part:.1g} of the largest, as Newton's iteration "
         f"leaves that much: newton_tolerance={TIGHT:g} in its run makes the tolerance smaller"
     )
-
-
-def _made_by() -> str:
-    """Machine and versions."""
-    known = {d.metadata["Name"]: d.version for d in distributions()}
-    found = [
-        f"{name} {known.get(name, 'missing')}" for name in ("anctmm", "numpy", "scipy", "numba", "exudyn")
-    ]
-    return ", ".join([f"{os.cpu_count()} cores, {system()} {machine()}, Python {python_version()}", *found])
-
-
-# --- words ---------------------------------------------------------------------------------------------------
-
-
-def _changes(before: str, now: str) -> str:
-    """Settings that are not what they were."""
-    old, new = before.split(", "), now.split(", ")
-    gone, come = [o for o in old if o not in new], [n for n in new if n not in old]
-    return f"stored with {', '.join(gone) or 'fewer settings'}; now {', '.join(come) or 'fewer'}"
-
-
-def _scene_changes(before: Sequence[str], now: Sequence[str]) -> str:
-    """The parts of a scene that are not what they were; empty where nothing is, or nothing was stored."""
-    gone, come = [b for b in before if b not in now], [n for n in now if n not in before]
-    if not before or not (gone or come):
-        return ""
-    pairs = zip_longest(gone, come, fillvalue="nothing")
-    return "the scene has changed: " + "; ".join(f"stored with {old}; now {new}" for old, new in pairs)

@@ -1,15 +1,16 @@
 """Stored histories: small CSV files with a header that describes them, readable in a diff."""
 
-import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import ceil, isfinite, log10
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
+from studies.engine.files import atomic_write
 from studies.regression.scenes import CheckError, Task
 
 Array = NDArray[np.float64]
@@ -43,26 +44,23 @@ UNITS = {
 SPARE_DIGITS = 2
 
 
-@dataclass(frozen=True)
-class Column:
-    """One quantity at one place; that of a vector's components ends with x or y, which follow each other."""
+def label(quantity: str, where: str = "") -> str:
+    """Head of the column of a quantity at a place; that of a vector's component ends with x or y before the unit."""
+    return f"{quantity} {where}".strip() + f" ({UNITS[quantity]})"
 
-    quantity: str
-    where: str = ""
 
-    @property
-    def label(self) -> str:
-        """Head of the column, with its unit."""
-        return f"{self.quantity} {self.where}".strip() + f" ({UNITS[self.quantity]})"
+def quantity_of(column: str) -> str:
+    """The quantity of a column; ValueError if there is none."""
+    for name in sorted(UNITS, key=len, reverse=True):
+        if column.startswith((f"{name} ", f"{name} (")) and column.endswith(f" ({UNITS[name]})"):
+            return name
+    raise ValueError(f"column {column!r} is unknown")
 
-    @classmethod
-    def of(cls, label: str) -> "Column":
-        """The column of a label; ValueError if there is none."""
-        for quantity in sorted(UNITS, key=len, reverse=True):
-            column = cls(quantity, label.removeprefix(quantity).removesuffix(f"({UNITS[quantity]})").strip())
-            if label.startswith(quantity) and column.label == label:
-                return column
-        raise ValueError(f"column {label!r} is unknown")
+
+def place_of(column: str) -> str:
+    """The place of a column, or its quantity where that has none."""
+    name = quantity_of(column)
+    return column.removeprefix(name).removesuffix(f"({UNITS[name]})").strip() or name
 
 
 @dataclass(frozen=True)
@@ -71,33 +69,37 @@ class History:
 
     Parameters
     ----------
-    t : ndarray, shape (n,)
-        s, or the load factor, or the number of the sample.
-    axis : str
-        Which of them, with its unit.
-    columns : tuple of Column
-    values : ndarray, shape (n, columns)
+    frame : DataFrame
+        A column for each component of each quantity at each place, see `label`; the index is the time (s), the load
+        factor or the number of the sample, and its name says which.
     corrections : int
         Newton corrections of the whole run: a wrong tangent leaves the history as it is, but takes more of them.
     ending : str
         How the run ended, where it did not end well: status, and step, body and element that it names.
     """
 
-    t: Array
-    axis: str
-    columns: tuple[Column, ...]
-    values: Array
+    frame: pd.DataFrame
     corrections: int = 0
     ending: str = ""
 
-    def of_quantity(self, quantity: str) -> Array:
-        """The columns of a quantity, (n, m)."""
-        return self.values[:, [c.quantity == quantity for c in self.columns]]
+    @classmethod
+    def of(cls, t: Array, axis: str, columns: Mapping[str, Array], *more: object) -> "History":
+        """A history by its columns."""
+        return cls(pd.DataFrame(columns, index=pd.Index(t, name=axis, dtype=float), dtype=float), *more)  # type: ignore[arg-type]
+
+    @property
+    def t(self) -> Array:
+        """Values of the index."""
+        return self.frame.index.to_numpy(float)
+
+    def of_quantity(self, *quantities: str) -> pd.DataFrame:
+        """The columns of some quantities."""
+        return self.frame[[c for c in self.frame if quantity_of(c) in quantities]]
 
     @property
     def quantities(self) -> list[str]:
         """Those it has, in order."""
-        return list(dict.fromkeys(c.quantity for c in self.columns))
+        return list(dict.fromkeys(map(quantity_of, self.frame)))
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ class Baseline:
     settings: str
     tolerances: Mapping[str, Tolerance]
     history: History
-    physics: Sequence[str] = field(default=())
+    physics: Sequence[str] = ()
     file: str = ""
 
 
@@ -123,18 +125,15 @@ def physics_of(task: Task) -> list[str]:
     """The scene in words; functions by their names, whose addresses say nothing."""
     scene = task.scene
     parts = [*map(repr, (*scene.bodies, *scene.joints, *scene.loads, *scene.connectors))]
-    return [
-        re.sub(r" at 0x[0-9a-f]+", "", " ".join(part.split()))
-        for part in [*parts, f"gravity {scene.gravity}"]
-    ]
+    parts.append(f"gravity {scene.gravity}")
+    return [re.sub(r" at 0x[0-9a-f]+", "", " ".join(part.split())) for part in parts]
 
 
 def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> None:
     """Write a baseline, whole or not at all."""
-    history = stored.history
-    decimals = [
-        max(0, ceil(-log10(stored.tolerances[c.quantity].value))) + SPARE_DIGITS for c in history.columns
-    ]
+    history, frame = stored.history, stored.history.frame
+    sizes = [stored.tolerances[quantity_of(column)].value for column in frame]
+    decimals = [max(0, ceil(-log10(size))) + SPARE_DIGITS for size in sizes]
     lines = [
         FIRST,
         *([f"{FILE}{stored.file}"] if stored.file else []),
@@ -144,18 +143,15 @@ def write_baseline(path: Path, task: Task, stored: Baseline, made_by: str) -> No
         f"# solver: {task.solver}",
         f"# settings: {stored.settings}",
         f"# made by (shown, not compared): {made_by}",
-        *(
-            f"# tolerance of {name}: {t.value:.1e} {UNITS[name]}, {t.reason}"
-            for name, t in stored.tolerances.items()
-        ),
+        *(f"# tolerance of {q}: {t.value:.1e} {UNITS[q]}, {t.reason}" for q, t in stored.tolerances.items()),
         f"# Newton corrections: {history.corrections}",
         *([f"# ending: {history.ending}"] if history.ending else []),
-        f"# rows: {len(history.t)}",
-        ",".join([history.axis, *(c.label for c in history.columns)]),
+        f"# rows: {len(frame)}",
+        ",".join([str(frame.index.name), *frame]),
     ]
-    for t, row in zip(history.t, history.values, strict=True):
+    for t, *row in frame.itertuples(name=None):
         lines.append(",".join([f"{t:.9g}", *(f"{v:.{d}f}" for v, d in zip(row, decimals, strict=True))]))
-    _replace(path, "\n".join([*lines, LAST, ""]))
+    atomic_write(path, "\n".join([*lines, LAST, ""]))
 
 
 def read_baseline(path: Path) -> Baseline:
@@ -176,48 +172,37 @@ def read_baseline(path: Path) -> Baseline:
     if lines[0] != FIRST:
         raise CheckError(f"{path} does not begin with {FIRST!r}: it is no history stored by anctmm check")
     head = [line for line in lines if line.startswith("# ")]
-    body = [line.split(",") for line in lines[1:] if line and not line.startswith("#")]
-    rows = _after(head, "# rows: ")
-    if lines[-2:] != [LAST, ""] or rows != str(len(body) - 1):
+    columns, *body = [line.split(",") for line in lines[1:] if line and not line.startswith("#")] or [[""]]
+    if lines[-2:] != [LAST, ""] or _after(head, "# rows: ") != str(len(body)):
         raise CheckError(
-            f"{path} is cut short or edited: {len(body) - 1} rows and {lines[-2] if len(lines) > 1 else ''!r} at "
-            f"its end; {rows or 'a number of'} rows and {LAST!r} are needed; renew it with --update"
+            f"{path} is cut short or edited: {len(body)} rows, and at its end {lines[-2:]}; the rows that its head "
+            f"says and {LAST!r} are needed; renew it with --update"
         )
     try:
-        table = np.array(body[1:], dtype=float).reshape(len(body) - 1, len(body[0]))
-        columns = tuple(map(Column.of, body[0][1:]))
         tolerances = dict(_tolerance(line) for line in head if line.startswith("# tolerance of "))
-        if missing := {c.quantity for c in columns} - set(tolerances):
+        if missing := {quantity_of(c) for c in columns[1:]} - set(tolerances):
             raise ValueError(f"the tolerance of {', '.join(sorted(missing))} is missing")
+        table = np.array(body, dtype=float).reshape(len(body), len(columns))
         corrections = int(_after(head, "# Newton corrections: "))
     except (ValueError, KeyError) as error:
         raise CheckError(f"{path} cannot be read: {error}; renew it with --update") from None
-    history = History(table[:, 0], body[0][0], columns, table[:, 1:], corrections, _after(head, "# ending: "))
-    physics = tuple(line.removeprefix(PHYSICS) for line in head if line.startswith(PHYSICS))
+    values = dict(zip(columns[1:], table.T[1:], strict=True))
+    history = History.of(table[:, 0], columns[0], values, corrections, _after(head, "# ending: "))
+    physics = [line.removeprefix(PHYSICS) for line in head if line.startswith(PHYSICS)]
     return Baseline(_after(head, "# settings: "), tolerances, history, physics, _after(head, FILE))
 
 
 def is_ours(path: Path) -> bool:
     """Whether a file was written by `write_baseline`, whole or not."""
-    try:
-        with path.open("rb") as file:
-            return file.read(len(FIRST)) == FIRST.encode()
-    except OSError:
-        return False
+    return path.is_file() and path.read_bytes().startswith(FIRST.encode())
 
 
 def note_file(path: Path, file: str) -> None:
     """Write into a stored history which file it belongs to; all else stays as it is."""
     first, *rest = path.read_text(encoding="utf-8").split("\n")
-    _replace(path, "\n".join([first, f"{FILE}{file}", *(line for line in rest if not line.startswith(FILE))]))
-
-
-def _replace(path: Path, content: str) -> None:
-    """Write a file so that a reader sees the old one or the whole new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}.part")
-    part.write_text(content, encoding="utf-8")
-    os.replace(part, path)
+    atomic_write(
+        path, "\n".join([first, f"{FILE}{file}", *(line for line in rest if not line.startswith(FILE))])
+    )
 
 
 def _after(head: Sequence[str], start: str) -> str:

@@ -7,11 +7,13 @@ from re import sub
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.model.case import Case
-from anctmm.model.scene import Beam, Scene
+from anctmm.model.scene import Scene
+from studies.engine.meshes import parts_of
+from studies.engine.study import check_mesh
 from studies.regression.scenes import TIGHT, CheckError, Motion, Static, Watch
 
-#: Elements of the longest beam, and of one with joints inside at most; steps of a run at least, and between outputs.
-ELEMENTS, MOST, STEPS, EVERY = 4, 64, 50, 4
+#: Elements of the longest beam; steps of a run at least, and between outputs.
+ELEMENTS, STEPS, EVERY = 4, 50, 4
 #: Samples of a stored history at most, and bytes of a directory's name.
 SAMPLES, LONGEST = 20, 100
 #: The solvers compared: a feature that one of them lacks is reported, and is no failure.
@@ -34,7 +36,9 @@ def watches_of(
     Raises
     ------
     CheckError
-        If mesh or step do not fit, or stored histories of two cases would have one name.
+        If a step does not fit, or stored histories of two cases would have one name.
+    StudyError
+        If a mesh does not fit.
     """
     found: dict[str, str] = {}
     watches = []
@@ -53,7 +57,7 @@ def watches_of(
 
 
 def _run(case: Case, mesh: tuple[int, ...] | None, dt: float | None) -> Motion:
-    by_beam = _automatic(case.scene) if mesh is None else _given(case.scene, mesh)
+    by_beam = _mesh(case.scene, mesh)
     if case.static:
         if dt is not None:
             raise CheckError(f"--dt is {dt:g} s for case {case.name!r}, a static equilibrium; it has no step")
@@ -71,32 +75,15 @@ def _round(least: float) -> int:
     return next(n * 10**k for k in range(9) for n in (1, 2, 5) if n * 10**k >= least * (1.0 - 1e-9))
 
 
-def _given(scene: Scene, mesh: tuple[int, ...]) -> int | dict[str, int]:
-    names = [beam.name for beam in scene.beams]
-    if len(mesh) == 1 or not names:
-        return mesh[0]
-    if len(mesh) != len(names):
-        allowed = " or ".join(dict.fromkeys(("1", str(len(names)))))
-        raise CheckError(
-            f"--elements has {'/'.join(map(str, mesh))!r}; scene {scene.name!r} needs {allowed} numbers, for "
-            f"{'/'.join(names)}"
-        )
-    return dict(zip(names, mesh, strict=True))
-
-
-def _automatic(scene: Scene) -> int | dict[str, int]:
-    """A few elements for each beam, by its length, with a node at each joint inside it."""
+def _mesh(scene: Scene, given: tuple[int, ...] | None) -> int | dict[str, int]:
+    """Elements of each beam; if none are given a few, by its length, with a node at each joint inside it."""
     longest = max((beam.length for beam in scene.beams), default=1.0)
-    found = {}
-    for beam in scene.beams:
-        least = 2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9))
-        inside = _joints_inside(scene, beam)
-        fitting = (n for n in range(least, MOST + 1) if all(abs(n * f - round(n * f)) < 1e-9 for f in inside))
-        found[beam.name] = next(fitting, least)
-    return found if len(found) > 1 else next(iter(found.values()), 2)
-
-
-def _joints_inside(scene: Scene, beam: Beam) -> list[float]:
-    """Fractions of a beam at which joints hold it between its ends."""
-    places = [scene.place(end) for joint in scene.joints for end in joint.ends]
-    return [float(p.key) for p in places if p.body.name == beam.name and p.interior]
+    if given is None:
+        least = [2 * ceil(ELEMENTS / 2 * beam.length / longest * (1.0 - 1e-9)) for beam in scene.beams]
+        parts = [parts_of(scene, beam) for beam in scene.beams]
+        given = tuple(n if p == 1 else p * ceil(n / p) for n, p in zip(least, parts, strict=True)) or (2,)
+    elif scene.beams:
+        check_mesh(scene, given)
+    if len(given) == 1:
+        return given[0]
+    return dict(zip((beam.name for beam in scene.beams), given, strict=True))

@@ -18,7 +18,8 @@ from anctmm.results.solution import Solution
 from anctmm.results.status import Status
 from anctmm.solvers import registry
 from anctmm.solvers.foreign_code import contained
-from studies.regression.history import Column, History
+from studies.regression.history import History, label
+from studies.regression.readable import SOLVERS as READABLE
 from studies.regression.scenes import (
     ARC_LENGTH,
     Compared,
@@ -32,11 +33,9 @@ from studies.regression.scenes import (
 )
 
 Array = NDArray[np.float64]
-#: Columns with their values, (n,) each.
-Columns = Iterator[tuple[Column, Array]]
+#: Heads of columns with their values, (n,) each.
+Columns = Iterator[tuple[str, Array]]
 
-#: Solvers of the paper's method in its readable form: from `studies.regression.readable`.
-READABLE = ("transfer-plain", "transfer-riccati")
 ENERGIES = {
     "kinetic": "kinetic energy", "strain": "strain energy", "potential": "potential energy", "work": "work",
 }  # fmt: skip
@@ -62,15 +61,19 @@ def answered(task: Task) -> tuple[Status, History | None]:
         with contained(), threadpool_limits(limits=1):
             status, read = _run(task)
             return status, read() if status.code == task.ends else None
-    except PluginError as error:
-        status = Status("failed", str(error))
     except AnctmmError as error:
-        status = Status("refused", f"{type(error).__name__}: {error}")
+        words = f"{type(error).__name__}: {error}"
+        status = Status("failed", str(error)) if isinstance(error, PluginError) else Status("refused", words)
     except Exception as error:  # one broken solver must not end a check
         status = Status("failed", f"{type(error).__name__}: {error}")
-    ending = f"refused, {status.message.partition(':')[0]}" if status.code == "refused" else ""
-    refused = History(np.empty(0), "t (s)", (), np.empty((0, 0)), ending=ending)
-    return status, refused if status.code == task.ends == "refused" else None
+    if not status.code == task.ends == "refused":
+        return status, None
+    return status, _empty("t (s)", f"refused, {status.message.partition(':')[0]}")
+
+
+def _empty(axis: str, ending: str) -> History:
+    """Of a run without outputs."""
+    return History.of(np.empty(0), axis, {}, 0, ending)
 
 
 def _run(task: Task) -> tuple[Status, Callable[[], History]]:
@@ -83,58 +86,49 @@ def _run(task: Task) -> tuple[Status, Callable[[], History]]:
         return Status(), lambda: _table("mode", _modes(task, run))
     if isinstance(run, Compared):
         one, other = solution_of(task, run.run), solution_of(task, run.reference)
-        return _worse(one.status, other.status), lambda: _table("probe", _comparison(task, one, other))
+        status = other.status if one.status.ok else one.status
+        return status, lambda: _table("probe", _comparison(task, one, other))
     if isinstance(run, Forces):
         found = solution_of(task, run.run)
-        return found.status, lambda: _history(task, run.run, found, _forces(_saved(found)))
+        return found.status, lambda: _history(run.run, found, _forces(_saved(found)))
     found = solution_of(task, run)
     if isinstance(run, Static) and run.path == ARC_LENGTH:
         return found.status, lambda: _table("limit point", _limits(task, found))
-    return found.status, lambda: _history(task, run, found, _motion(task, found))
+    return found.status, lambda: _history(run, found, _motion(task, found))
 
 
 def solution_of(task: Task, run: Motion) -> Solution:
     """The solution of a run by the solver of a task; raises whatever the solver raises."""
-    solver, options = _solver(task.solver), dict(task.options)
+    name, options = task.solver, dict(task.options)
+    solver = READABLE[name] if name in READABLE else registry.solver(name)
     if isinstance(run, Static):
-        if run.path != "load":
-            options["path"] = run.path
-        static = registry.static_of(task.solver, solver)
+        options |= {} if run.path == "load" else {"path": run.path}
+        static = registry.static_of(name, solver)
         answer: Any = static(task.scene, run.discretisation, load_steps=run.load_steps, **options)
+    elif isinstance(run, FromRest):
+        start = registry.static_of(name, solver)(task.scene, run.equilibrium)
+        answer = solver(task.scene, run.motion, start=start, **options)
     else:
-        if isinstance(run, FromRest):
-            options["start"] = registry.static_of(task.solver, solver)(task.scene, run.equilibrium)
-            run = run.motion
         answer = solver(task.scene, run, **options)
     if not isinstance(answer, Solution):
-        raise SolverError(f"solver {task.solver!r} answers {shown(answer)}; a Solution is needed")
+        raise SolverError(f"solver {name!r} answers {shown(answer)}; a Solution is needed")
     return answer
-
-
-def _solver(name: str) -> registry.Solver:
-    if name not in READABLE:
-        return registry.solver(name)
-    from studies.regression.readable import SOLVERS  # imports the method itself
-
-    return SOLVERS[name]
-
-
-def _worse(one: Status, other: Status) -> Status:
-    return other if one.ok else one
 
 
 # --- histories of a motion -----------------------------------------------------------------------------------
 
 
-def _history(task: Task, run: Motion, found: Solution, columns: Columns) -> History:
+def _history(run: Motion, found: Solution, columns: Columns) -> History:
     """Samples at the times wanted; a solver may take more of them (load steps), or end early."""
-    axis = "load factor" if isinstance(run, Static) else "t (s)"
-    ending, corrections = _ending(found.status), found.cost.newton_iterations
+    axis, status = "load factor" if isinstance(run, Static) else "t (s)", found.status
+    parts = {"step": status.step, "body": status.body, "element": status.element}
+    words = [status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)]
+    ending = "" if status.ok else ", ".join(words)
     if len(found.t) < 2:  # a run that ended before its first output has only a status
-        return History(np.empty(0), axis, (), np.empty((0, 0)), ending=ending)
+        return _empty(axis, ending)
     mine, _ = common_times(found.t, times_of(run))
-    names, values = zip(*columns, strict=True)
-    return History(found.t[mine], axis, names, np.column_stack(values)[mine], corrections, ending)
+    values = {head: series[mine] for head, series in columns}
+    return History.of(found.t[mine], axis, values, found.cost.newton_iterations, ending)
 
 
 def times_of(run: Motion) -> Array:
@@ -142,14 +136,6 @@ def times_of(run: Motion) -> Array:
     if isinstance(run, Static):
         return np.arange(run.load_steps + 1) / run.load_steps
     return run.times(run.output_steps)
-
-
-def _ending(status: Status) -> str:
-    """Code, step, body and element of a run that did not end well, without the words of its message."""
-    if status.ok:
-        return ""
-    parts = {"step": status.step, "body": status.body, "element": status.element}
-    return ", ".join([status.code, *(f"{k} {v}" for k, v in parts.items() if v is not None)])
 
 
 def _motion(task: Task, found: Solution) -> Columns:
@@ -162,11 +148,11 @@ def _motion(task: Task, found: Solution) -> Columns:
         where = f"{body} at {key if isinstance(key, str) else f'{key:g}'}"
         yield from _vector("displacement", where, found.displacement(probe))
         if (angle := _turned_in_place(found, probe)) is not None:
-            yield Column("angle", where), angle
+            yield label("angle", where), angle
     for name, quantity in ENERGIES.items():
         series = getattr(found.energy, name)
         if np.any(series != 0.0) and np.isfinite(series).all():
-            yield Column(quantity), series
+            yield label(quantity), series
 
 
 def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
@@ -183,7 +169,7 @@ def _turned_in_place(found: Solution, probe: Probe) -> Array | None:
 
 def _vector(quantity: str, where: str, series: Array) -> Columns:
     for direction, values in zip("xy", series.T, strict=True):
-        yield Column(quantity, f"{where} {direction}"), values
+        yield label(quantity, f"{where} {direction}"), values
 
 
 # --- what users read besides -----------------------------------------------------------------------------------
@@ -201,20 +187,20 @@ def _forces(found: Solution) -> Columns:
     for k, joint in enumerate(found.scene.joints):
         where, reaction = f"joint {k} {type(joint).__name__}", found.reaction(joint)
         yield from _vector("reaction", where, reaction[:, :2])
-        yield Column("reaction moment", where), reaction[:, 2]
+        yield label("reaction moment", where), reaction[:, 2]
     for beam in found.scene.beams:
         for fraction in () if _is_rigid(found, beam) else SECTIONS:
             where, force = f"{beam.name} at {fraction:g}", found.section_force((beam.name, fraction))
-            yield Column("section force", f"N {where}"), force[:, 0]
-            yield Column("section force", f"Q {where}"), force[:, 1]
-            yield Column("section moment", where), force[:, 2]
+            yield label("section force", f"N {where}"), force[:, 0]
+            yield label("section force", f"Q {where}"), force[:, 1]
+            yield label("section moment", where), force[:, 2]
     for k, connector in enumerate(found.scene.connectors):
         turning = isinstance(connector, RotationalSpring)
         quantity = "spring moment" if turning else "tension"
-        yield Column(quantity, f"connector {k}"), found.tension(connector)
+        yield label(quantity, f"connector {k}"), found.tension(connector)
     lost = found.energy.dissipated
     if np.any(lost != 0.0) and np.isfinite(lost).all():
-        yield Column("dissipated energy"), lost
+        yield label("dissipated energy"), lost
 
 
 def _is_rigid(found: Solution, beam: Beam) -> bool:
@@ -233,7 +219,7 @@ def _limits(task: Task, found: Solution) -> Columns:
     load = CubicSpline(length, found.t)
     turns = [s for s in load.derivative().roots(extrapolate=False) if 0.0 < s < length[-1]]
     places = np.array([*turns, length[-1]])
-    yield Column("load factor"), load(places)
+    yield label("load factor"), load(places)
     for probe in task.probes:
         where = " at ".join(map(str, found.scene.probe(probe)))
         yield from _vector("displacement", where, CubicSpline(length, found.displacement(probe))(places))
@@ -242,9 +228,9 @@ def _limits(task: Task, found: Solution) -> Columns:
 def _modes(task: Task, run: Frequencies) -> Columns:
     rest = solution_of(task, run.run) if run.at_rest else None
     found = at.modes(task.scene, run.run.discretisation, count=run.count, about=rest, spin=run.spin)
-    yield Column("frequency"), found.frequencies
+    yield label("frequency"), found.frequencies
     if np.abs(found.growth_rates).max() > GROWING * np.abs(found.frequencies).max():
-        yield Column("growth rate"), found.growth_rates
+        yield label("growth rate"), found.growth_rates
 
 
 def _velocities(scene: at.Scene) -> Columns:
@@ -260,16 +246,15 @@ def _velocities(scene: at.Scene) -> Columns:
             velocities.append(np.array(body.velocity))
             spins.append(body.spin if isinstance(body, RigidBody) else 0.0)
     yield from _vector("velocity", "of the body", np.array(velocities))
-    yield Column("spin", "of the body"), np.array(spins)
+    yield label("spin", "of the body"), np.array(spins)
 
 
 def _comparison(task: Task, one: Solution, other: Solution) -> Columns:
     found = at.compare(one, other, task.probes)
-    yield Column("relative error"), np.array([found.error, found.largest, *found.by_probe.values()])
+    yield label("relative error"), np.array([found.error, found.largest, *found.by_probe.values()])
 
 
 def _table(axis: str, columns: Columns) -> History:
     """A history whose samples are numbered."""
-    names, values = zip(*columns, strict=True)
-    table = np.column_stack(values)
-    return History(np.arange(len(table), dtype=float), axis, names, table)
+    values = dict(columns)
+    return History.of(np.arange(len(next(iter(values.values())))), axis, values)

@@ -1,14 +1,13 @@
 """What `anctmm check` watches: scenes, their runs, and what is read of each run."""
 
 import re
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, field, fields
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.errors import AnctmmError, reason, shown
+from anctmm.errors import AnctmmError, shown
 from anctmm.model.scene import Probe, Scene
 from anctmm.validation import one_of
 from studies.user_files import defined_in
@@ -22,6 +21,7 @@ TIGHT = 1e-12
 #: How equilibria are followed.
 ARC_LENGTH = "arclength"
 PATHS = ("load", ARC_LENGTH)
+MOST_STEPS = 1000
 #: Settings of a run that are always listed; others only if they differ from the default.
 ALWAYS = ("mesh", "element", "quadrature", "integrator", "dt", "t_end", "output_dt")
 
@@ -56,9 +56,9 @@ class Static:
 
     def __post_init__(self) -> None:
         one_of("path of a Static", self.path, PATHS)
-        if type(self.load_steps) is not int or not 1 <= self.load_steps <= MOST:
+        if type(self.load_steps) is not int or not 1 <= self.load_steps <= MOST_STEPS:
             raise CheckError(
-                f"load_steps is {shown(self.load_steps)}; a whole number from 1 to {MOST} is needed"
+                f"load_steps is {shown(self.load_steps)}; a whole number from 1 to {MOST_STEPS} is needed"
             )
         checked = self.discretisation
         for name in ("mesh", "element", "quadrature", "newton_tolerance"):
@@ -84,9 +84,7 @@ class FromRest(Discretisation):
     @property
     def equilibrium(self) -> Discretisation:
         """What a static solver needs to know."""
-        return Discretisation(
-            self.mesh, self.element, self.quadrature, newton_tolerance=self.newton_tolerance
-        )
+        return Static(self.mesh, self.element, self.quadrature, self.newton_tolerance).discretisation
 
 
 Motion = Discretisation | Static
@@ -180,11 +178,11 @@ class Watch:
     ----------
     scene : Scene
         Its name becomes a directory's.
-    probes : iterable
+    probes : list or tuple
         "body.end" or ("body", fraction), or a point of a rigid body.
     runs : mapping of str to Discretisation or Static
         By a short name, which becomes a directory's. Few output times, so that the stored history can be read.
-    solvers : iterable of str
+    solvers : list or tuple of str
         Registered names; one that is not installed becomes a row that says so.
     ends : str
         Code of the status with which the runs must end: "ok", or what must be found ("diverged", …); "refused" where
@@ -208,22 +206,16 @@ class Watch:
         if type(self.scene) is not Scene:
             raise CheckError(f"Watch scene is {shown(self.scene)}; a Scene is needed")
         whose = f"of {self.scene.name!r}"
+        for name, kinds in (("probes", list | tuple), ("solvers", list | tuple), ("runs", Mapping)):
+            value = getattr(self, name)
+            if not isinstance(value, kinds) or not value:
+                what = "mapping" if name == "runs" else "list"
+                raise CheckError(
+                    f"Watch {whose} has {name} {shown(value)}; a {what} of at least one is needed"
+                )
         for name in ("probes", "solvers"):
-            object.__setattr__(self, name, _several(f"Watch {whose} has {name}", getattr(self, name)))
-        if not isinstance(self.runs, Mapping) or not self.runs:
-            raise CheckError(
-                f"Watch {whose} has runs {shown(self.runs)}; a mapping of at least one name to a Discretisation or "
-                f"a Static is needed"
-            )
-        for what, name in (
-            ("scene name", self.scene.name),
-            *(("solver", solver) for solver in self.solvers),
-            *(("run name", run) for run in self.runs),
-        ):
-            _plain(what, name)
-        for body in self.scene.beams:
-            if "," in body.name or not body.name.isprintable():
-                raise CheckError(f"body name is {body.name!r}; no comma and no control character is allowed")
+            object.__setattr__(self, name, tuple(getattr(self, name)))
+        self._check_names()
         for probe in self.probes:
             self.scene.probe(probe)
         for name, run in self.runs.items():
@@ -232,30 +224,17 @@ class Watch:
                     f"run {name!r} {whose} is {shown(run)}; a Discretisation or a Static is needed"
                 )
 
-
-#: Probes and solvers of a watch at most: an infinite iterable is refused.
-MOST = 1000
-
-
-def _several(what: str, value: object) -> tuple[Any, ...]:
-    """At least one thing of an ordered iterable."""
-    unordered = isinstance(value, str | bytes | Set | Mapping) or not isinstance(value, Iterable)
-    try:
-        found = () if unordered else tuple(islice(value, MOST + 1))  # type: ignore[call-overload]
-    except Exception as error:  # an iterable of the user's own
-        raise CheckError(
-            f"{what} {shown(value)}, which raises {reason(error)}; a list of at least one is needed"
-        ) from error
-    if not 0 < len(found) <= MOST:
-        raise CheckError(f"{what} {shown(value)}; a list of at least one is needed")
-    return found
-
-
-def _plain(what: str, name: object) -> None:
-    if not isinstance(name, str) or not PLAIN.fullmatch(name):
-        raise CheckError(
-            f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a file's name"
-        )
+    def _check_names(self) -> None:
+        names = [("solver", solver) for solver in self.solvers] + [("run name", run) for run in self.runs]
+        for what, name in [("scene name", self.scene.name), *names]:
+            if not isinstance(name, str) or not PLAIN.fullmatch(name):
+                raise CheckError(
+                    f"{what} is {shown(name)}; letters, digits and _ . + - are allowed, at most 100: it becomes a "
+                    f"file's name"
+                )
+        for body in self.scene.beams:
+            if "," in body.name or not body.name.isprintable():
+                raise CheckError(f"body name is {body.name!r}; no comma and no control character is allowed")
 
 
 @dataclass(frozen=True)

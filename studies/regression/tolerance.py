@@ -13,14 +13,16 @@ The largest difference of these runs, but no less than what a single rounding or
 MARGIN, is the tolerance. It stands in the file with its reason, so that one that grows is seen in a diff.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from math import cos, hypot, sin
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
-from anctmm.model.scene import Beam, Point, PointMass, Prismatic, RigidBody, Scene, Slider, Spring, Torque
+from anctmm.model.scene import Beam
+from studies.engine.other_numbers import Change
 from studies.regression.history import UNITS, Baseline, History, Tolerance, physics_of
 from studies.regression.reading import answered
 from studies.regression.scenes import ARC_LENGTH, CheckError, Static, Task, iterations_of
@@ -57,68 +59,63 @@ def measured(task: Task, history: History) -> Baseline:
         status, found = answered(other)
         if found is None:
             raise CheckError(f"{task.name}: its sensitivity to {cause} cannot be measured: {status}")
-        found = _at(found, history.t)
-        if found.columns != history.columns or found.t.shape != history.t.shape:
+        frame = _at(found.frame, history.t)
+        if list(frame) != list(history.frame) or len(frame) != len(history.frame):
             raise CheckError(f"{task.name}: quantities or times change with {cause}; they must not")
-        found = _turned_back(found, angle)
+        found = replace(found, frame=_turned_back(frame, angle))
         ending = [part for part in ending if part in found.ending.split(", ")]
         for quantity, by_cause in moved.items():
-            distance = float(np.abs(found.of_quantity(quantity) - history.of_quantity(quantity)).max())
-            by_cause[cause] = max(by_cause.get(cause, 0.0), distance)
+            difference = found.of_quantity(quantity).to_numpy() - history.of_quantity(quantity).to_numpy()
+            by_cause[cause] = max(by_cause.get(cause, 0.0), float(np.abs(difference).max()))
     cause, relative = _least(task)
     tolerances = {}
     for quantity, by_cause in moved.items():
         by_cause[cause] = relative * _scale(task, history, quantity)
-        told = ", ".join(f"{name} {distance:.1e}" for name, distance in by_cause.items())
-        value = MARGIN * max(by_cause.values())
-        tolerances[quantity] = Tolerance(value, f"{MARGIN:g} times the largest of: {told}")
+        causes = ", ".join(f"{name} {distance:.1e}" for name, distance in by_cause.items())
+        reason = f"{MARGIN:g} times the largest of: {causes}"
+        tolerances[quantity] = Tolerance(MARGIN * max(by_cause.values()), reason)
     return Baseline(task.settings, tolerances, replace(history, ending=", ".join(ending)), physics_of(task))
 
 
 def _disturbed(task: Task) -> Iterator[tuple[str, float, Task]]:
     """Cause, angle by which the scene is turned, and task of the runs that measure the sensitivity."""
     for angle in ANGLES:
-        yield ROUNDING, angle, replace(task, scene=turned(task.scene, angle))
-    run = task.run
+        yield ROUNDING, angle, replace(task, scene=Change(turn=angle).scene(task.scene))
+    run, static = task.run, isinstance(task.run, Static)
     if task.ends != "ok" or (isinstance(run, Static) and run.path == ARC_LENGTH):
         return  # another tolerance may well end it elsewhere
     if isinstance(run, Static):
         yield LOAD_STEPS, 0.0, replace(task, run=replace(run, load_steps=2 * run.load_steps))
-    if not iterations_of(run):
-        return
-    if task.solver.startswith("exudyn"):
-        if not isinstance(run, Static):
-            yield ITERATION, 0.0, replace(task, options=EXUDYN)
-    else:
-        yield ITERATION, 0.0, replace(task, run=_looser(run))
+    exudyn = task.solver.startswith("exudyn")
+    if iterations_of(run) and not (exudyn and static):
+        yield ITERATION, 0.0, replace(task, options=EXUDYN) if exudyn else replace(task, run=_looser(run))
 
 
 def _looser(run: Any) -> Any:
     """A run, or a run of runs, whose Newton iterations stop earlier."""
-    changes = {
-        f.name: _looser(getattr(run, f.name))
-        for f in fields(run)
-        if f.init and is_dataclass(getattr(run, f.name)) and hasattr(getattr(run, f.name), "newton_tolerance")
-    }
+    changes = {f.name: _looser(getattr(run, f.name)) for f in fields(run) if _iterates(getattr(run, f.name))}
     if hasattr(run, "newton_tolerance"):
         changes["newton_tolerance"] = min(LOOSER * run.newton_tolerance, LOOSEST)
     return replace(run, **changes)
 
 
-def _at(history: History, t: Any) -> History:
+def _iterates(value: Any) -> bool:
+    return is_dataclass(value) and hasattr(value, "newton_tolerance")
+
+
+def _at(frame: pd.DataFrame, t: Any) -> pd.DataFrame:
     """A history at the times of another one, which has fewer load steps."""
-    mine = [k for k, time in enumerate(history.t) if np.isclose(time, t, rtol=1e-9, atol=1e-12).any()]
-    return replace(history, t=history.t[mine], values=history.values[mine])
+    return frame[[bool(np.isclose(time, t, rtol=1e-9, atol=1e-12).any()) for time in frame.index]]
 
 
-def _turned_back(history: History, angle: float) -> History:
-    """Vectors as they would be had the scene not been turned; their components follow each other."""
-    values = history.values.copy()
-    for k, column in enumerate(history.columns):
-        if column.where.endswith(" x"):
-            x, y = history.values[:, k], history.values[:, k + 1]
-            values[:, k], values[:, k + 1] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
-    return replace(history, values=values)
+def _turned_back(frame: pd.DataFrame, angle: float) -> pd.DataFrame:
+    """Vectors as they would be had the scene not been turned."""
+    frame = frame.copy()
+    for column in [c for c in frame if " x (" in c]:
+        other = column.replace(" x (", " y (")
+        x, y = frame[column], frame[other]
+        frame[column], frame[other] = cos(angle) * x + sin(angle) * y, cos(angle) * y - sin(angle) * x
+    return frame
 
 
 def _least(task: Task) -> tuple[str, float]:
@@ -135,73 +132,11 @@ def _scale(task: Task, history: History, quantity: str) -> float:
 
     Of all energies, of all forces and of all moments the largest; of an angle what it turns by, and a radian.
     """
-    unit = UNITS[quantity]
-    alike = [q for q in history.quantities if UNITS[q] == unit]
-    largest = max(float(np.abs(history.of_quantity(q)).max(initial=0.0)) for q in alike)
+    same_unit = [q for q in history.quantities if UNITS[q] == UNITS[quantity]]
+    largest = float(np.abs(history.of_quantity(*same_unit).to_numpy()).max(initial=0.0))
     if quantity == "displacement":
-        bodies = task.scene.bodies
-        farthest = max(hypot(*body.position_at(key)) for body in bodies for key in _ends(body))
-        return farthest + largest or 1.0
+        places = (
+            (b, key) for b in task.scene.bodies for key in ((0.0, 1.0) if isinstance(b, Beam) else b.keys)
+        )
+        return max(hypot(*body.position_at(key)) for body, key in places) + largest or 1.0
     return 1.0 + largest if quantity == "angle" else largest or 1.0
-
-
-def _ends(body: Any) -> tuple[Any, ...]:
-    """Keys of the farthest places of a body."""
-    return (0.0, 1.0) if isinstance(body, Beam) else body.keys
-
-
-# --- a scene that is turned ------------------------------------------------------------------------------------
-
-
-def turned(scene: Scene, angle: float) -> Scene:
-    """The scene turned about the origin: the same physics with every number different."""
-
-    def vector(v: Any) -> Point:
-        x, y = v
-        return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y
-
-    def of_time(value: Any) -> Any:
-        return _after_call(value, vector) if callable(value) else vector(value)
-
-    def body(b: Any) -> Any:
-        match b:
-            case Beam():
-                velocity = b.velocity and _after_call(b.velocity, vector)
-                return replace(b, start=vector(b.start), end=vector(b.end), velocity=velocity)
-            case RigidBody():
-                points = {name: vector(p) for name, p in b.points.items()}
-                return replace(b, center=vector(b.center), points=points, velocity=vector(b.velocity))
-            case PointMass():
-                return replace(b, position=vector(b.position), velocity=vector(b.velocity))
-            case _:
-                raise CheckError(f"body {b!r} cannot be turned")
-
-    def connector(c: Any) -> Any:
-        grounded = isinstance(c, Spring) and c.ground is not None
-        return replace(c, second=vector(c.ground)) if grounded else c
-
-    return replace(
-        scene,
-        bodies=tuple(map(body, scene.bodies)),
-        joints=tuple(
-            replace(j, direction=vector(j.direction)) if isinstance(j, Slider | Prismatic) else j
-            for j in scene.joints
-        ),
-        loads=tuple(
-            load if isinstance(load, Torque) else replace(load, value=of_time(load.value))
-            for load in scene.loads
-        ),
-        gravity=vector(scene.gravity),
-        connectors=tuple(map(connector, scene.connectors)),
-    )
-
-
-def _after_call(function: Callable[[Any], Any], change: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """A function whose results are changed; the times at which it breaks stay."""
-
-    def changed(argument: Any) -> Any:
-        return change(function(argument))
-
-    if hasattr(function, "breaks"):
-        changed.breaks = function.breaks  # type: ignore[attr-defined]
-    return changed

@@ -23,7 +23,7 @@ from anctmm.errors import SolverError
 from anctmm.integrators.starting import balance
 from anctmm.integrators.state import new_state
 from anctmm.system.system import System
-from studies.regression.chain import Chain, vectors_of
+from studies.regression.readable import Chain, vectors_of
 
 HEIGHT = sqrt(12.0 * SQUARE.second_moment / SQUARE.area)
 #: Joints between bodies, and the angles by which their directions turn there.
