@@ -1,1 +1,1 @@
-"""Benchmark: what a step costs, beside other solvers."""
+"""Benchmark: what a step costs, beside other solvers or in another checkout."""

@@ -6,10 +6,10 @@ import pytest
 from anctmm.discretise.discretisation import Discretisation
 from reference import global_dae
 from reference.global_dae import lu
-from studies.benchmark.contests import scenes
+from studies.benchmark.scenes import scenes
 
 #: Scenes of some thirty beams by name.
-SCENES = {name: scene for name, scene, _ in scenes(30)}
+SCENES = {name: made() for name, made in scenes(30).items()}
 
 
 def matrices(monkeypatch, name, integrator):

@@ -10,6 +10,9 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from studies.regression.base_watches import base_watches
+from studies.regression.small_mechanisms import linkage
+from studies.regression.small_watches import LIMITS, all_watches, small_watches
 from typer.testing import CliRunner
 
 import anctmm as at
@@ -21,14 +24,11 @@ from anctmm.results.status import Status
 from anctmm.solvers import registry
 from studies.cli import app
 from studies.regression import check as checking
-from studies.regression.base_watches import base_watches
 from studies.regression.check import BASELINES, check, in_order, passed, select, update
 from studies.regression.history import read_baseline
 from studies.regression.reading import solution_of
 from studies.regression.report import junit
 from studies.regression.scenes import FromRest, Static, Task, declared_in, tasks_of
-from studies.regression.small_mechanisms import linkage
-from studies.regression.small_watches import LIMITS, all_watches, small_watches
 from studies.regression.tolerance import MARGIN, measured, turned
 
 ROOT = Path(__file__).parents[3]

@@ -1,0 +1,269 @@
+"""Scenes that are timed, and how: through the public face of `anctmm` alone, so that any checkout of it can run them.
+
+As a script it is the worker of `python -m studies.benchmark OTHER_CHECKOUT`: it reads names of items, a line each, and
+answers by their samples.
+"""
+
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from math import cos, isnan, pi, radians, sin, sqrt
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import anctmm as at
+
+#: By the kind of steps: options of a run, and elements times steps of one.
+METHODS: dict[str, tuple[dict[str, Any], float]] = {
+    "explicit": ({"integrator": "zhai", "dt": 1e-6}, 4e5),
+    "implicit": ({"integrator": "generalized-alpha", "dt": 1e-3}, 1e5),
+    "esdirk": ({"integrator": "esdirk", "dt": 2e-3}, 2e4),
+}
+FEWEST, MOST = 5, 5000
+OURS, EXUDYN, SPARSE, DENSE = "anctmm", "exudyn-cable", "global-dae", "global-dae-dense"
+#: Meshes of the four-bar, elements of crank, coupler and follower: the paper's, and four times as many.
+FOUR_BARS = ((2, 8, 2), (8, 32, 8))
+#: Elements of one clamped beam; the last has 2,000,000 coordinates.
+LENGTHS = (1_000, 10_000, 100_000, 500_000)
+LONG = "long beam"
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Item:
+    """A run that is timed.
+
+    Parameters
+    ----------
+    contest : str
+        Name of the scene.
+    made : callable
+        Makes the scene.
+    elements : int
+        In all; of rigid bodies their number.
+    kind : str
+        Of the steps: a key of METHODS.
+    options : dict
+        Mesh, element, quadrature.
+    solvers : tuple of str
+        Those that run it in turn in `anctmm bench`; the others are compared with the first.
+    """
+
+    contest: str
+    made: Callable[[], at.Scene]
+    elements: int
+    kind: str
+    options: dict[str, Any] = field(default_factory=dict)
+    solvers: tuple[str, ...] = (OURS,)
+
+    @property
+    def name(self) -> str:
+        """Scene, size and steps."""
+        return f"{self.contest}, {self.elements} elements, {self.kind}"
+
+    def run(self, quick: bool = False) -> at.Discretisation:
+        """So many steps without output between the first and the last."""
+        usual, work = METHODS[self.kind]
+        steps = min(MOST, max(FEWEST, round(work / self.elements))) // (10 if quick else 1) or 1
+        t_end = steps * usual["dt"]
+        return at.Discretisation(**usual, **self.options, t_end=t_end, output_dt=t_end)
+
+
+def sampled(call: Callable[[], at.Solution]) -> dict[str, Any]:
+    """CPU time of the steps of a call and of the whole call (without compiling), s, and its counts."""
+    begun = process_time()
+    found = call()
+    cost = found.cost
+    compiling = 0.0 if isnan(cost.compile_s) else cost.compile_s
+    return {
+        "steps_s": cost.cpu_s, "call_s": process_time() - begun - compiling, "steps": cost.steps,
+        "corrections": cost.newton_iterations, "coordinates": found.dofs, "status": str(found.status),
+    }  # fmt: skip
+
+
+# --- scenes ----------------------------------------------------------------------------------------------------
+
+beam = partial(at.Beam, section=at.Rectangle(0.01, 0.01), material=at.Material(E=5e6, density=1000.0))
+scene = partial(at.Scene, "bench", gravity=(0.0, -9.81))
+
+
+def joined(bodies: Sequence[at.Beam], joint: Callable[..., at.Joint]) -> list[at.Joint]:
+    """A joint wherever ends of beams meet."""
+    ends: dict[Place, list[str]] = {}
+    for body in bodies:
+        for (x, y), side in ((body.start, "start"), (body.end, "end")):
+            ends.setdefault((round(x, 9), round(y, 9)), []).append(f"{body.name}.{side}")
+    return [joint(*names) for names in ends.values() if len(names) > 1]
+
+
+def chain(length: float = 1.0) -> at.Scene:
+    """A clamped beam."""
+    return scene([beam("bar", (0.0, 0.0), (length, 0.0))], [at.Clamp("bar.start")])
+
+
+def zigzag(beams: int, joint: Any) -> at.Scene:
+    """Beams in a row, by turns to either side of the x axis."""
+    places = [(k * cos(pi / 6), (k % 2) * sin(pi / 6)) for k in range(beams + 1)]
+    bodies = [beam(f"z{k}", *places[k : k + 2]) for k in range(beams)]
+    return scene(bodies, [*joined(bodies, joint), at.Clamp("z0.start")])
+
+
+def tree_of(beams: int, made: Callable[..., at.Beam] = beam, angle: float = 0.6) -> list[at.Beam]:
+    """Beams "t0_0", "t1_0", "t1_1", … that part in two at each level, the last of which need not be full.
+
+    From level to level the angle (rad) between a beam and those that grow from it becomes less.
+    """
+    ends: list[tuple[Place, float]] = [((0.0, 0.0), 0.5 * pi)]
+    bodies: list[at.Beam] = []
+    level = 0
+    while len(bodies) < beams:
+        grown = []
+        for n, (place, way) in enumerate(ends[: beams - len(bodies)]):
+            tip = place[0] + cos(way), place[1] + sin(way)
+            bodies.append(made(f"t{level}_{n}", place, tip))
+            grown += [(tip, way + angle / (level + 1)), (tip, way - angle / (level + 1))]
+        ends, level = grown, level + 1
+    return bodies
+
+
+def tree(beams: int, joint: Any) -> at.Scene:
+    """A tree that is clamped at its foot."""
+    bodies = tree_of(beams)
+    return scene(bodies, [*joined(bodies, joint), at.Clamp("t0_0.start")])
+
+
+def ladder(rungs: int, joint: Any) -> at.Scene:
+    """Two posts with rungs between nodes of them."""
+    posts = [beam(name, (x, 0.0), (x, 0.2 * rungs)) for name, x in (("left", 0.0), ("right", 0.3))]
+    steps = [beam(f"rung{k}", (0.0, 0.2 * k), (0.3, 0.2 * k)) for k in range(1, rungs + 1)]
+    joints = [at.Clamp("left.start"), at.Clamp("right.start")]
+    for post, end in (("left", "start"), ("right", "end")):
+        joints += [joint((post, k / rungs), f"rung{k}.{end}") for k in range(1, rungs + 1)]
+    return scene([*posts, *steps], joints)
+
+
+def springs(count: int) -> at.Scene:
+    """A beam of 128 elements with springs from node to node across half of them."""
+    nodes = [(2 * k + 1) * 64 // (2 * count) for k in range(count)]
+    ties = [at.Spring(("bar", n / 128), ("bar", (n + 64) / 128), stiffness=5.0) for n in nodes]
+    return replace(chain(), connectors=tuple(ties))
+
+
+def frame() -> at.Scene:
+    """Two beams welded at 40 degrees."""
+    corner, tip = (1.0, 0.0), (1.0 + cos(radians(40.0)), sin(radians(40.0)))
+    joints = [at.Clamp("one.start"), at.Weld("one.end", "two.start")]
+    return scene([beam("one", (0.0, 0.0), corner), beam("two", corner, tip)], joints)
+
+
+def four_bars(loops: int) -> at.Scene:
+    """Rigid bars of 1 m and 1 kg in a row of loops, whose joints move with 1 m/s."""
+    bodies, joints = [], []
+    for i in range(loops + 1):
+        ends, next_ = {"a": (i, 0.0), "b": (i, 1.0)}, {"a": (i, 1.0), "b": (i + 1, 1.0)}
+        bodies.append(at.RigidBody(f"p{i}", 1.0, 1 / 12, (i, 0.5), ends, (-0.5, 0.0), 1.0))
+        if i < loops:
+            bodies.append(at.RigidBody(f"g{i}", 1.0, 1 / 12, (i + 0.5, 1.0), next_, (-1.0, 0.0)))
+        meeting = [f"g{i - 1}.b"] * (i > 0) + [f"g{i}.a"] * (i < loops)
+        joints += [at.Pin(f"p{i}.a"), at.Pin(f"p{i}.b", *meeting)]
+    return scene(bodies, joints)
+
+
+def paper() -> at.Scene:
+    """The paper's four-bar (Rong 2014, Table 1)."""
+    places = (0.0, 0.0), (0.2, 0.0), (0.2 + 0.45 * sqrt(3.0), 0.45), (0.2 + 0.3 * sqrt(3.0), 0.0)
+    data = ("crank", 0.04, 0.6811, 1e9), ("coupler", 0.05, 2.474, 5e6), ("follower", 0.03, 1.470, 5e8)
+    bodies = []
+    for (name, diameter, mass, E), start, end in zip(data, places, places[1:], strict=False):
+        section = at.Circle(diameter)
+        density = mass / (section.area * at.distance(start, end))
+        bodies.append(at.Beam(name, start, end, section, at.Material(E=E, density=density)))
+    drive = at.Clamp("crank.start", angle=at.Quintic(2.0 * pi, 2.0))
+    return at.Scene("four-bar", bodies, [drive, *joined(bodies, at.Pin), at.Pin("follower.end")])
+
+
+# --- items -----------------------------------------------------------------------------------------------------
+
+
+def items(quick: bool = False) -> Iterator[Item]:
+    """Everything that is timed."""
+    few = 1 if quick else None
+    for mesh in (8, 32) if quick else (8, 32, 128):
+        yield from _items("clamped beam, like settings", chain, mesh, (OURS, EXUDYN), quadrature="reduced")
+    for each in FOUR_BARS[:few]:
+        mesh, size = dict(zip(("crank", "coupler", "follower"), each, strict=True)), sum(each)
+        like = {"mesh": mesh, "quadrature": "reduced"}
+        yield Item("four-bar, like settings", paper, size, "implicit", like, (OURS, EXUDYN))
+        shear, solvers = {"mesh": mesh, "element": "shear"}, (OURS, SPARSE, DENSE)
+        yield Item("four-bar, the paper's elements", paper, size, "explicit", shear, solvers)
+    for name, made in scenes(10 if quick else 40).items():
+        yield from _items(name, made, 2, (OURS, SPARSE))
+    for n in LENGTHS[: 2 if quick else None]:
+        yield from _items(LONG, partial(chain, 0.05 * n), n)
+    if not quick:
+        yield from _own()
+
+
+def scenes(size: int) -> dict[str, Callable[[], at.Scene]]:
+    """Scenes of several kinds with about so many beams."""
+    return {
+        "hinged chain": partial(zigzag, size, at.Pin),
+        "welded tree": partial(tree, size, at.Weld),
+        "hinged ladder": partial(ladder, size // 2, at.Pin),
+    }
+
+
+def _own() -> Iterator[Item]:
+    """What other solvers are not timed on."""
+    for element in ("cable", "shear", "quintic"):
+        for mesh in (8, 32, 128, 1_000_000):
+            made = partial(chain, 1.0 if mesh <= 128 else 0.05 * mesh)
+            yield from _items(f"{element} chain", made, mesh, element=element)
+    yield Item("cable chain", chain, 32, "esdirk", {"mesh": 32})
+    for element in ("shear", "cable"):
+        yield from _items(f"four-bar, {element}", paper, 8, element=element)
+    for mesh in (8, 32):
+        yield from _items("frame welded at 40 degrees", frame, mesh)
+    for kind, joint, rungs in (("welded", at.Weld, 10), ("hinged", at.Pin, 10), ("hinged", at.Pin, 100)):
+        yield from _items(f"{kind} ladder of {rungs} rungs", partial(ladder, rungs, joint), 2)
+    yield from _items("tree of 127 beams", partial(tree, 127, at.Pin), 2)
+    for loops in (1, 40):
+        yield from _items(f"rigid four-bars: {loops}", partial(four_bars, loops), 1)
+    for count in (1, 8, 64):
+        yield from _items(f"springs across 128 cables: {count}", partial(springs, count), 128)
+
+
+def _items(
+    name: str, made: Callable[[], at.Scene], mesh: int, solvers: tuple[str, ...] = (OURS,), **options: Any
+) -> Iterator[Item]:
+    """Explicit and implicit steps of a scene, with a mesh of each beam; posts of a ladder have a node at each rung."""
+    beams = [body.name for body in made().beams]
+    rungs = sum(name.startswith("rung") for name in beams)
+    meshes = {name: rungs if rungs and not name.startswith("rung") else mesh for name in beams}
+    elements = sum(meshes.values()) or len(made().bodies)
+    for kind in ("explicit", "implicit"):
+        yield Item(name, made, elements, kind, {"mesh": meshes or mesh, **options}, solvers)
+
+
+# --- the worker ------------------------------------------------------------------------------------------------
+
+
+def work(checkout: str, quick: bool) -> None:
+    """Answer names of items, a line each, by their samples."""
+    if Path(checkout).resolve() not in Path(at.__file__).resolve().parents:
+        raise SystemExit(f"anctmm is imported from {at.__file__}, not from {checkout}")
+    known = {item.name: item for item in items(quick)}
+    for line in sys.stdin:
+        item = known[line.strip()]
+        try:
+            answer = sampled(partial(at.solve, item.made(), item.run(quick)))
+        except Exception as error:  # of another checkout, which may lack a feature
+            answer = {"status": f"{type(error).__name__}: {error}"}
+        print(json.dumps(answer), flush=True)
+
+
+if __name__ == "__main__":
+    work(sys.argv[1], "--quick" in sys.argv)
