@@ -1,11 +1,11 @@
-"""The rules for every solver, one function each. All scenes are made of one soft bar of 1 m."""
+"""The rules for every solver, one function each."""
 
 import copy
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, replace
-from functools import cache
+from functools import cache, partial
 from inspect import signature
-from math import cos, pi, sin, sqrt
+from math import cos, sin, sqrt
 from typing import Any
 
 import numpy as np
@@ -14,27 +14,49 @@ from scipy.integrate import simpson
 
 import anctmm as at
 from anctmm.discretise.discretisation import Discretisation
-from anctmm.elements.kinds import KINDS
 from anctmm.errors import AnctmmError
-from anctmm.model.scene import Load, Point, Scene
+from anctmm.model.needs import features_of as combined
+from anctmm.model.scene import Scene
 from anctmm.results.solution import Solution
 from anctmm.results.status import Status
+from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, features_of
 from reference.exact import euler_bernoulli_frequencies
 from reference.exact import solve_static as exact_static
-from studies.conformance import mechanisms
+from studies.conformance.scenes import (
+    ACTING,
+    BRANCHED,
+    DEMANDS,
+    EI,
+    GRAVITY,
+    LENGTH,
+    LENGTHENED,
+    LOOPED,
+    MASS,
+    PULL,
+    RUNS,
+    TURN,
+    WITHOUT,
+    Change,
+    bar,
+    cantilever,
+    falling,
+    loaded,
+    pulled,
+    same,
+    turning,
+)
 from studies.conformance.subject import BrokenRule, Subject, whole
 
 #: What a rule finds: a number, what is allowed and what the number is; or words where there is no number.
 Found = tuple[float, float, str] | str
+Test = Callable[[Subject], Found]
 
 SIGNATURE = "signature"
-SECTION, MATERIAL, LENGTH = at.Rectangle(0.05, 0.05), at.Material(E=1e7, density=1000.0), 1.0
-EI, MASS = MATERIAL.E * SECTION.second_moment, MATERIAL.density * SECTION.area * LENGTH
-GRAVITY = 9.81
 FRACTIONS = (0.0, 0.3, 1.0)
-TURN = 0.1  # rad, in 2 s
-PULL = 50.0  # N/s
+PROBES = ("bar.end", ("bar", 0.5))
+#: Part by which the effect of a feature may differ from that in another solver, on the same mesh.
+ALLOWED = 0.2
 
 
 @dataclass(frozen=True)
@@ -43,114 +65,24 @@ class Rule:
 
     name: str
     asks: str
-    test: Callable[[Subject], Found]
+    test: Test
     needs: tuple[str, ...] = ()
 
 
 RULES: list[Rule] = []
 
 
-def rule(
-    name: str, asks: str, *needs: str
-) -> Callable[[Callable[[Subject], Found]], Callable[[Subject], Found]]:
+def rule(name: str, asks: str, *needs: str) -> Callable[[Test], Test]:
     """Make a rule of a function."""
 
-    def made(test: Callable[[Subject], Found]) -> Callable[[Subject], Found]:
+    def made(test: Test) -> Test:
         RULES.append(Rule(name, asks, test, needs))
         return test
 
     return made
 
 
-# --- scenes ------------------------------------------------------------------------------------------------
-
-
-def bar(name: str = "bar", start: Point = (0.0, 0.0), angle: float = 0.0) -> at.Beam:
-    """The bar, somewhere."""
-    end = (start[0] + LENGTH * cos(angle), start[1] + LENGTH * sin(angle))
-    return at.Beam(name, start, end, SECTION, MATERIAL)
-
-
-def cantilever(gravity: float = GRAVITY, angle: float = 0.0, start: Point = (0.0, 0.0)) -> Scene:
-    """Clamped, and let go in gravity; all of it turned and moved."""
-    down = (gravity * sin(angle), -gravity * cos(angle))
-    return Scene("cantilever", (bar(start=start, angle=angle),), (at.Clamp("bar.start"),), gravity=down)
-
-
-def free(loads: tuple[Load, ...] = (), gravity: float = 0.0) -> Scene:
-    """Without joints."""
-    return Scene("free bar", (bar(),), loads=loads, gravity=(0.0, -gravity))
-
-
-def lengthened(scene: Scene) -> Scene:
-    """With one more bar hinged to the end of the first."""
-    joints = (*scene.joints, at.Pin("bar.end", "second.start"))
-    return replace(scene, bodies=(*scene.bodies, bar("second", (LENGTH, 0.0))), joints=joints)
-
-
-def pulled() -> Scene:
-    """Free, pulled along its axis by a force that grows with time."""
-    return free((at.Force("bar.end", lambda t: (PULL * t, 0.0 * t)),))
-
-
-def branched(scene: Scene) -> Scene:
-    """With a fork at the far end of the first bar: one more welded to it, another hinged."""
-    fork = (bar("left", (LENGTH, 0.0), 0.8), bar("right", (LENGTH, 0.0), -0.8))
-    joints = (at.Weld("bar.end", "left.start"), at.Pin("left.start", "right.start"))
-    return replace(scene, bodies=(*scene.bodies, *fork), joints=(*scene.joints, *joints))
-
-
-def looped(scene: Scene) -> Scene:
-    """With a triangle beside it that hangs from a corner."""
-    first, last = (
-        bar(name, (0.0, -LENGTH), angle) for name, angle in (("first", -pi / 3.0), ("last", -2.0 * pi / 3.0))
-    )
-    base = at.Beam("base", last.end, first.end, SECTION, MATERIAL)
-    joints = (
-        at.Pin("first.start", "last.start", grounded=True),
-        at.Pin("first.end", "base.end"),
-        at.Weld("last.end", "base.start"),
-    )
-    return replace(scene, bodies=(*scene.bodies, first, last, base), joints=(*scene.joints, *joints))
-
-
-def turning(scene: Scene) -> Scene:
-    """With the clamp driven, so slowly that the bar hardly bends."""
-    drive = at.Clamp("bar.start", angle=at.Quintic(turn=TURN, duration=2.0))
-    return replace(scene, joints=(drive, *scene.joints[1:]))
-
-
-def loaded() -> Scene:
-    """The static scene: P L²/(E I) = 2 down, and an end moment the other way."""
-    loads = (at.Force("bar.end", (0.0, -2.0 * EI / LENGTH**2)), at.Torque("bar.end", 0.3 * EI / LENGTH))
-    return Scene("loaded cantilever", (bar(),), (at.Clamp("bar.start"),), loads)
-
-
-def same(scene: Scene) -> Scene:
-    """Nothing is changed."""
-    return scene
-
-
-#: Changes of the cantilever and its run that make it need a feature. The order matters: clamps first.
-DEMANDS: Mapping[str, tuple[Callable[[Scene], Scene], dict[str, Any]]] = {
-    "drives": (turning, {}),
-    "joints": (lengthened, {}),
-    "branches": (branched, {}),
-    "loops": (looped, {}),
-    "damping": (mechanisms.damped, {}),
-    "varying-loads": (lambda scene: replace(scene, loads=pulled().loads), {}),
-    **{
-        k.name: (same, {"mesh": 1 if k.rigid else 8, "element": k.name}) for k in KINDS.values() if k.optional
-    },
-    **{feature: (change, {}) for feature, change in mechanisms.DEMANDS.items()},
-    "statics": (same, {}),
-    "zhai": (same, {"integrator": "zhai"}),
-    "generalized-alpha": (same, {"integrator": "generalized-alpha"}),
-    "esdirk": (same, {"integrator": "esdirk", "dt": 1e-3}),
-}
-
-
-# --- rules -------------------------------------------------------------------------------------------------
+# --- the interface -----------------------------------------------------------------------------------------
 
 
 @rule(SIGNATURE, "it has the signature of all solvers")
@@ -204,44 +136,6 @@ def begins_undeformed(s: Subject) -> Found:
     return _off_reference(s.motion(scene), scene), 1e-9, "of the length"
 
 
-@rule("units: m, s", "a free bar falls by g t²/2")
-def falls_freely(s: Subject) -> Found:
-    found = s.motion(free(gravity=GRAVITY))
-    path = np.outer(-0.5 * GRAVITY * found.t**2, [0.0, 1.0])
-    return (
-        _largest(found.displacement(("bar", f)) - path for f in FRACTIONS) / abs(path[-1, 1]),
-        1e-6,
-        "of the way",
-    )
-
-
-@rule("units: Pa, kg", "a small swing is that of its first two modes")
-def swings_in_time(s: Subject) -> Found:
-    omega = euler_bernoulli_frequencies("clamped-free", 2, LENGTH, EI, MASS / LENGTH)
-    wave = np.sqrt(omega / sqrt(EI * LENGTH / MASS))  # (βL)_k, at L = 1
-    tip_times_mean = 4.0 / wave * (np.cos(wave) + np.cosh(wave)) / (np.sin(wave) + np.sinh(wave))
-    gravity, t_end = 0.01, 1.2  # s: nearly a period
-    found = s.motion(cantilever(gravity), mesh=16, t_end=t_end)
-    modes = tip_times_mean * [1.0, -1.0] / omega**2 * (1.0 - np.cos(np.outer(found.t, omega)))
-    tip, wanted = found.displacement("bar.end")[:, 1], -gravity * modes.sum(axis=1)
-    return float(np.abs(tip - wanted).max() / np.abs(wanted).max()), 0.03, "of the way"
-
-
-@rule("energy", "none is created or lost", "energy")
-def keeps_energy(s: Subject) -> Found:
-    energy = s.motion(cantilever()).energy
-    return float(np.abs(energy.balance).max() / energy.kinetic.max()), 0.01, "of the kinetic energy"
-
-
-@rule("rigid motion", "rotated and moved scenes have histories rotated and moved alike")
-def turns(s: Subject) -> Found:
-    angle, start = 0.7, (3.0, -2.0)
-    plain, turned = s.motion(cantilever()), s.motion(cantilever(angle=angle, start=start))
-    turn = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
-    off = _largest(plain.position("bar", f) @ turn.T + start - turned.position("bar", f) for f in FRACTIONS)
-    return off / LENGTH, 1e-6, "of the length"
-
-
 @rule("determinism", "the same again")
 def repeats(s: Subject) -> Found:
     first, again = s.motion(cantilever()), whole(s.solve(cantilever(), s.run()))
@@ -282,14 +176,16 @@ def reports_divergence(s: Subject) -> Found:
         run = s.run(integrator="zhai", dt=5e-3, t_end=2.0, output_dt=5e-3, check_stability=False)
     found = s.solve(scene, run)
     asked, n, status = run.times(run.output_steps), len(found.t), found.status
-    if status.code not in ("diverged", "failed"):
-        raise BrokenRule(f"status {status}; 'diverged' or 'failed' is needed")
-    if not status.message or status.time is None:
-        raise BrokenRule(
-            f"status {status.code!r} needs a message and a time; they are {status.message!r} and None"
-        )
-    if not 1 <= n < len(asked) or not np.allclose(found.t, asked[:n], rtol=1e-9, atol=1e-12):
-        raise BrokenRule(f"{n} of {len(asked)} outputs are stored; those before the failure are needed")
+    for holds, reason in (
+        (status.code in ("diverged", "failed"), f"status {status}; 'diverged' or 'failed' is needed"),
+        (status.message and status.time is not None, f"status {status.code!r} needs a message and a time"),
+        (
+            1 <= n < len(asked) and np.allclose(found.t, asked[:n], rtol=1e-9, atol=1e-12),
+            f"{n} of {len(asked)} outputs are stored; those before the failure are needed",
+        ),
+    ):
+        if not holds:
+            raise BrokenRule(reason)
     if not all(np.isfinite(found.position("bar", f)).all() for f in FRACTIONS):
         raise BrokenRule("the stored history is not finite")
     return f"{status.code} at {status.time:.3g} s, {n} outputs stored"
@@ -300,7 +196,7 @@ def refuses_what_it_lacks(s: Subject) -> Found:
     refused = []
     for lack in sorted(s.offer.lacks - {"statics"}):
         features = features_of(lack)
-        if not DEMANDS.keys() >= set(features):
+        if not {*DEMANDS, *RUNS} >= set(features):
             continue
         status = _asked_for(s, features)
         if status.code != "unsupported" or not status.message:
@@ -313,9 +209,9 @@ def refuses_what_it_lacks(s: Subject) -> Found:
 def _asked_for(s: Subject, features: Collection[str]) -> Status:
     """Status of a run that needs features."""
     scene, options = cantilever(), dict[str, Any]()
-    for feature, (change, needed) in DEMANDS.items():
-        if feature in features:
-            scene, options = change(scene), options | needed
+    for feature in (f for f in (*DEMANDS, *RUNS) if f in features):
+        scene = DEMANDS.get(feature, same)(scene)
+        options |= RUNS.get(feature, {})
     try:
         if "statics" in features:
             return s.static(scene, **{"mesh": 8, "element": s.element} | options).status
@@ -324,11 +220,48 @@ def _asked_for(s: Subject, features: Collection[str]) -> Status:
         return Status("unsupported", str(error))
 
 
+# --- motions -----------------------------------------------------------------------------------------------
+
+
+@rule("units: m, s", "a free bar falls by g t²/2")
+def falls_freely(s: Subject) -> Found:
+    found = s.motion(falling())
+    path = np.outer(-0.5 * GRAVITY * found.t**2, [0.0, 1.0])
+    off = _largest(found.displacement(("bar", f)) - path for f in FRACTIONS)
+    return off / abs(path[-1, 1]), 1e-6, "of the way"
+
+
+@rule("units: Pa, kg", "a small swing is that of its first two modes")
+def swings_in_time(s: Subject) -> Found:
+    omega = euler_bernoulli_frequencies("clamped-free", 2, LENGTH, EI, MASS / LENGTH)
+    wave = np.sqrt(omega / sqrt(EI * LENGTH / MASS))  # (βL)_k, at L = 1
+    tip_times_mean = 4.0 / wave * (np.cos(wave) + np.cosh(wave)) / (np.sin(wave) + np.sinh(wave))
+    gravity, t_end = 0.01, 1.2  # s: nearly a period
+    found = s.motion(cantilever(gravity), mesh=16, t_end=t_end)
+    modes = tip_times_mean * [1.0, -1.0] / omega**2 * (1.0 - np.cos(np.outer(found.t, omega)))
+    tip, wanted = found.displacement("bar.end")[:, 1], -gravity * modes.sum(axis=1)
+    return float(np.abs(tip - wanted).max() / np.abs(wanted).max()), 0.03, "of the way"
+
+
+@rule("energy", "none is created or lost", "energy")
+def keeps_energy(s: Subject) -> Found:
+    energy = s.motion(cantilever()).energy
+    return float(np.abs(energy.balance).max() / energy.kinetic.max()), 0.01, "of the kinetic energy"
+
+
+@rule("rigid motion", "rotated and moved scenes have histories rotated and moved alike")
+def turns(s: Subject) -> Found:
+    angle, start = 0.7, (3.0, -2.0)
+    plain, turned = s.motion(cantilever()), s.motion(cantilever(angle=angle, start=start))
+    turn = np.array([[cos(angle), -sin(angle)], [sin(angle), cos(angle)]])
+    off = _largest(plain.position("bar", f) @ turn.T + start - turned.position("bar", f) for f in FRACTIONS)
+    return off / LENGTH, 1e-6, "of the length"
+
+
 @rule("integrators", "both integrators give the same motion", "zhai", "generalized-alpha")
 def integrators_agree(s: Subject) -> Found:
-    a, b = (
-        s.motion(cantilever(), integrator=i).displacement("bar.end") for i in ("generalized-alpha", "zhai")
-    )
+    runs = (s.motion(cantilever(), integrator=i) for i in ("generalized-alpha", "zhai"))
+    a, b = (run.displacement("bar.end") for run in runs)
     return float(np.abs(a - b).max() / np.abs(a).max()), 2e-3, "of the way"
 
 
@@ -341,27 +274,22 @@ def order_is_high(s: Subject) -> Found:
     return float(after / max(before, 1e-300)), 0.125, "of the difference before"
 
 
-@rule("joints", "pinned ends stay together", "joints")
-def joints_hold(s: Subject) -> Found:
-    return _gap(s.motion(lengthened(cantilever())), [("bar", 1.0), ("second", 0.0)])
-
-
-@rule("branches", "three ends at one place stay together", "branches")
-def branches_hold(s: Subject) -> Found:
-    return _gap(s.motion(branched(cantilever())), [("bar", 1.0), ("left", 0.0), ("right", 0.0)])
-
-
-@rule("loops", "a swinging triangle stays closed", "loops")
-def loops_hold(s: Subject) -> Found:
-    corners = ("first", 1.0, "base", 1.0), ("last", 1.0, "base", 0.0), ("first", 0.0, "last", 0.0)
-    found = s.motion(looped(cantilever()))
-    return max(_gap(found, [(a, x), (b, y)]) for a, x, b, y in corners)
-
-
-def _gap(found: Solution, places: list[tuple[str, float]]) -> tuple[float, float, str]:
+def _stay_together(change: Change, junctions: list[list[tuple[str, float]]], s: Subject) -> Found:
     """Largest distance of places that are one, at any time."""
-    one, *others = (found.position(*place) for place in places)
-    return _largest(other - one for other in others) / LENGTH, 1e-6, "of the length"
+    found, gaps = s.motion(change(cantilever())), []
+    for one, *others in junctions:
+        gaps += [found.position(*other) - found.position(*one) for other in others]
+    return _largest(gaps) / LENGTH, 1e-6, "of the length"
+
+
+for _name, _asks, _change, _junctions in (
+    ("joints", "pinned ends stay together", LENGTHENED, [[("bar", 1.0), ("second", 0.0)]]),
+    ("branches", "three ends at one place stay together", BRANCHED,
+     [[("bar", 1.0), ("left", 0.0), ("right", 0.0)]]),
+    ("loops", "a swinging triangle stays closed", LOOPED,
+     [[("first", 1.0), ("base", 1.0)], [("last", 1.0), ("base", 0.0)], [("first", 0.0), ("last", 0.0)]]),
+):  # fmt: skip
+    rule(_name, _asks, _name)(partial(_stay_together, _change, _junctions))
 
 
 @rule("drives", "a turning clamp rotates the bar", "drives")
@@ -382,7 +310,40 @@ def loads_vary(s: Subject) -> Found:
 
 @rule("features", "bodies, guides, connectors, loads and damping do what they do in another solver")
 def features_act(s: Subject) -> Found:
-    return mechanisms.features_act(s, cantilever())
+    """Compare the effect of each declared feature with that in another solver; BrokenRule names those that differ."""
+    name = "global-dae" if s.name == "anctmm" else "anctmm"
+    other = Subject(name, registry.load(name))
+    found = {feature: _difference(s, other, feature) for feature in sorted(ACTING)}
+    known = {feature: off for feature, off in found.items() if off is not None}
+    wrong = [f"{feature} ({off:.2g})" for feature, off in known.items() if not off <= ALLOWED]
+    if wrong:
+        raise BrokenRule(
+            f"effects differ by more than {ALLOWED:g} of them from those in another solver: {', '.join(wrong)}"
+        )
+    if not known:
+        return "lacks all of them"
+    worst = max(known, key=lambda feature: known[feature])
+    return known[worst], ALLOWED, f"of the effect of {worst}, the worst of {len(known)}"
+
+
+def _difference(s: Subject, other: Subject, feature: str) -> float | None:
+    """Relative difference of the effect of a feature; None where it is lacking with each integrator."""
+    scenes = ACTING[feature](cantilever()), WITHOUT.get(feature, same)(cantilever())
+    needed = {feature, *combined(scenes[0])}
+    integrator = next((i for i in s.offer.integrators if not s.offer.lacking({*needed, i})), None)
+    if integrator is None:
+        return None
+    theirs = _effect(*(s.motion(scene, integrator=integrator) for scene in scenes))
+    ours = _effect(*(other.motion(scene, element="cable") for scene in scenes))
+    return float(np.abs(theirs - ours).max() / np.abs(ours).max())
+
+
+def _effect(changed: Solution, plain: Solution) -> NDArray[np.float64]:
+    """Difference of two motions at the probes."""
+    return np.array([changed.displacement(p) - plain.displacement(p) for p in PROBES])
+
+
+# --- statics -----------------------------------------------------------------------------------------------
 
 
 @rule("statics", "32 elements against the exact rod", "statics")
@@ -390,11 +351,8 @@ def rests_exactly(s: Subject) -> Found:
     """Large deflection under a tip force and a moment, against the limit that the solver declares."""
     errors = {element: _rest_error(s, element, 32) for element in s.offer.limits}
     worst = max(errors, key=errors.__getitem__)
-    return (
-        errors[worst],
-        0.01,
-        f"of the way, {worst} from {s.offer.limits[worst]}, the worst of {len(errors)}",
-    )
+    where = f"of the way, {worst} from {s.offer.limits[worst]}, the worst of {len(errors)}"
+    return errors[worst], 0.01, where
 
 
 @rule("convergence", "32 elements are more accurate than 8", "statics")
@@ -422,9 +380,6 @@ def reports_stability(s: Subject) -> Found:
         if status.code != wanted:
             raise BrokenRule(f"status {status} at {factor} times Euler's load; {wanted!r} is needed")
     return "ok at 0.7, unstable at 1.5 times Euler's load"
-
-
-# --- helpers -----------------------------------------------------------------------------------------------
 
 
 @cache

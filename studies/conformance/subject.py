@@ -42,11 +42,9 @@ class Subject:
     def run(self, **changes: Any) -> Discretisation:
         """Discretisation of a rule's run: implicit where there is a choice."""
         integrator = changes.get("integrator", self.offer.integrators[0])
-        usual = {
-            "mesh": 8, "element": self.element, "integrator": integrator,
-            "dt": 1e-3 if integrator == "generalized-alpha" else 2e-4, "t_end": 0.4, "output_dt": 0.01,
-        }  # fmt: skip
-        return Discretisation(**(usual | changes))
+        dt = 1e-3 if integrator == "generalized-alpha" else 2e-4
+        usual = {"mesh": 8, "element": self.element, "integrator": integrator, "dt": dt}
+        return Discretisation(**({**usual, "t_end": 0.4, "output_dt": 0.01} | changes))
 
     def motion(self, scene: Scene, **changes: Any) -> Solution:
         """Motion of a scene; BrokenRule if it is not whole."""
