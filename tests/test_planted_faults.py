@@ -4,11 +4,11 @@ import ast
 
 import pytest
 from faults import FAULTS
-from planting import Fault, NotFound, drop, flip, replace, scale, seen, swap_arguments
+from planting import Fault, NotFound, flip, replace, scale, seen
 
 #: One of each of these, which other tests may not see: the first of the table.
 SEEN = ("stiffness", "tensions", "reactions", "saved runs", "comparisons", "consistent velocities")
-SOURCE = "def f(a, b):\n    check(a)\n    x = a - b\n    x += 2.0\n    return g(a, b) + -x\n"
+SOURCE = "def f(a, b):\n    x = a - b\n    x += 2.0\n    return g(a, b) + -x\n"
 
 
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
@@ -25,18 +25,17 @@ def test_each_fault_can_be_planted(fault):
         (replace("a - b", "a"), "x = a"),
         (replace("b", "c", 1), "return g(a, c) + -x"),
         (scale("2.0", 3.0), "x += 3.0 * 2.0"),
-        (swap_arguments("g"), "return g(b, a) + -x"),
-        (drop("check"), "pass"),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
 )
 def test_a_change_changes_one_place(change, line):
-    before = ast.unparse(ast.parse(SOURCE)).split("\n")
-    after = ast.unparse(change(ast.parse(SOURCE))).split("\n")
-    assert [new.strip() for old, new in zip(before, after, strict=True) if old != new] == [line]
+    tree = ast.parse(SOURCE)
+    change(tree)
+    lines = zip(ast.unparse(ast.parse(SOURCE)).split("\n"), ast.unparse(tree).split("\n"), strict=True)
+    assert [new.strip() for old, new in lines if old != new] == [line]
 
 
-@pytest.mark.parametrize("change", [flip(9), replace("d", "a"), drop("nothing"), swap_arguments("nothing")])
+@pytest.mark.parametrize("change", [flip(9), replace("d", "a")])
 def test_a_place_that_is_gone_is_named(change):
     with pytest.raises(NotFound):
         change(ast.parse(SOURCE))

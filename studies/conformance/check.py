@@ -1,5 +1,6 @@
 """Runs the rules on a registered solver and shows the findings."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -10,10 +11,14 @@ from rich.table import Table
 from anctmm.errors import PluginError
 from anctmm.results.status import Status
 from anctmm.solvers import registry
-from studies.conformance.rules import RULES, SIGNATURE, Rule, cantilever
+from studies.conformance.rules import RULES, SIGNATURE, Rule
+from studies.conformance.scenes import cantilever
 from studies.conformance.subject import BrokenRule, Subject
 
-LOADS, INSTALLED = "loads", "installed"
+LOADS, INSTALLED = (
+    Rule("loads", "it can be imported"),
+    Rule("installed", "the packages it needs are installed"),
+)
 HOLDS, BROKEN, NOT_OFFERED, NOT_RUN = "holds", "broken", "not offered", "not run"
 NOT_INSTALLED = "not installed"
 STYLES = {HOLDS: "green", BROKEN: "bold red", NOT_OFFERED: "dim", NOT_RUN: "yellow", NOT_INSTALLED: "yellow"}
@@ -41,19 +46,22 @@ def conform(name: str) -> Iterator[Finding]:
     try:
         subject = Subject(name, registry.load(name))
         lacks = ", ".join(sorted(subject.offer.lacks)) or "nothing"
-        yield Finding(LOADS, "it can be imported", f"lacks {lacks}", "", HOLDS)
     except PluginError as error:
-        yield Finding(LOADS, "it can be imported", str(error), "", BROKEN)
+        yield _finding(LOADS, BROKEN, str(error))
         return
-    if absent := _missing(subject):
-        yield Finding(INSTALLED, "the packages it needs are installed", absent, "", NOT_INSTALLED)
-        yield from (Finding(rule.name, rule.asks, "", "", NOT_RUN) for rule in RULES)
-        return
+    yield _finding(LOADS, HOLDS, f"lacks {lacks}")
     called = True
+    if absent := _missing(subject):
+        yield _finding(INSTALLED, NOT_INSTALLED, absent)
+        called = False
     for rule in RULES:
-        found = judge(rule, subject) if called else Finding(rule.name, rule.asks, "", "", NOT_RUN)
+        found = judge(rule, subject) if called else _finding(rule, NOT_RUN)
         called = called and (rule.name, found.verdict) != (SIGNATURE, BROKEN)
         yield found
+
+
+def _finding(rule: Rule, verdict: str, measured: str = "", allowed: str = "") -> Finding:
+    return Finding(rule.name, rule.asks, measured, allowed, verdict)
 
 
 def _missing(subject: Subject) -> str:
@@ -69,19 +77,18 @@ def _missing(subject: Subject) -> str:
 def judge(rule: Rule, subject: Subject) -> Finding:
     """One rule's finding; whatever is raised on the way breaks the rule."""
     if lacking := subject.offer.lacking(rule.needs):
-        return Finding(rule.name, rule.asks, f"lacks {', '.join(lacking)}", "", NOT_OFFERED)
+        return _finding(rule, NOT_OFFERED, f"lacks {', '.join(lacking)}")
     try:
         found = rule.test(subject)
     except BrokenRule as reason:
-        return Finding(rule.name, rule.asks, str(reason), "", BROKEN)
+        return _finding(rule, BROKEN, str(reason))
     except Exception as error:  # a broken solver may raise anything
-        said = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return Finding(rule.name, rule.asks, said, "", BROKEN)
+        return _finding(rule, BROKEN, f"{type(error).__name__}: {' '.join(str(error).split())}")
     if isinstance(found, str):
-        return Finding(rule.name, rule.asks, found, "", HOLDS)
+        return _finding(rule, HOLDS, found)
     value, allowed, what = found
     verdict = HOLDS if value <= allowed else BROKEN  # what is no number is not
-    return Finding(rule.name, rule.asks, f"{value:.2g} {what}", f"{allowed:.2g}", verdict)
+    return _finding(rule, verdict, f"{value:.2g} {what}", f"{allowed:.2g}")
 
 
 def passed(findings: Sequence[Finding]) -> bool:
@@ -103,5 +110,5 @@ def show(name: str, findings: Sequence[Finding], console: Console) -> None:
         texts = map(escape, (f.rule, f.asks, f.measured, f.allowed))
         shown.add_row(*texts, f"[{STYLES[f.verdict]}]{f.verdict}[/]")
     console.print(shown)
-    counts = {v: sum(f.verdict == v for f in findings) for v in STYLES}
-    console.print(", ".join(f"{count} {verdict}" for verdict, count in counts.items() if count))
+    counts = Counter(f.verdict for f in findings)
+    console.print(", ".join(f"{counts[verdict]} {verdict}" for verdict in STYLES if counts[verdict]))

@@ -65,7 +65,7 @@ class Rule:
 
     name: str
     asks: str
-    test: Test
+    test: Test = lambda subject: ""
     needs: tuple[str, ...] = ()
 
 

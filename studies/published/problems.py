@@ -1,9 +1,6 @@
-"""Published problems as scenes, and the values found for them: each function takes whether a run is quick."""
+"""Published problems as scenes, and the numbers asked for: each a function of the elements of a beam."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cache
-from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,28 +14,6 @@ from reference.exact.andrews import andrews_squeezer, angles_of
 
 #: End of the published run of Andrews' squeezer, s, and its outputs: dense enough to follow whole turns.
 SQUEEZED, OUTPUTS = 0.03, 75
-
-
-@dataclass(frozen=True)
-class Value:
-    """A value with the uncertainty of its discretisation; 0 where the published number is for the same mesh."""
-
-    value: float
-    uncertainty: float = 0.0
-
-
-def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Value:
-    """Richardson's limit of a value on three meshes, each twice the one before.
-
-    The uncertainty is the last change divided by 2^p − 1, p the observed order (at most the change itself).
-    """
-    values = [compute(mesh) for mesh in meshes]
-    before, last = values[-2] - values[-3], values[-1] - values[-2]
-    if last == 0.0:
-        return Value(values[-1], 4.0 * float(np.spacing(abs(values[-1]))))
-    ratio = abs(before / last) if last else inf
-    left = last / (ratio - 1.0) if ratio > 2.0 else last
-    return Value(values[-1] + (left if ratio > 2.0 else 0.0), abs(left))
 
 
 def whole(found: Solution) -> Solution:
@@ -59,9 +34,7 @@ def reissner(scene: at.Scene, **options: Any) -> Solution:
     return static(scene, shear_factor=10.0 * 1.3 / (12.0 + 11.0 * 0.3), **options)
 
 
-def cantilever(
-    section: at.Section, material: at.Material, length: float, load: Any, **clamp: Any
-) -> at.Scene:
+def cantilever(section: Any, material: at.Material, length: float, load: Any, **clamp: Any) -> at.Scene:
     """A clamped beam along x."""
     beam = at.Beam("beam", (0, 0), (length, 0), section, material)
     return at.Scene("cantilever", [beam], [at.Clamp("beam.start", **clamp)], [load])
@@ -69,60 +42,39 @@ def cantilever(
 
 # --- equilibria ----------------------------------------------------------------------------------------------
 
-SQUARE, STEEL = at.Rectangle(0.1, 0.1), at.Material(2.07e11, 7850.0)
-ELASTICA = at.Force("beam.end", (0.0, -3.0 * STEEL.E * SQUARE.second_moment / 4.0))
 
-
-def elastica(quick: bool, axis: int) -> Value:
+def elastica(n: int, axis: int, **clamp: Any) -> float:
     """A cantilever bent far by a dead force: F L²/EI = 3."""
-    scene = cantilever(SQUARE, STEEL, 2.0, ELASTICA)
-    meshes = (16, 32, 64) if quick else (32, 64, 128)
-    return converged(lambda n: tip(at.solve_static(scene, mesh=n, load_steps=4), axis), meshes)
+    section, steel = at.Rectangle(0.1, 0.1), at.Material(2.07e11, 7850.0)
+    force = at.Force("beam.end", (0.0, -3.0 * steel.E * section.second_moment / 4.0))
+    return tip(at.solve_static(cantilever(section, steel, 2.0, force, **clamp), mesh=n, load_steps=4), axis)
 
 
-def four_cables(quick: bool, axis: int) -> Value:
-    """The same on four elements, with a clamp that leaves the stretch free."""
-    scene = cantilever(SQUARE, STEEL, 2.0, ELASTICA, stretch="free")
-    return Value(tip(at.solve_static(scene, mesh=4, load_steps=4), axis))
-
-
-def roll_up(quick: bool) -> Value:
+def roll_up(n: int) -> float:
     """A cantilever bent to a full circle by an end moment."""
     section, material = at.Rectangle(0.01, 0.01), at.Material(1e7, 1000.0)
     moment = at.Torque("beam.end", 2.0 * np.pi * material.E * section.second_moment)
-    scene = cantilever(section, material, 1.0, moment)
-    meshes = (8, 16, 32) if quick else (16, 32, 64)
-    return converged(lambda n: tip(at.solve_static(scene, mesh=n, load_steps=16), 0), meshes)
+    return tip(at.solve_static(cantilever(section, material, 1.0, moment), mesh=n, load_steps=16), 0)
 
 
-def thick(quick: bool, load: float, axis: int) -> Value:
+def thick(n: int, load: float, axis: int) -> float:
     """A thick cantilever, of Reissner's beam; the size of its tip displacement."""
     h, steel = 0.5, at.Material(2.07e11, 7850.0, poisson=0.3)
     scene = cantilever(at.Rectangle(0.1, h), steel, 2.0, at.Force("beam.end", (0.0, -load * h**3)))
-    meshes = (16, 32, 64) if quick else (64, 128, 256)
-    return converged(lambda n: abs(tip(reissner(scene, mesh=n, load_steps=8), axis)), meshes)
+    return abs(tip(reissner(scene, mesh=n, load_steps=8), axis))
 
 
 @cache
-def _lee_limits(n: int) -> tuple[float, float]:
-    """Both limit loads of Lee's frame on a mesh, N."""
+def lees_frame(n: int) -> tuple[float, float]:
+    """Snap-through and snap-back of a frame: both limit loads, N; elements of its shortest part."""
     section, material = at.Rectangle(3.0, 2.0), at.Material(7.2e6, 1.0)
     corners = {"post": ((0, 0), (0, 120)), "short": ((0, 120), (24, 120)), "long": ((24, 120), (120, 120))}
     bodies = [at.Beam(name, *ends, section, material) for name, ends in corners.items()]
-    joints = [
-        at.Pin("post.start"),
-        at.Weld("post.end", "short.start"),
-        at.Weld("short.end", "long.start"),
-        at.Pin("long.end"),
-    ]
+    welds = at.Weld("post.end", "short.start"), at.Weld("short.end", "long.start")
+    joints = [at.Pin("post.start"), *welds, at.Pin("long.end")]
     scene = at.Scene("Lee's frame", bodies, joints, [at.Force("short.end", (0.0, -2e4))])
     t = at.solve_static(scene, mesh={"post": 5 * n, "short": n, "long": 4 * n}, path="arclength").t
     return 2e4 * float(t[: t.argmin()].max()), 2e4 * float(t.min())
-
-
-def lees_frame(quick: bool, limit: int) -> Value:
-    """Snap-through and snap-back of a frame: a limit load, N."""
-    return converged(lambda n: _lee_limits(n)[limit], (1, 2, 4) if quick else (2, 4, 8))
 
 
 SPAN, ROPE, WEIGHT, AXIAL, BENDING = 80.0, 100.0, 10.0, 1e7, 1e-4
@@ -133,50 +85,38 @@ def exact_catenary() -> float:
     return float(Catenary((SPAN, 0.0), ROPE, WEIGHT, AXIAL).position(0.5)[1])
 
 
-def catenary(quick: bool) -> Value:
+def catenary(n: int) -> float:
     """A slack cable without bending stiffness, from a V of two straight ones: its lowest point, m."""
     height = float(np.sqrt(12.0 * BENDING / AXIAL))
     section, material = at.Rectangle(1.0 / height, height), at.Material(AXIAL, WEIGHT / 9.81)
-    bodies = [
-        at.Beam("left", (0, 0), (40, -30), section, material),
-        at.Beam("right", (40, -30), (SPAN, 0), section, material),
-    ]
+    places = {"left": ((0, 0), (40, -30)), "right": ((40, -30), (SPAN, 0))}
+    bodies = [at.Beam(name, *ends, section, material) for name, ends in places.items()]
     joints = [at.Pin("left.start"), at.Pin("left.end", "right.start"), at.Pin("right.end")]
     scene = at.Scene("catenary", bodies, joints, gravity=(0.0, -9.81))
-
-    def lowest(n: int) -> float:
-        return float(whole(at.solve_static(scene, mesh=n)).position("left.end")[-1, 1])
-
-    return converged(lowest, (8, 16, 32) if quick else (16, 32, 64))
+    return float(whole(at.solve_static(scene, mesh=n)).position("left.end")[-1, 1])
 
 
-def l_frame(quick: bool) -> Value:
-    """A right angle of two beams, of four linear elements each, as published: its end, m."""
+def l_frame(n: int) -> float:
+    """A right angle of two beams of linear elements, as published: its end, m."""
     section, steel = at.Rectangle(0.1, 0.05), at.Material(2.1e11, 7800.0, poisson=0.3)
-    bodies = [
-        at.Beam("one", (0, 0), (1, 0), section, steel),
-        at.Beam("two", (1, 0), (1, 1), section, steel),
-    ]
+    places = {"one": ((0, 0), (1, 0)), "two": ((1, 0), (1, 1))}
+    bodies = [at.Beam(name, *ends, section, steel) for name, ends in places.items()]
     joints = [at.Clamp("one.start"), at.Weld("one.end", "two.start")]
     scene = at.Scene("L-frame", bodies, joints, [at.Force("two.end", (1e6, 0))])
-    return Value(tip(reissner(scene, mesh=4, load_steps=10, order=1), 1, "two.end"))
+    return tip(reissner(scene, mesh=n, load_steps=10, order=1), 1, "two.end")
 
 
 # --- frequencies and motions ---------------------------------------------------------------------------------
 
 
-def flap(quick: bool, speed: float) -> Value:
+def flap(n: int, speed: float) -> float:
     """Flap frequency of a uniform blade on a hub without radius, from the lag frequency: λ² = flap² − γ²."""
     section, steel = at.Rectangle(1e-3, 1e-3), at.Material(2e11, 7800.0)
     unit = float(np.sqrt(steel.E * section.second_moment / (steel.density * section.area)))
     beam = at.Beam("blade", (0, 0), (1, 0), section, steel)
     scene = at.Scene("blade", [beam], [at.Clamp("blade.start")])
-
-    def frequency(mesh: int) -> float:
-        lag = at.modes(scene, mesh=mesh, count=1, spin=speed * unit).frequencies[0]
-        return float(np.hypot(2.0 * np.pi * lag / unit, speed))
-
-    return converged(frequency, (6, 12, 24) if quick else (12, 24, 48))
+    lag = at.modes(scene, mesh=n, count=1, spin=speed * unit).frequencies[0]
+    return float(np.hypot(2.0 * np.pi * lag / unit, speed))
 
 
 def spun(t: float) -> tuple[float, float, float]:
@@ -188,34 +128,22 @@ def spun(t: float) -> tuple[float, float, float]:
     return angle, 0.4 * (t - np.sin(w * t) / w), 0.4 * (1.0 - np.cos(w * t))
 
 
-def spin_up(quick: bool) -> Value:
+def spin_up(n: int) -> float:
     """A flexible beam spun up in 15 s: the mean stretch of the steady turn that follows, m."""
     length, axial, bending, mass = 10.0, 2.8e7, 1.4e4, 1.2
     section = at.Section(1.0, bending / axial, 2.0 * (bending / axial) ** 2)
     beam = at.Beam("beam", (0, 0), (length, 0), section, at.Material(axial, mass))
     motor = at.Clamp("beam.start", angle=at.History(spun, breaks=(15.0,)))
-    scene = at.Scene("spin-up", [beam], [motor])
-
-    def stretch(mesh: int) -> float:
-        found = whole(at.solve(scene, mesh=mesh, dt=5e-3, t_end=20.0, output_dt=0.05))
-        return float(np.hypot(*found.position("beam.end")[found.t >= 15.5].T).mean() - length)
-
-    return converged(stretch, (4, 8, 16) if quick else (8, 16, 32))
+    found = at.solve(at.Scene("spin-up", [beam], [motor]), mesh=n, dt=5e-3, t_end=20.0, output_dt=0.05)
+    steady = found.t >= 15.5
+    return float(np.hypot(*whole(found).position("beam.end")[steady].T).mean() - length)
 
 
 @cache
-def _squeezed(steps: int) -> dict[str, float]:
+def squeezer(steps: int) -> dict[str, float]:
     """Angles of Andrews' squeezer at 0.03 s, rad: seven rigid bodies in three loops, with a spring."""
     scene = andrews_squeezer()
-    found = at.solve(
-        scene, integrator="esdirk", dt=SQUEEZED / steps, t_end=SQUEEZED, output_dt=SQUEEZED / OUTPUTS,
-        newton_tolerance=1e-12,
-    )  # fmt: skip
-    turns = {body.name: whole(found).angle(f"{body.name}.center") for body in scene.bodies}
+    times = {"dt": SQUEEZED / steps, "t_end": SQUEEZED, "output_dt": SQUEEZED / OUTPUTS}
+    found = whole(at.solve(scene, integrator="esdirk", newton_tolerance=1e-12, **times))
+    turns = {body.name: found.angle(f"{body.name}.center") for body in scene.bodies}
     return {name: float(angle[-1]) for name, angle in angles_of(turns).items()}
-
-
-def squeezer(quick: bool, angle: str) -> Value:
-    """An angle at 0.03 s; its uncertainty is the change by the last halving of the step."""
-    before, last = ((_squeezed(n)[angle]) for n in ((300, 600) if quick else (600, 1200)))
-    return Value(last, abs(last - before))

@@ -1,17 +1,19 @@
 """Published numbers as a table, and whether the solvers here find them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from math import floor, log10
+from math import floor, inf, log10
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from anctmm.errors import AnctmmError
 from reference.exact.andrews import PUBLISHED as SQUEEZED
+from studies.engine.study import Result, check_taken
+from studies.engine.tables import Table
 from studies.published import problems as p
-from studies.published.problems import Value
 
 #: What a digitised curve or a single run of another code may be off by, of the number.
 DIGITISED = 0.02
@@ -22,9 +24,30 @@ NACHBAGAUER = "Nachbagauer et al. 2011, 10.1007/s11044-011-9249-8"
 WRIGHT = "Wright et al. 1982, J. Appl. Mech. 49, 197–202"
 SIMO = "Simo & Vu-Quoc 1986, J. Appl. Mech. 53, 855–863"
 IVP = "Test Set for Initial Value Problem Solvers, tolerance 1e-14"
-LAG = "from the lag frequency, which is what a planar code finds"
 SHEAR = "needs Reissner's beam: the paper's shear element has Green's strains and locks for ν > 0"
 COARSE = "on the published mesh of linear elements of Exudyn's beam of Reissner's kind"
+
+
+@dataclass(frozen=True)
+class Value:
+    """A value with the uncertainty of its discretisation; 0 where the published number is for the same mesh."""
+
+    value: float
+    uncertainty: float = 0.0
+
+
+def converged(compute: Callable[[int], float], meshes: Sequence[int]) -> Value:
+    """Richardson's limit of a value on three meshes, each twice the one before.
+
+    The uncertainty is the last change divided by 2^p − 1, p the observed order (at most the change itself).
+    """
+    values = [compute(mesh) for mesh in meshes]
+    before, last = values[-2] - values[-3], values[-1] - values[-2]
+    if last == 0.0:
+        return Value(values[-1], 4.0 * float(np.spacing(abs(values[-1]))))
+    ratio = abs(before / last) if last else inf
+    left = last / (ratio - 1.0) if ratio > 2.0 else last
+    return Value(values[-1] + (left if ratio > 2.0 else 0.0), abs(left))
 
 
 @dataclass(frozen=True)
@@ -36,21 +59,28 @@ class Published:
     problem, quantity, unit : str
     printed : str
         As printed; its uncertainty is half of its last digit, unless `kind` says otherwise.
-    find : callable
-        Whether the run is quick → Value; None where the problem cannot be put to the solvers here.
-    source, note : str
+    source : str
+    find : callable, optional
+        Elements → the number; None where the problem cannot be put to the solvers here.
+    finest : int
+        Elements of the finest of three meshes; a quick run halves them. Of the published number's own mesh: `fixed`.
+    note : str
     kind : str
         "printed"; "exact": a formula, each digit of which is known; "curve": read off a curve.
+    fixed : bool
+        Whether the published number is of one mesh, of `finest` elements.
     """
 
     problem: str
     quantity: str
     unit: str
     printed: str
-    find: Callable[[bool], Value] | None
     source: str
+    find: Callable[[int], float] | None = None
+    finest: int = 0
     note: str = ""
     kind: str = "printed"
+    fixed: bool = False
 
     @property
     def value(self) -> float:
@@ -65,58 +95,52 @@ class Published:
         mantissa, _, power = self.printed.lower().partition("e")
         return float(0.5 * 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2])))
 
+    def found(self, quick: bool) -> Value:
+        """The value found here."""
+        assert self.find
+        if self.fixed:
+            return Value(self.find(self.finest))
+        finest = self.finest // 2 if quick else self.finest
+        return converged(self.find, (finest // 4, finest // 2, finest))
 
-def _row(
-    problem: str, quantity: str, unit: str, printed: Any, find: Any, source: str, *more: str
-) -> Published:
-    return Published(problem, quantity, unit, str(printed), find, source, *more)
 
-
+# fmt: off
 PUBLISHED = (
-    *(
-        _row("elastica, F L²/EI = 3", f"tip displacement {name}", "m", printed, partial(p.elastica, axis=k), EXUDYN,
-             "the value of a finite mesh of cables, as its source says, not of the limit")
-        for k, (name, printed) in enumerate([("x", "-0.508537304326"), ("y", "-1.207239854550")])
-    ),
-    *(
-        _row("elastica, 4 cables", f"tip displacement {name}", "m", printed, partial(p.four_cables, axis=k), EXUDYN,
-             "on the same mesh, with its clamp, which leaves the stretch free")
-        for k, (name, printed) in enumerate([("x", "-0.50742872"), ("y", "-1.20553370")])
-    ),
-    _row("roll-up, M L/EI = 2π", "tip displacement x", "m", -1.0, p.roll_up, "exact", "", "exact"),
-    *(
-        _row(f"shear cantilever, {size} force", f"tip displacement {'xy'[k]}, size", "m", printed,
-             partial(p.thick, load=load, axis=k), NACHBAGAUER, SHEAR)
-        for size, load, k, printed in [
-            ("small", 5e5, 1, "8.09900305e-4"), ("large", 5e8, 0, "0.15097103"), ("large", 5e8, 1, "0.71056837"),
-        ]
-    ),
-    _row("Lee's frame", "first limit load", "N", 18.7e3, partial(p.lees_frame, limit=0), "digitised", "", "curve"),
-    _row("Lee's frame", "second limit load", "N", -9.3e3, partial(p.lees_frame, limit=1), "digitised", "", "curve"),
-    _row("catenary, EI → 0", "lowest point y", "m", p.exact_catenary(), p.catenary, "exact (extensible)", "", "exact"),
-    *(
-        _row("L-frame, 4 + 4 elements", "tip displacement y", "m", printed, p.l_frame, source, COARSE)
-        for printed, source in [
-            ("-0.9181474510515", "Exudyn LShapeGeomExactBeam2D, as quoted"),
-            ("-2.2115028353806", "Exudyn LShapeGeomExactBeam2D, commit 30ec2d5"),
-        ]
-    ),
-    *(
-        _row("rotating blade", f"flap frequency at speed {speed}", "", printed, partial(p.flap, speed=speed), WRIGHT,
-             LAG)
-        for speed, printed in {0: "3.5160", 1: "3.6817", 2: "4.1373", 5: "6.4495", 10: "11.2023"}.items()
-    ),
-    _row("spin-up", "mean stretch of the steady turn", "m", "5.143e-4", p.spin_up, SIMO,
-         "linear theory, ρA Ω² L³/(3 EA), for a beam that stays straight"),
-    *(
-        _row("Andrews' squeezer", f"{name} at 0.03 s", "rad", repr(value), partial(p.squeezer, angle=name), IVP,
-             "of the finer of two steps of fourth order; uncertainty: their difference")
-        for name, value in SQUEEZED.items()
-    ),
-    _row("flying spaghetti", "loaded end u_x at 7.5 s", "m", 10.1945, None, "one run of another code",
-         "a beam whose GA and rotary inertia are given apart from EA and EI: here they follow from one section and "
-         "one material", "curve"),
-)  # fmt: skip
+    *(Published("elastica, F L²/EI = 3", f"tip displacement {'xy'[k]}", "m", printed, EXUDYN,
+                partial(p.elastica, axis=k), 128,
+                "the value of a finite mesh of cables, as its source says, not of the limit")
+      for k, printed in enumerate(["-0.508537304326", "-1.207239854550"])),
+    *(Published("elastica, 4 cables", f"tip displacement {'xy'[k]}", "m", printed, EXUDYN,
+                partial(p.elastica, axis=k, stretch="free"), 4,
+                "on the same mesh, with its clamp, which leaves the stretch free", fixed=True)
+      for k, printed in enumerate(["-0.50742872", "-1.20553370"])),
+    Published("roll-up, M L/EI = 2π", "tip displacement x", "m", "-1.0", "exact", p.roll_up, 64, kind="exact"),
+    *(Published(f"shear cantilever, {size} force", f"tip displacement {'xy'[k]}, size", "m", printed, NACHBAGAUER,
+                partial(p.thick, load=load, axis=k), 128, SHEAR)
+      for size, load, k, printed in [
+          ("small", 5e5, 1, "8.09900305e-4"), ("large", 5e8, 0, "0.15097103"), ("large", 5e8, 1, "0.71056837")]),
+    *(Published("Lee's frame", f"{name} limit load", "N", printed, "digitised",
+                lambda n, k=k: p.lees_frame(n)[k], 8, kind="curve")
+      for k, (name, printed) in enumerate([("first", "18.7e3"), ("second", "-9.3e3")])),
+    Published("catenary, EI → 0", "lowest point y", "m", str(p.exact_catenary()), "exact (extensible)", p.catenary, 64,
+              kind="exact"),
+    *(Published("L-frame, 4 + 4 elements", "tip displacement y", "m", printed, source, p.l_frame, 4, COARSE, fixed=True)
+      for printed, source in [
+          ("-0.9181474510515", "Exudyn LShapeGeomExactBeam2D, as quoted"),
+          ("-2.2115028353806", "Exudyn LShapeGeomExactBeam2D, commit 30ec2d5")]),
+    *(Published("rotating blade", f"flap frequency at speed {speed}", "", printed, WRIGHT,
+                partial(p.flap, speed=speed), 48, "from the lag frequency, which is what a planar code finds")
+      for speed, printed in {0: "3.5160", 1: "3.6817", 2: "4.1373", 5: "6.4495", 10: "11.2023"}.items()),
+    Published("spin-up", "mean stretch of the steady turn", "m", "5.143e-4", SIMO, p.spin_up, 32,
+              "linear theory, ρA Ω² L³/(3 EA), for a beam that stays straight"),
+    *(Published("Andrews' squeezer", f"{name} at 0.03 s", "rad", repr(value), IVP,
+                lambda n, name=name: p.squeezer(n)[name], 1200, "the limit of three steps of fourth order")
+      for name, value in SQUEEZED.items()),
+    Published("flying spaghetti", "loaded end u_x at 7.5 s", "m", "10.1945", "one run of another code", kind="curve",
+              note="a beam whose GA and rotary inertia are given apart from EA and EI: here they follow from one "
+              "section and one material"),
+)
+# fmt: on
 LEFT_OUT = "Andrews' squeezer, and takes coarser meshes."
 NOTES = (
     "found: the limit of three meshes, each twice the one before, by Richardson's extrapolation with the observed "
@@ -129,37 +153,44 @@ NOTES = (
 
 def published(quick: bool = False) -> pd.DataFrame:
     """A row a published number: what is found here, and the verdict."""
-    rows = []
-    for entry in PUBLISHED:
-        if quick and entry.problem.startswith("Andrews"):
-            continue
-        row: dict[str, Any] = {
-            "problem": entry.problem, "quantity": entry.quantity, "unit": entry.unit, "published": entry.value,
-            "allowed": entry.uncertainty, "source": entry.source, "note": entry.note,
-        }  # fmt: skip
-        if entry.find is None:
-            rows.append({**row, "verdict": f"not comparable: {entry.note}"})
-            continue
-        try:
-            found = entry.find(quick)
-        except AnctmmError as error:
-            rows.append({**row, "verdict": f"not run: {error}"})
-            continue
-        digits, verdict = judged(entry, found)
-        row |= {"found": found.value, "uncertainty": found.uncertainty, "digits": digits, "verdict": verdict}
-        rows.append(row)
-    return pd.DataFrame(rows)
+    chosen = [e for e in PUBLISHED if not (quick and e.problem.startswith("Andrews"))]
+    return pd.DataFrame([_row(entry, quick) for entry in chosen])
+
+
+def _row(entry: Published, quick: bool) -> dict[str, Any]:
+    row = {name: getattr(entry, name) for name in ("problem", "quantity", "unit")}
+    row |= {
+        "published": entry.value,
+        "allowed": entry.uncertainty,
+        "source": entry.source,
+        "note": entry.note,
+    }
+    if entry.find is None:
+        return {**row, "verdict": f"not comparable: {entry.note}"}
+    try:
+        found = entry.found(quick)
+    except AnctmmError as error:
+        return {**row, "verdict": f"not run: {error}"}
+    digits, verdict = judged(entry, found)
+    return {
+        **row,
+        "found": found.value,
+        "uncertainty": found.uncertainty,
+        "digits": digits,
+        "verdict": verdict,
+    }
 
 
 def judged(entry: Published, found: Value) -> tuple[int, str]:
     """Confirmed digits, and the verdict in words."""
-    difference, printed = abs(found.value - entry.value), _printed(entry)
+    difference, allowed = abs(found.value - entry.value), entry.uncertainty + found.uncertainty
+    printed = max(0, floor(log10(abs(entry.value) / (2.0 * entry.uncertainty)) + 1e-9) + 1)
     left = _digits(abs(found.value), found.uncertainty)
-    if entry.kind == "printed" and left >= printed and difference + found.uncertainty <= entry.uncertainty:
+    as_printed = left >= printed and difference + found.uncertainty <= entry.uncertainty
+    if entry.kind == "printed" and as_printed:
         return printed, f"confirmed as printed ({_counted(printed)})"
     digits = min(_digits(max(abs(found.value), abs(entry.value)), difference), left)
     digits = min(digits, printed - 1) if entry.kind == "printed" else digits
-    allowed = entry.uncertainty + found.uncertainty
     if difference > allowed and digits < FEW:
         return digits, f"contradicted: difference {difference:.2g} {entry.unit}, {allowed:.1g} allowed"
     if digits == 0:
@@ -171,44 +202,6 @@ def judged(entry: Published, found: Value) -> tuple[int, str]:
     return digits, f"confirmed to {_counted(digits)}{within}{beyond}"
 
 
-def findings(frame: pd.DataFrame) -> tuple[str, ...]:
-    """The table in sentences: counts of the verdicts, and each number that is not simply confirmed."""
-    verdict = frame["verdict"].str
-    kinds = {
-        "confirmed as printed": verdict.startswith("confirmed as printed"),
-        "confirmed to fewer digits": verdict.startswith("confirmed to"),
-        "undecided": verdict.startswith("undecided"),
-        "contradicted": verdict.startswith("contradicted"),
-        "not comparable or not run": verdict.startswith("not "),
-    }
-    counts = ", ".join(f"{mask.sum()} {name}" for name, mask in kinds.items() if mask.any())
-    special = frame[
-        verdict.contains("not beyond") | kinds["contradicted"] | kinds["not comparable or not run"]
-    ]
-    sentences = (f"{r.problem}, {r.quantity}: {r.verdict} ({r.source})." for r in special.itertuples())
-    return (f"Of {len(frame)} published numbers {counts}.", *sentences)
-
-
-def run(options: Any, runner: Any) -> Any:
-    """The study as `anctmm study published` runs it."""
-    from studies.engine.study import Result, check_taken
-    from studies.engine.tables import Table
-
-    check_taken(options, "published")
-    frame = published(options.quick)
-    sentences = findings(frame)
-    return Result(
-        "published", "Published problems", "What do the solvers here find for numbers that others have published?",
-        sentences, (), (Table("verdicts", "Published numbers, and the values found here", frame, NOTES),),
-        answers=sentences[:1], left_out=LEFT_OUT if options.quick else "",
-    )  # fmt: skip
-
-
-def _printed(entry: Published) -> int:
-    """Digits that the published number has."""
-    return max(0, floor(log10(abs(entry.value) / (2.0 * entry.uncertainty)) + 1e-9) + 1)
-
-
 def _digits(size: float, error: float) -> int:
     """Significant digits of a number of this size that an error leaves."""
     if error == 0.0:
@@ -218,3 +211,32 @@ def _digits(size: float, error: float) -> int:
 
 def _counted(count: int) -> str:
     return f"{count} digit{'s' if count != 1 else ''}"
+
+
+def findings(frame: pd.DataFrame) -> tuple[str, ...]:
+    """The table in sentences: counts of the verdicts, and each number that is not simply confirmed."""
+    kinds = {
+        "confirmed as printed": "confirmed as printed",
+        "confirmed to": "confirmed to fewer digits",
+        "undecided": "undecided",
+        "contradicted": "contradicted",
+        "not ": "not comparable or not run",
+    }
+    verdict = frame["verdict"].str
+    counts = {name: int(verdict.startswith(begin).sum()) for begin, name in kinds.items()}
+    special = frame[verdict.contains("not beyond") | verdict.startswith(("contradicted", "not "))]
+    sentences = (f"{r.problem}, {r.quantity}: {r.verdict} ({r.source})." for r in special.itertuples())
+    said = ", ".join(f"{count} {name}" for name, count in counts.items() if count)
+    return (f"Of {len(frame)} published numbers {said}.", *sentences)
+
+
+def run(options: Any, runner: Any) -> Result:
+    """The study as `anctmm study published` runs it."""
+    check_taken(options, "published")
+    frame = published(options.quick)
+    sentences = findings(frame)
+    return Result(
+        "published", "Published problems", "What do the solvers here find for numbers that others have published?",
+        sentences, (), (Table("verdicts", "Published numbers, and the values found here", frame, NOTES),),
+        answers=sentences[:1], left_out=LEFT_OUT if options.quick else "",
+    )  # fmt: skip

@@ -12,8 +12,8 @@ from anctmm.model.needs import MECHANISMS, needs
 from anctmm.model.places import Place
 from anctmm.model.topology import junctions_of
 from anctmm.solvers import registry
-from studies.conformance.mechanisms import DEMANDS
-from studies.conformance.rules import cantilever
+from studies.conformance.scenes import MECHANISMS as DEMANDS
+from studies.conformance.scenes import cantilever
 
 ROD, RUBBER = at.Circle(0.02), at.Material(E=5e6, density=1100.0)
 QUINTIC = at.Quintic(0.1, 1.0)

@@ -24,8 +24,6 @@ ROOT = Path(__file__).parents[3]
 #: Longest time of a fault, s: a run that does not end is a fault that is seen.
 PATIENCE = 600
 
-Change = Callable[[ast.AST], ast.AST]
-
 
 class NotFound(LookupError):
     """There is no place in the source at which a fault can be planted."""
@@ -33,32 +31,17 @@ class NotFound(LookupError):
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault.
-
-    Parameters
-    ----------
-    kind : str
-        The feature that it breaks.
-    module : str
-        "anctmm.elements.cable".
-    function : str
-        Name within the module, "CableElement.mass" of a class; "" for the whole module.
-    change : callable
-        Syntax tree of the function → changed tree; raises NotFound.
-    interpreted : bool
-        Whether it is in a kernel: then Python runs all kernels, so that none is compiled and cached with the fault.
-    """
+    """One fault: the feature that it breaks, its module, a function in it ("CableElement.mass"), and a change."""
 
     kind: str
     module: str
     function: str
-    change: Change
-    interpreted: bool = False
+    change: Callable[[ast.AST], None]
 
     @property
     def name(self) -> str:
         """Place and change, in words."""
-        return f"{self.module}:{self.function or '*'} {self.change.__name__}"
+        return f"{self.module}:{self.function} {self.change.__name__}"
 
     @property
     def path(self) -> Path:
@@ -66,53 +49,41 @@ class Fault:
         return ROOT / f"{self.module.replace('.', '/')}.py"
 
     def planted(self) -> ast.Module:
-        """The module's syntax tree with the fault.
-
-        Raises
-        ------
-        NotFound
-            If the function or the place in it is gone.
-        """
-        tree = ast.parse(self.path.read_text(encoding="utf-8"))
+        """The module's syntax tree with the fault; NotFound if the function or the place in it is gone."""
+        tree = place = ast.parse(self.path.read_text(encoding="utf-8"))
+        for name in self.function.split("."):
+            inside = (n for n in ast.walk(place) if isinstance(n, ast.FunctionDef | ast.ClassDef))
+            place = next((n for n in inside if n.name == name), None)
+            if place is None:
+                raise NotFound(f"there is no {self.function!r}")
         before = ast.dump(tree)
-        self.change(_named(tree, self.function))
+        self.change(place)
         if ast.dump(tree) == before:
             raise NotFound(f"{self.name} changes nothing")
         return ast.fix_missing_locations(tree)
 
 
-def _named(tree: ast.AST, function: str) -> ast.AST:
-    for name in filter(None, function.split(".")):
-        inside = [
-            n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef | ast.ClassDef) and n.name == name
-        ]
-        if not inside:
-            raise NotFound(f"there is no {function!r}")
-        tree = inside[0]
-    return tree
-
-
 # --- changes -------------------------------------------------------------------------------------------------
 
+OTHER = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.UAdd: ast.USub, ast.USub: ast.UAdd}
 
-def flip(number: int = 0) -> Change:
+
+def flip(number=0):
     """Swap the sign of one + or −, counted in the order of the source."""
 
-    def change(tree: ast.AST) -> ast.AST:
-        signs = [n for n in _in_order(tree) if isinstance(getattr(n, "op", None), _SIGNS)]
-        signs = [n for n in signs if not isinstance(n, ast.UnaryOp) or isinstance(n.op, ast.USub | ast.UAdd)]
-        node = _pick(signs, number, "sign")
-        node.op = _OTHER[type(node.op)]()
-        return tree
+    def change(tree):
+        node = _pick([n for n in _in_order(tree) if type(getattr(n, "op", None)) in OTHER], number, "sign")
+        node.op = OTHER[type(node.op)]()
 
-    return _called(change, f"flip({number})")
+    change.__name__ = f"flip({number})"
+    return change
 
 
-def replace(old: str, new: str, number: int = 0) -> Change:
+def replace(old, new, number=0):
     """Put one expression in the place of another one."""
-    wanted = ast.unparse(ast.parse(old, mode="eval").body)
+    wanted, other = (ast.parse(text, mode="eval").body for text in (old, new))
 
-    def change(tree: ast.AST) -> ast.AST:
+    def change(tree):
         places = [
             (parent, field, index)
             for parent in _in_order(tree)
@@ -120,78 +91,33 @@ def replace(old: str, new: str, number: int = 0) -> Change:
             for index, item in enumerate(value if isinstance(value, list) else [value])
             if isinstance(item, ast.expr)
             and not isinstance(getattr(item, "ctx", None), ast.Store)
-            and ast.unparse(item) == wanted
+            and ast.unparse(item) == ast.unparse(wanted)
         ]
         parent, field, index = _pick(places, number, old)
-        other, value = ast.parse(new, mode="eval").body, getattr(parent, field)
+        value = getattr(parent, field)
         if isinstance(value, list):
             value[index] = other
         else:
             setattr(parent, field, other)
-        return tree
 
-    return _called(change, f"{old} → {new}")
+    change.__name__ = f"{old} → {new}"
+    return change
 
 
-def scale(expression: str, factor: float, number: int = 0) -> Change:
+def scale(expression, factor, number=0):
     """Multiply an expression."""
     return replace(expression, f"{factor!r} * ({expression})", number)
 
 
-def swap_arguments(call: str, number: int = 0) -> Change:
-    """Swap the first two arguments of a call of a function or method."""
-
-    def change(tree: ast.AST) -> ast.AST:
-        node = _pick([n for n in _in_order(tree) if _calls(n, call) and len(n.args) >= 2], number, call)
-        node.args[:2] = node.args[1::-1]
-        return tree
-
-    return _called(change, f"swap arguments of {call}")
-
-
-def drop(call: str) -> Change:
-    """Leave out all statements that are calls of a function or method."""
-
-    def change(tree: ast.AST) -> ast.AST:
-        found = 0
-        for parent in ast.walk(tree):
-            for statement in (
-                list(getattr(parent, "body", ()) or ()) if not isinstance(parent, ast.expr) else ()
-            ):
-                if isinstance(statement, ast.Expr) and _calls(statement.value, call):
-                    parent.body[parent.body.index(statement)] = ast.Pass()
-                    found += 1
-        if not found:
-            raise NotFound(f"there is no statement {call}(…)")
-        return tree
-
-    return _called(change, f"drop {call}")
-
-
-_SIGNS = (ast.Add, ast.Sub, ast.UAdd, ast.USub)
-_OTHER = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.UAdd: ast.USub, ast.USub: ast.UAdd}
-
-
-def _in_order(tree: ast.AST) -> list:
+def _in_order(tree):
     """Nodes in the order of the source."""
     return [tree, *(node for child in ast.iter_child_nodes(tree) for node in _in_order(child))]
 
 
-def _calls(node: ast.AST, name: str) -> bool:
-    if not isinstance(node, ast.Call):
-        return False
-    return (node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")) == name
-
-
-def _pick(places: list, number: int, what: str):
+def _pick(places, number, what):
     if number >= len(places):
         raise NotFound(f"there are {len(places)} places of {what}; number {number} is needed")
     return places[number]
-
-
-def _called(change: Change, name: str) -> Change:
-    change.__name__ = name
-    return change
 
 
 # --- planting ------------------------------------------------------------------------------------------------
@@ -200,49 +126,43 @@ def _called(change: Change, name: str) -> Change:
 class _Planted(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     """Imports one module with its fault."""
 
-    def __init__(self, fault: Fault) -> None:
+    def __init__(self, fault):
         self.fault, self.code = fault, compile(fault.planted(), str(fault.path), "exec")
 
     def find_spec(self, name, path, target=None):
         """The module of the fault alone."""
-        if name != self.fault.module:
-            return None
-        return importlib.util.spec_from_loader(name, self, origin=str(self.fault.path))
+        own = name == self.fault.module
+        return importlib.util.spec_from_loader(name, self, origin=str(self.fault.path)) if own else None
 
-    def exec_module(self, module) -> None:
+    def exec_module(self, module):
         """Run the changed code."""
         module.__file__ = str(self.fault.path)
         exec(self.code, vars(module))
 
 
-def first_seen(only: str = "") -> str:
+def first_seen(only=""):
     """The first comparison of the check that fails in this process; empty if all hold."""
     from studies.regression.check import BASELINES, check, select
     from studies.regression.scenes import tasks_of
     from studies.regression.watches import all_watches
 
+    def slowness(task):
+        """Small scenes with other readings first, long ones last."""
+        return "small-" not in task.name or "-long-" in task.name, not hasattr(task.run, "run")
+
     tasks = select(tasks_of(all_watches()), [only] if only else (), ("anctmm",))
-    for found in check(sorted(tasks, key=_slowness), BASELINES):
-        for finding in found:
-            if not finding.good:
-                return f"{finding.name}: {finding.verdict}"
-    return ""
+    found = (f for findings in check(sorted(tasks, key=slowness), BASELINES) for f in findings)
+    return next((f"{f.name}: {f.verdict}" for f in found if not f.good), "")
 
 
-def _slowness(task) -> tuple[bool, bool]:
-    """Small scenes with other readings first, long ones last."""
-    return "small-" not in task.name or "-long-" in task.name, not hasattr(task.run, "run")
-
-
-def seen(fault: Fault, only: str = "") -> str:
+def seen(fault, only=""):
     """The comparison that a fault changes, found in a process of its own; empty if none."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), str(Path(__file__).parent)])}
-    environment |= {"NUMBA_DISABLE_JIT": "1"} if fault.interpreted else {}
-    code = f"import planting, faults; print(planting._in_process({fault.name!r}, {only!r}))"
+    paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+    code = f"import planting, faults; print(planting.in_process({fault.name!r}, {only!r}))"
     try:
         done = subprocess.run(
-            [sys.executable, "-W", "ignore", "-c", code], env=environment, capture_output=True, text=True,
-            check=False, timeout=PATIENCE,
+            [sys.executable, "-W", "ignore", "-c", code], env={**os.environ, "PYTHONPATH": paths},
+            capture_output=True, text=True, check=False, timeout=PATIENCE,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return f"it takes longer than {PATIENCE} s"
@@ -250,15 +170,15 @@ def seen(fault: Fault, only: str = "") -> str:
     return f"it ends with {last}" if done.returncode else last
 
 
-def _in_process(name: str, only: str) -> str:
+def in_process(name, only):
+    """What is seen of a fault that is planted here."""
     from faults import FAULTS
 
-    fault = next(f for f in FAULTS if f.name == name)
-    sys.meta_path.insert(0, _Planted(fault))
+    sys.meta_path.insert(0, _Planted(next(f for f in FAULTS if f.name == name)))
     return first_seen(only)
 
 
-def main() -> None:
+def main():
     """Command line."""
     from faults import FAULTS
 
@@ -269,13 +189,12 @@ def main() -> None:
     parser.add_argument("--check", default="", help="runs of the check: part or pattern of scene/run/solver")
     options = parser.parse_args()
     chosen = [f for f in FAULTS if options.only in f"{f.kind} {f.name}"]
-    missed = 0
+    found = []
     for fault in chosen:
-        said = seen(fault, options.check)
-        missed += not said
-        print(fault.kind, fault.name, said or "NOT SEEN", sep=" | ", flush=True)
-    print(f"seen {len(chosen) - missed} of {len(chosen)}")
-    raise SystemExit(1 if missed else 0)
+        found.append(seen(fault, options.check))
+        print(fault.kind, fault.name, found[-1] or "NOT SEEN", sep=" | ", flush=True)
+    print(f"seen {sum(map(bool, found))} of {len(chosen)}")
+    raise SystemExit(0 if all(found) else 1)
 
 
 if __name__ == "__main__":

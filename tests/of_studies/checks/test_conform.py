@@ -16,7 +16,6 @@ from anctmm.results.ended_early import nothing
 from anctmm.solve import OFFER as OWN
 from anctmm.solvers import registry
 from anctmm.solvers.capabilities import FEATURES, Offer
-from studies.conformance import mechanisms
 from studies.conformance.check import (
     BROKEN,
     HOLDS,
@@ -28,7 +27,8 @@ from studies.conformance.check import (
     passed,
     show,
 )
-from studies.conformance.rules import DEMANDS, RULES, cantilever, refuses_what_it_lacks
+from studies.conformance.rules import RULES, features_act, refuses_what_it_lacks
+from studies.conformance.scenes import ACTING, DEMANDS, RUNS, WITHOUT, cantilever
 from studies.conformance.subject import BrokenRule, Subject
 
 OURS = ("anctmm", "global-dae", "global-dae-dense", "exudyn-cable", "exudyn-reissner")
@@ -73,11 +73,8 @@ def test_opensees_conforms_in_what_it_offers():
     if absent := [f.measured for f in findings if f.verdict == NOT_INSTALLED]:
         pytest.skip(absent[0])
     assert passed(findings)
-    assert {f.rule for f in findings if f.verdict == NOT_OFFERED} == {
-        "integrators",
-        "high order",
-        "stability",
-    }
+    lacking = {f.rule for f in findings if f.verdict == NOT_OFFERED}
+    assert lacking == {"integrators", "high order", "stability"}
 
 
 def test_what_a_peer_lacks_is_shown_and_not_skipped():
@@ -323,14 +320,14 @@ def test_a_broken_solver_fails_the_rule_it_breaks(plugged, solve, static, offer,
     assert not_run == (len(RULES) - 1 if rule == "signature" else 0)
 
 
-@pytest.mark.parametrize("feature", sorted(mechanisms.CHANGES))
-def test_a_feature_that_is_ignored_is_named(plugged, feature):
-    """A solver that claims all and drops one: it had passed, and differed from others by as much as it moved."""
-    changed = mechanisms.CHANGES[feature](cantilever())
-    without = mechanisms.WITHOUT.get(feature, lambda scene: scene)(cantilever())
+@pytest.mark.parametrize("feature", sorted(ACTING))
+def test_a_feature_that_is_ignored_is_named(feature):
+    """A solver that claims all and drops one."""
+    changed = ACTING[feature](cantilever())
+    without = WITHOUT.get(feature, lambda scene: scene)(cantilever())
     broken = Subject("broken", lambda scene, run: at.solve(without if scene == changed else scene, run))
     with pytest.raises(BrokenRule, match=feature):
-        mechanisms.features_act(broken, cantilever())
+        features_act(broken)
 
 
 def test_every_rule_has_a_solver_that_breaks_it():
@@ -344,13 +341,8 @@ def test_a_missing_solve_static_is_broken_until_it_is_declared(plugged):
     assert "no solve_static beside it" in found["signature"].measured
     plugged(sound, None, Offer(lacks=OWN.lacks | {"statics"}))
     found = {f.rule: f for f in conform("broken")}
-    assert {r for r, f in found.items() if f.verdict == NOT_OFFERED} == {
-        "high order",
-        "statics",
-        "convergence",
-        "load factors",
-        "stability",
-    }
+    lacking = {r for r, f in found.items() if f.verdict == NOT_OFFERED}
+    assert lacking == {"high order", "statics", "convergence", "load factors", "stability"}
     assert passed(found.values())
 
 
@@ -372,14 +364,18 @@ def test_a_solver_that_cannot_be_loaded_has_one_row(monkeypatch):
 
 
 def test_every_feature_is_demanded_by_some_scene():
-    assert FEATURES.keys() - DEMANDS.keys() == {"energy", "stability"}
+    assert FEATURES.keys() - {*DEMANDS, *RUNS} == {"energy", "stability"}
 
 
 @pytest.mark.parametrize("name", [*OURS, "opensees", "pyelastica"])
 def test_solvers_refuse_what_they_lack(name):
     subject = Subject(name, registry.load(name))
     refused = refuses_what_it_lacks(subject)
-    assert [lack for lack in subject.offer.lacks if lack in DEMANDS and lack not in refused] == []
+    assert [
+        lack
+        for lack in subject.offer.lacks
+        if lack in {*DEMANDS, *RUNS} and lack not in refused
+    ] == []
     assert [lack for lack in subject.offer.lacks if " + " in lack and lack not in refused] == []
 
 
