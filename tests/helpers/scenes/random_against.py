@@ -1,9 +1,9 @@
 """Random scenes by ANC-TMM and by another solver: is any answer "ok" and wrong?
 
-    python tests/helpers/scenes/random_against.py [--peer global-dae|exudyn-cable] [--kind rows|graphs|mechanisms]
+    python tests/helpers/scenes/random_against.py [--peer global-dae|exudyn-cable] [--kind graphs|mechanisms]
         [--first 0] [--count 1000] [--out TABLE.csv]
 
-Scenes are rows of beams; graphs: trees and loops, in several components; mechanisms: with rigid bodies, masses, guides,
+Scenes are graphs of beams: trees and loops, in several components; mechanisms: with rigid bodies, masses, guides,
 driven hinges, connectors and loads of every kind.
 
 Both solve the same discrete equations, so that with fixed steps their histories agree to rounding, or as near as the
@@ -12,15 +12,15 @@ With a tolerance, the other solver's motion is that of ever smaller steps.
 """
 
 import argparse
-import csv
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from random_acting import asked_mechanism
 from random_graphs import asked_graph
-from random_scenes import Asked, asked
+from random_scenes import Asked
 
 from anctmm.discretise.discretisation import Discretisation
 from anctmm.errors import AnctmmError
@@ -37,15 +37,10 @@ DISTURBANCE = 1e-9
 PROMISE = 3.0
 OPTIONS = {"exudyn-cable": {"tolerances": (1e-10, 1e-10)}}
 #: What is drawn.
-DRAWN = {"rows": asked, "graphs": asked_graph, "mechanisms": asked_mechanism}
+DRAWN = {"graphs": asked_graph, "mechanisms": asked_mechanism}
 AGREE, WRONG, FAILED, REFUSED, ALONE, WILD = (
-    "agree",
-    "ok and wrong",
-    "failed",
-    "refused",
-    "only ours is ok",
-    "wild",
-)
+    "agree", "ok and wrong", "failed", "refused", "only ours is ok", "wild",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -60,7 +55,7 @@ class Verdict:
     reason: str = ""
 
 
-def judge(seed: int, peer: str = "global-dae", kind: str = "rows") -> Verdict:
+def judge(seed: int, peer: str = "global-dae", kind: str = "graphs") -> Verdict:
     """Draw a scene, run it by both, compare."""
     case = DRAWN[kind](seed, peer)
     run = case.run
@@ -149,7 +144,7 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--peer", default="global-dae", choices=sorted(ROUNDING))
-    parser.add_argument("--kind", default="rows", choices=sorted(DRAWN))
+    parser.add_argument("--kind", default="graphs", choices=sorted(DRAWN))
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--out", type=Path, help="a CSV table")
@@ -163,10 +158,7 @@ def main() -> None:
     counts = {v: sum(r["verdict"] == v for r in rows) for v in dict.fromkeys(r["verdict"] for r in rows)}
     print(", ".join(f"{n} {verdict}" for verdict, n in counts.items()))
     if options.out:
-        with options.out.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, rows[0])
-            table.writeheader()
-            table.writerows(rows)
+        pd.DataFrame(rows).to_csv(options.out, index=False)
     raise SystemExit(1 if counts.get(WRONG) else 0)
 
 

@@ -6,7 +6,6 @@ All numbers are drawn from coarse grids: no property is about angles of 1e-13 ra
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import cos, sin
-from random import Random
 
 from hypothesis import strategies as st
 
@@ -188,7 +187,7 @@ def _discretised(draw, scene, links, kinds, least):
     return Drawn(scene, mesh, element)
 
 
-# --- by a seed: scenes of every kind, and how they are run -------------------------------------------------------
+# --- by a seed: how scenes are run -------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -200,147 +199,10 @@ class Asked:
     run: Discretisation
 
 
-@dataclass(frozen=True)
-class Turning:
-    """The angle of a driven clamp that turns already at t = 0: θ = ωt + ½αt²."""
-
-    speed: float
-    acceleration: float
-
-    def __call__(self, t):
-        return (
-            self.speed * t + 0.5 * self.acceleration * t * t,
-            self.speed + self.acceleration * t,
-            self.acceleration + 0.0 * t,
-        )
-
-
-def asked(seed, peer="global-dae"):
-    """A small scene and a short run, within what both ANC-TMM and a peer take.
-
-    Bodies drawn from either end, of every section, with and without Poisson's ratio and damping, by cables and shear
-    elements; pins and welds, straight and at angles, some held at the ground; gaps; every support, drives that start
-    from rest or turn; loads of every kind; initial velocities; both integrators with their parameters; tolerances.
-    """
-    random = Random(seed)
-    method = some_method(random, peer)
-    damped = random.random() < 0.25 and method == "zhai"
-    links = [random.choice(["pin", "weld", "weld", "gap"]) for _ in range(random.randint(0, 3))]
-    bodies = _some_bodies(random, len(links) + 1, damped)
-    scene = _some_scene(random, bodies, links)
-    return Asked(seed, scene, _some_run(random, scene, links, method, cables=peer.startswith("exudyn")))
-
-
 def some_method(random, peer):
     """Zhai's steps, implicit ones, or those that a tolerance drives; Exudyn has no explicit joints."""
     method = random.choice([*["zhai", "generalized-alpha"] * 4, "tolerance"])
     return "generalized-alpha" if peer.startswith("exudyn") else method
-
-
-def _some_bodies(random, count, damped):
-    """A row of bodies, each drawn from either end."""
-    corner, angle, bodies = (0.0, 0.0), random.uniform(-3.0, 3.0), []
-    for i in range(count):
-        angle += random.choice([0.0, 0.0, random.uniform(-2.0, 2.0)])
-        length = random.uniform(0.25, 0.75)
-        tip = (corner[0] + length * cos(angle), corner[1] + length * sin(angle))
-        material = Material(
-            E=random.choice([2e5, 1e6, 4e6]),
-            density=random.choice([800.0, 1200.0]),
-            poisson=random.choice([0.0, 0.1, 0.3]),
-            damping=random.choice([0.0, 1e-5, 5e-5]) if damped else 0.0,
-        )
-        section = random.choice([Rectangle(0.02, 0.02), Rectangle(0.01, 0.03), Circle(0.03)])
-        ends = (corner, tip) if random.random() < 0.6 else (tip, corner)
-        bodies.append(Beam(f"b{i}", *ends, section, material))
-        corner = tip
-    return bodies
-
-
-def _some_scene(random, bodies, links):
-    """Joints, loads, velocities and gravity; bodies stand in any order."""
-    inner, outer = _sides(bodies)
-    joints = []
-    for i, link in enumerate(links):
-        ends = [outer[i], inner[i + 1]]
-        random.shuffle(ends)
-        if link != "gap":
-            joints.append((Pin if link == "pin" else Weld)(*ends, grounded=random.random() < 0.2))
-    swirl = None
-    for end in (inner[0], outer[-1]):
-        joints += _some_support(random, end)
-    held = {end for j in joints if j.grounded for end in j.ends}
-    drives = [j for j in joints if isinstance(j, Clamp) and j.angle is not None]
-    places = {f"{b.name}.{s}": getattr(b, s) for b in bodies for s in ("start", "end")}
-    clamps = [j for j in joints if isinstance(j, Clamp)]
-    if len({places[e] for e in held}) <= 1 and (not clamps or drives) and random.random() < 0.6:
-        # the gradients at a weld with an angle must fit
-        rigid = bool(drives) or any(isinstance(j, Weld) for j in joints)
-        swirl = _some_swirl(random, places, held, rigid)
-    if swirl is not None:
-        bodies = [replace(b, velocity=Swirl(b.start, b.end, *swirl)) for b in bodies]
-        if drives:
-            speed = swirl[1][2]
-            joints = [
-                Clamp(j.end, Turning(speed, random.uniform(-20.0, 20.0))) if j in drives else j
-                for j in joints
-            ]
-    ends = list(places)
-    loads = [_some_load(random, random.choice(ends)) for _ in range(random.randint(0, 3))]
-    random.shuffle(bodies)
-    gravity = (
-        (random.uniform(-20.0, 20.0), random.uniform(-20.0, 20.0)) if random.random() < 0.8 else (0.0, 0.0)
-    )
-    return Scene("drawn", tuple(bodies), tuple(joints), tuple(loads), gravity)
-
-
-def _sides(bodies):
-    """Names of the inner and the outer end of each body of a row, whichever way it is drawn."""
-    inner, outer, corner = [], [], (0.0, 0.0)
-    for b in bodies:
-        forwards = b.start == corner
-        inner.append(f"{b.name}.{'start' if forwards else 'end'}")
-        outer.append(f"{b.name}.{'end' if forwards else 'start'}")
-        corner = b.end if forwards else b.start
-    return inner, outer
-
-
-def _some_support(random, end):
-    kind = random.choice(["free", "free", "pin", "clamp", "drive"])
-    drive = Quintic(random.uniform(-1.0, 1.0), random.uniform(0.02, 0.1))
-    return {"free": [], "pin": [Pin(end)], "clamp": [Clamp(end)], "drive": [Clamp(end, drive)]}[kind]
-
-
-def _some_swirl(random, places, held, rigid):
-    """Centre and gradient of one linear field of velocities, of a rotation if it must be."""
-    centre = places[next(iter(held))] if held else (random.uniform(-1.0, 1.0), random.uniform(-1.0, 1.0))
-    if rigid:
-        speed = random.uniform(-4.0, 4.0)
-        return centre, (0.0, -speed, speed, 0.0)
-    return centre, tuple(random.uniform(-2.0, 2.0) for _ in range(4))
-
-
-def _some_load(random, end):
-    x, y, m = (random.uniform(-a, a) for a in (0.6, 0.6, 0.03))
-    pulse = Pulse(1.0, random.uniform(0.01, 0.1))
-    return random.choice(
-        [
-            Force(end, (x, y)),
-            Force(end, Push((x, y), pulse)),
-            Torque(end, m),
-            Torque(end, Pulse(m, pulse.duration)),
-        ]
-    )
-
-
-def _some_run(random, scene, links, method, cables):
-    """Elements (one kind along a weld) and an integrator."""
-    row = sorted(scene.bodies, key=lambda b: b.name)
-    kind, element = random.choice(["cable", "shear"]), {}
-    for b, link in zip(row, ["gap", *links], strict=True):
-        kind = kind if link == "weld" else random.choice(["cable", "shear"])
-        element[b.name] = "cable" if cables else kind
-    return some_steps(random, scene, method, {b.name: random.randint(1, 3) for b in row}, element)
 
 
 def some_steps(random, scene, method, mesh, element):
